@@ -135,7 +135,7 @@ else \
 fi
 endef
 
-# .venv is made anew when it is missing, broken, left half-made, or made for another folder (its programs name the
+# .venv is made again when it is missing, broken, left half-made, or made for another folder (its programs name the
 # folder they are in); otherwise, and when it is somebody's own, it is only completed.
 $(READY):
 	@set -e; \

@@ -79,7 +79,7 @@ class Unknowns:
     Parameters
     ----------
     cameras : array (number of cameras, 12)
-        Cameras with the same lens have the same columns but for their principal points.
+        Cameras with the same lens have the same columns, except for their principal points.
     additional : array (number of cameras, k)
         Parameters of the cameras' sets; k that of the largest set.
     antennas : array (number of antennas, 7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,13 @@ from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
 from orip.conversion.lenses.from_orip import lens_of_polynomial
-from orip.conversion.lenses.polynomial import Polynomial, parameters_from_polynomial, polynomial_from_parameters
+from orip.conversion.lenses.pixel_aspect import has_aspect, in_given_pixels, in_square_pixels, pixel_aspect
+from orip.conversion.lenses.polynomial import (
+    Polynomial,
+    middle_of_frame,
+    parameters_from_polynomial,
+    polynomial_from_parameters,
+)
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
 from orip.errors import OripError
 from orip.geometry.projection import PROJECTIONS
@@ -24,7 +30,13 @@ MOST_MISFIT_PX = 0.5
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
 
+_FOCAL_LENGTHS = (1e-3, 1e9)
+"""Pixels or millimetres; beyond, powers of the focal length are no numbers any more."""
+
 _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
+
+_LARGEST_ASPECT = 2.0
+"""Of pixels that are not square; more is a damaged file."""
 
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
@@ -83,11 +95,43 @@ class ConvertedCamera:
 
 @dataclass(frozen=True, slots=True)
 class ExportedCamera:
-    """A camera as another program has it, and by how much it differs from orip's over the frame, pixels."""
+    """A camera as another program has it.
 
+    Parameters
+    ----------
+    source : Camera
+    camera : ExchangedCamera
+    worst_px, rms_px : float
+        By how much they differ over the frame.
+    """
+
+    source: Camera
     camera: ExchangedCamera
-    worst_px: float
-    rms_px: float
+    worst_px: float = 0.0
+    rms_px: float = 0.0
+
+    def rays_of_pixels(self, pixels: FloatArray, *, corrects_distortion: bool = False) -> FloatArray:
+        """Return image coordinates (n, 2) in the axes of the other camera's rays of orip's columns and rows (n, 2).
+
+        Corrected, they show in the other camera the directions that the pixels show in orip's; NaN where there are
+        none.
+        """
+        sensor = self.source.sensor
+        if sensor is None:
+            return pixels
+        size = (sensor.width, sensor.height)
+        if corrects_distortion and self.worst_px > 0.0:
+            pixels = lens_pixels(self.camera, size, directions_of_pixels(self.source, pixels))
+        return axes_from_pixels(pixels, self.camera.ray_axes, _frame(self.camera), size)
+
+    @property
+    def principal_point(self) -> FloatArray:
+        """Return the principal point (2,) in the axes of the lens."""
+        return np.array([self.camera.parameters.get(name, 0.0) for name in ("cx", "cy")])
+
+    def about_principal_point(self) -> ExchangedCamera:
+        """Return the camera as it is when image coordinates count from its principal point."""
+        return replace(self.camera, parameters={**self.camera.parameters, "cx": 0.0, "cy": 0.0})
 
 
 def convert_camera(
@@ -111,10 +155,10 @@ def convert_camera(
         If the model is not supported, its values are impossible, or no camera of orip comes within `MOST_MISFIT_PX`.
     """
     _require_possible(source)
-    sensor, size_is_assumed = _sensor(source)
-    exact = LENSES[source.lens].polynomial(lens_parameters(source))
-    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor)
-    pixel_mm = sensor.width / sensor.columns
+    exact, aspect = _exact_form(source)
+    sensor, size_is_assumed = _sensor(source, aspect)
+    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor, aspect)
+    pixel_mm = sensor.width / sensor.columns / aspect
     length = np.hypot(*residuals.T) / (1.0 if source.lens_axes.unit == "pixel" else pixel_mm)
     worst = float(length.max())
     if worst > MOST_MISFIT_PX and not accepts_any_fit:
@@ -139,11 +183,7 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
 
     NaN where it has none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     with np.errstate(all="ignore"):  # directions far outside the frame may overflow
         x, y = equation.measured(*_ideal(camera.projection, c, directions))
     column = np.asarray(x) * (sensor.columns / sensor.width) + sensor.columns / 2.0
@@ -151,12 +191,25 @@ def pixels_of_directions(camera: Camera, directions: FloatArray) -> FloatArray:
     return np.stack([column, row], axis=1)
 
 
-def _image_equation(camera: Camera) -> ImageEquation:
-    _, x0, y0, *coefficients = camera.parameters
-    return ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
+def _imaging(camera: Camera) -> tuple[Sensor, float, ImageEquation]:
+    """Return the sensor of a camera, its principal distance (mm), and how it distorts."""
+    if camera.sensor is None:
+        message = f"camera {camera.name} has no sensor"
+        raise ValueError(message)
+    c, x0, y0, *coefficients = camera.parameters
+    return camera.sensor, c, ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
 
 
-def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, ray_axes: ImageAxes) -> ExportedCamera:
+def export_camera(
+    camera: Camera,
+    name: str,
+    lens: Lens,
+    lens_axes: ImageAxes,
+    ray_axes: ImageAxes,
+    *,
+    terms: tuple[str, ...] | None = None,
+    accepts_any_fit: bool = False,
+) -> ExportedCamera:
     """Return a camera of orip as another program's.
 
     Parameters
@@ -168,11 +221,16 @@ def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, r
     lens : Lens
         That the other program knows.
     lens_axes, ray_axes : ImageAxes
+    terms : tuple of str, or None
+        Parameters of the lens that the format has a place for; None: all.
+    accepts_any_fit : bool
+        Measurements will be corrected for what the fit leaves.
 
     Raises
     ------
     UnsuitableCameraError
-        If the camera has no sensor, or another projection than the lens.
+        If the camera has no sensor, or another projection than the lens, or the lens does not come within
+        `MOST_MISFIT_PX`.
     """
     sensor = camera.sensor
     if sensor is None:
@@ -190,18 +248,25 @@ def export_camera(camera: Camera, name: str, lens: Lens, lens_axes: ImageAxes, r
     directions = directions_of_pixels(camera, pixels)
     seen = np.isfinite(directions).all(axis=1)
     up = 1.0 if lens_axes.y == "up" else -1.0
+    aspect, pixel_mm = _aspect_of_sensor(sensor, lens, lens_axes)
     polynomial = polynomial_from_parameters(
-        camera.parameters,
-        lens_axes,
-        frame,
-        sensor.width / sensor.columns,
-        at_measured=camera.distortion_at == "measured",
+        camera.parameters, lens_axes, frame, pixel_mm, at_measured=camera.distortion_at == "measured"
     )
-    image = axes_from_pixels(pixels[seen], lens_axes, frame, size)
-    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image)
-    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else sensor.width / sensor.columns)
-    exchanged = ExchangedCamera(name, *frame, lens, found.parameters, "", lens_axes, ray_axes, size)
-    return ExportedCamera(exchanged, float(length.max()), float(np.sqrt(np.mean(length**2))))
+    middle, _ = middle_of_frame(lens_axes, frame)
+    image = _stretched(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
+    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms)
+    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else pixel_mm)
+    worst = float(length.max())
+    if not worst <= MOST_MISFIT_PX and not accepts_any_fit:
+        message = (
+            f"camera {camera.name}: no camera of the format comes nearer to it than {worst:.2f} px, as the format has "
+            "no place for some of its terms; export with --exact-distortion, which corrects the measurements by this "
+            "difference, or export to another format"
+        )
+        raise UnsuitableCameraError(message)
+    parameters = in_given_pixels(lens, found.parameters, aspect, middle)
+    exchanged = ExchangedCamera(name, *frame, lens, parameters, "", lens_axes, ray_axes, size)
+    return ExportedCamera(camera, exchanged, worst, float(np.sqrt(np.mean(length**2))))
 
 
 def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
@@ -209,11 +274,7 @@ def directions_of_pixels(camera: Camera, pixels: FloatArray) -> FloatArray:
 
     NaN where there are none.
     """
-    sensor = camera.sensor
-    if sensor is None:
-        message = f"camera {camera.name} has no sensor"
-        raise ValueError(message)
-    c, equation = camera.parameters[0], _image_equation(camera)
+    sensor, c, equation = _imaging(camera)
     x = (pixels[:, 0] - sensor.columns / 2.0) * (sensor.width / sensor.columns)
     y = (sensor.rows / 2.0 - pixels[:, 1]) * (sensor.height / sensor.rows)
     with np.errstate(all="ignore"):  # pixels far outside the frame may overflow
@@ -239,21 +300,53 @@ def _require_possible(source: ExchangedCamera) -> None:
         raise UnsuitableCameraError(message)
     values = lens_parameters(source)
     focal = [values[name] for name in ("f", "fx", "fy") if name in values]
-    if not all(np.isfinite(list(values.values()))) or min(focal) <= 0.0:
-        message = f"{what}: its focal length is not above 0, or a parameter is not finite"
+    shortest, longest = _FOCAL_LENGTHS
+    if not all(np.isfinite(list(values.values()))) or not shortest <= min(focal) <= max(focal) <= longest:
+        message = (
+            f"{what}: its focal length is not between {shortest:g} and {longest:g} {source.lens_axes.unit}, or a "
+            "parameter is not finite"
+        )
         raise UnsuitableCameraError(message)
 
 
-def _sensor(source: ExchangedCamera) -> tuple[Sensor, bool]:
-    """Return the sensor, with square pixels where the lens is in pixels, and whether its size is assumed."""
+def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
+    """Return the polynomial that holds a camera exactly, if there is one, and the aspect of the pixels that it takes.
+
+    Pixels are square unless orip holds the camera only without an affinity that follows its distortion.
+    """
+    lens, parameters = LENSES[source.lens], lens_parameters(source)
+    exact = lens.polynomial(parameters)
+    if exact is not None or source.lens_axes.unit == "mm":
+        return exact, 1.0
+    aspect = pixel_aspect(source.lens, parameters)
+    if not 1.0 / _LARGEST_ASPECT < aspect < _LARGEST_ASPECT:
+        return None, 1.0
+    middle, _ = middle_of_frame(source.lens_axes, _frame(source))
+    return lens.polynomial(in_square_pixels(source.lens, parameters, middle)), aspect
+
+
+def _aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
+    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
+    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
+    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel"
+    return (width / height, height) if is_aspect_of_lens else (1.0, width)
+
+
+def _stretched(image: FloatArray, aspect: float, middle: float) -> FloatArray:
+    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
+    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])
+
+
+def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
+    """Return the sensor, with pixels of that aspect where the lens is in pixels, and whether its size is assumed."""
     columns, rows = _frame(source)
     if source.sensor_mm is not None and source.lens_axes.unit == "mm":
         return Sensor(columns, rows, *source.sensor_mm), False
     width = ASSUMED_WIDTH_MM * columns / max(columns, rows) if source.sensor_mm is None else source.sensor_mm[0]
-    return Sensor(columns, rows, width, width * rows / columns), source.sensor_mm is None
+    return Sensor(columns, rows, width * aspect, width * rows / columns), source.sensor_mm is None
 
 
-def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatArray]:
+def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray]:
     columns, rows = _frame(source)
     places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
     image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), _size(sensor))
@@ -265,7 +358,8 @@ def _fitted(source: ExchangedCamera, sensor: Sensor) -> tuple[Polynomial, FloatA
         )
         raise UnsuitableCameraError(message)
     ideal = np.stack(_ideal(LENSES[source.lens].projection, 1.0, directions), axis=1)
-    return fitted_polynomial(ideal, image)
+    middle, _ = middle_of_frame(source.lens_axes, (columns, rows))
+    return fitted_polynomial(ideal, _stretched(image, aspect, middle))
 
 
 def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:

@@ -191,7 +191,7 @@ def said_of_reading(found: Reprojection, *, is_declared: bool) -> str | None:
         return None
     if found.others:
         return (
-            f"several readings of the rotations fit equally well; taken is: {described_reading(found.reading)}; "
+            f"several readings of the rotations fit equally well; the one used is: {described_reading(found.reading)}; "
             f"it might be: {'; or '.join(described_reading(other) for other in found.others)}"
         )
     if not is_declared:

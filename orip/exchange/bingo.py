@@ -16,6 +16,7 @@ from orip.errors import Complaint
 from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.short_names import with_original_names
 from orip.exchange.sources.text import numbered_words, text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
@@ -24,7 +25,7 @@ from orip.wording import counted
 
 READING = PoseReading("y_up", "to_ground", "phi_omega_kappa", "gon", "centre")
 
-_AXES = ImageAxes("mm", "frame_centre", "up")
+AXES = ImageAxes("mm", "frame_centre", "up")
 _FILES = ("image.dat", "geoin.dat", "itera.dat")
 _COMMENTS = "*"
 _END = "-99"
@@ -77,12 +78,11 @@ def read_bingo(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     of_ray = np.array([photo.camera for photo in photos])[found.photo]
     framed = [with_assumed_frame(camera, found.image[of_ray == n]) for n, camera in enumerate(cameras)]
     notes += [note for _, note in framed]
-    return Parsed(
-        ExchangedProject(
-            "", tuple(camera for camera, _ in framed), tuple(photos), points.points(), found, (READING,),
-            tuple(ground.control), ground_unit="m", precision=_PRECISION_PX, notes=tuple(notes),
-        )
+    project = ExchangedProject(
+        "", tuple(camera for camera, _ in framed), tuple(photos), points.points(), found, (READING,),
+        tuple(ground.control), ground_unit="m", precision=_PRECISION_PX, notes=tuple(notes),
     )  # fmt: skip
+    return Parsed(with_original_names(project, source))
 
 
 def _said_of_keywords(others: dict[str, int]) -> str:
@@ -97,7 +97,7 @@ def _read_ground(rows: Iterator[tuple[int, list[str]]], faults: Faults) -> _Grou
         if key == _CAMERA and len(words) > 5:
             c, x, y = (faults.decimal(word, "principal distance and point", number) for word in words[-3:])
             parameters = {"f": c, "cx": x, "cy": y}
-            found.cameras[words[1]] = ExchangedCamera(words[1], 0, 0, "isp", parameters, "BINGO", _AXES, _AXES)
+            found.cameras[words[1]] = ExchangedCamera(words[1], 0, 0, "isp", parameters, "BINGO", AXES, AXES)
         elif key in (_CONTROL, _CHECK):
             point = _control(words, number, key, faults)
             found.control += [point] if point is not None else []

@@ -34,6 +34,12 @@ class Conventions:
         one.
     fisheye_lens : Lens or None
         Of fisheye cameras, if the format has any.
+    terms : tuple of str, or None
+        Parameters of the lens that the format has a place for; None: all.
+    counts_from_principal_point : bool
+        Image coordinates have the principal point as their origin, which the format has no place for.
+    is_drawn : bool
+        What is written is drawn: photos have footprints.
     """
 
     lens: Lens | None
@@ -42,6 +48,9 @@ class Conventions:
     ray_axes: ImageAxes = PIXELS
     is_cartesian: bool = True
     fisheye_lens: Lens | None = None
+    terms: tuple[str, ...] | None = None
+    counts_from_principal_point: bool = False
+    is_drawn: bool = False
 
 
 @dataclass(frozen=True, slots=True)

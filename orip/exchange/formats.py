@@ -6,7 +6,10 @@ from pathlib import Path
 
 from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
+from orip.exchange.bingo import AXES as BINGO_AXES
+from orip.exchange.bingo import READING as BINGO
 from orip.exchange.bingo import is_bingo, read_bingo
+from orip.exchange.bingo_writer import BINGO_TERMS, write_bingo
 from orip.exchange.blocks_exchange.reader import AXES as BLOCKS_AXES
 from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
 from orip.exchange.blocks_exchange.writer import READING as BLOCKS
@@ -16,6 +19,7 @@ from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import write_model
 from orip.exchange.format import Conventions, Format
 from orip.exchange.gis.dxf import write_dxf
+from orip.exchange.gis.geojson import write_geojson
 from orip.exchange.gis.geopackage import write_geopackage
 from orip.exchange.gis.layers import READING as DRAWN
 from orip.exchange.gis.tables import write_tables
@@ -28,11 +32,19 @@ from orip.exchange.micmac.writer import write_micmac
 from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
 from orip.exchange.opensfm.writer import write_opensfm
+from orip.exchange.patb import AXES as PATB_AXES
+from orip.exchange.patb import READINGS as PATB
 from orip.exchange.patb import is_patb, read_patb
+from orip.exchange.patb_writer import PATB_TERMS, write_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
-from orip.exchange.vision.bundler import is_bal, is_bundler, read_bal, read_bundler
+from orip.exchange.vision.bundler import AXES as BUNDLER_AXES
+from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler
+from orip.exchange.vision.bundler_writer import BUNDLER_TERMS, write_bal, write_bundler
+from orip.exchange.vision.nvm import CENTRE as NVM_AXES
+from orip.exchange.vision.nvm import READING as NVM
 from orip.exchange.vision.nvm import is_nvm, read_nvm
+from orip.exchange.vision.nvm_writer import NVM_TERMS, write_nvm
 
 FORMATS: tuple[Format, ...] = (
     Format(
@@ -52,7 +64,10 @@ FORMATS: tuple[Format, ...] = (
         Conventions("opencv", OPENSFM),
     ),
     Format(
-        "metashape", "Agisoft Metashape: cameras XML, with markers in it or beside it", read_metashape, is_metashape
+        "metashape",
+        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
+        read_metashape,
+        is_metashape,
     ),
     Format(
         "blocks",
@@ -71,28 +86,82 @@ FORMATS: tuple[Format, ...] = (
         write_micmac,
         Conventions("fraser", MICMAC),
     ),
-    Format("bundler", "Bundler: bundle.out, with list.txt beside it", read_bundler, is_bundler),
-    Format("bal", "Bundle Adjustment in the Large: problem file", read_bal, is_bal),
-    Format("nvm", "VisualSFM: .nvm", read_nvm, is_nvm),
+    Format(
+        "bundler",
+        "Bundler: bundle.out, with list.txt beside it",
+        read_bundler,
+        is_bundler,
+        write_bundler,
+        Conventions(
+            "agisoft", BUNDLER, BUNDLER_AXES, BUNDLER_AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True
+        ),
+    ),
+    Format(
+        "bal",
+        "Bundle Adjustment in the Large: problem file",
+        read_bal,
+        is_bal,
+        write_bal,
+        Conventions("agisoft", BAL, BUNDLER_AXES, BUNDLER_AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True),
+        is_file=True,
+    ),
+    Format(
+        "nvm",
+        "VisualSFM: .nvm",
+        read_nvm,
+        is_nvm,
+        write_nvm,
+        Conventions("measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True),
+        is_file=True,
+    ),
     Format("photomodeler", "PhotoModeler: text export", read_photomodeler, is_photomodeler),
     Format("aicon", "AICON 3D Studio: folder with .ior, .eor, .obc, .phc", read_aicon, is_aicon),
-    Format("bingo", "BINGO: folder with image.dat, geoin.dat, itera.dat", read_bingo, is_bingo),
-    Format("patb", "PAT-B: folder with .ori, .im, .con, and camera.txt", read_patb, is_patb),
+    Format(
+        "bingo",
+        "BINGO: folder with image.dat, geoin.dat, itera.dat",
+        read_bingo,
+        is_bingo,
+        write_bingo,
+        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS),
+    ),
+    Format(
+        "patb",
+        "PAT-B: folder with .ori, .im, .con, and camera.txt",
+        read_patb,
+        is_patb,
+        write_patb,
+        Conventions(
+            "isp",
+            PATB[0],
+            PATB_AXES,
+            PATB_AXES,
+            is_cartesian=False,
+            terms=PATB_TERMS,
+            counts_from_principal_point=True,
+        ),
+    ),
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
     Format(
         "geopackage",
-        "GeoPackage for GIS: points, photos, error ellipses",
+        "GeoPackage for GIS: points, photos, footprints, error ellipses, residual vectors, rays",
         write=write_geopackage,
-        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        conventions=Conventions(None, DRAWN, is_cartesian=False, is_drawn=True),
         is_file=True,
     ),
     Format(
         "dxf",
-        "DXF (release 12) for CAD: points, photos, error ellipses",
+        "DXF (release 12) for CAD: points, photos, footprints, error ellipses, residual vectors, rays",
         write=write_dxf,
-        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        conventions=Conventions(None, DRAWN, is_cartesian=False, is_drawn=True),
+        is_file=True,
+    ),
+    Format(
+        "geojson",
+        "GeoJSON for maps: the same in longitude and latitude, where the project has a crs",
+        write=write_geojson,
+        conventions=Conventions(None, DRAWN, is_cartesian=False, is_drawn=True),
         is_file=True,
     ),
     Format(

@@ -7,6 +7,7 @@ focal length in pixels, and no distortion.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from orip.errors import Complaint
@@ -126,19 +127,23 @@ def _photos(path: Path, cameras: list[ExchangedCamera], faults: Faults) -> dict[
     return photos
 
 
+def _rows(path: Path, count: int, fields: str, faults: Faults) -> Iterator[tuple[int, list[str]]]:
+    """Yield the numbers of the lines that have so many fields, and these; complain of other lines."""
+    for number, line in enumerate(text_lines(path, faults), start=1):
+        words = quoted_words(line)
+        if len(words) == count:
+            yield number, words
+        elif words:
+            faults.complain(f"{len(words)} fields, and {count} should be here: {fields}", number)
+
+
 def _add_measurements(
     path: Path, photos: dict[str, ExchangedPhoto], points: CollectedPoints, rays: CollectedRays, faults: Faults
 ) -> int:
     """Add the measurements of a file; return how many stand at 0, 0, which means: not measured."""
     places = {name: place for place, name in enumerate(photos)}
     unmeasured = 0
-    for number, line in enumerate(text_lines(path, faults), start=1):
-        words = quoted_words(line)
-        if not words:
-            continue
-        if len(words) != 4:
-            faults.complain(f"{len(words)} fields, and 4 should be here: point photo column row", number)
-            continue
+    for number, words in _rows(path, 4, "point photo column row", faults):
         column, row = (faults.decimal(word, "column and row", number) for word in words[2:])
         if column == 0.0 and row == 0.0:
             unmeasured += 1
@@ -149,13 +154,7 @@ def _add_measurements(
 
 def _control(path: Path, notes: list[str], faults: Faults) -> list[ControlPoint]:
     found, other = [], []
-    for number, line in enumerate(text_lines(path, faults), start=1):
-        words = quoted_words(line)
-        if not words:
-            continue
-        if len(words) != 5:
-            faults.complain(f'{len(words)} fields, and 5 should be here: "point" code X Y Z', number)
-            continue
+    for number, words in _rows(path, 5, '"point" code X Y Z', faults):
         x, y, z = (faults.decimal(word, "X Y Z", number) for word in words[2:])
         found.append(ControlPoint(words[0], (x, y, z), (None, None, None), line=number))
         if words[1] != _KNOWN_CODE:

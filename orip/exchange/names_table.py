@@ -1,9 +1,13 @@
-"""What a project folder remembers of the project that it was imported from: names, and where the original is."""
+"""What a project folder remembers of the project that it was imported from: names, and where the original is.
+
+The place of the original is that from the project folder, so that both can be moved together.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -58,7 +62,7 @@ def names_text(rows: Iterable[tuple[str, str, str]]) -> str:
 
 
 def read_names(folder: Path) -> NamesTable:
-    """Read the table of a project folder; rows that are no names are passed over, and so is a table that is absent."""
+    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent."""
     data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
     found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
     try:
@@ -70,11 +74,20 @@ def read_names(folder: Path) -> NamesTable:
     return NamesTable(found["camera"], found["photo"], found["point"])
 
 
+def place_from(folder: Path, source: Path) -> str:
+    """Return the place of an original as it is written into a project folder."""
+    try:
+        place = os.path.relpath(source, folder)
+    except ValueError:  # on another drive of Windows
+        place = str(source.absolute())
+    return place.replace(os.sep, "/")
+
+
 def read_original(folder: Path) -> Original | None:
     """Read where a project folder was imported from; None where it does not say."""
     data, _ = read_bytes(folder / SOURCE_FILE, SOURCE_FILE, may_be_absent=True)
     try:
         table = tomllib.loads((data or b"").decode("utf-8")).get("source", {})
-        return Original(table["format"], Path(table["path"]))
+        return Original(table["format"], Path(os.path.normpath(folder / table["path"])))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError):
         return None

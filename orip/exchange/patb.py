@@ -19,6 +19,7 @@ from orip.errors import Complaint
 from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.short_names import with_original_names
 from orip.exchange.sources.text import numbered_words, text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
@@ -29,7 +30,7 @@ READINGS = (
     PoseReading("y_up", "to_camera", "matrix", "radian", "centre"),
 )
 
-_AXES = ImageAxes("mm", "frame_centre", "up")
+AXES = ImageAxes("mm", "frame_centre", "up")
 _SUFFIXES = (".ori", ".im", ".con")
 _CAMERA = "camera.txt"
 _SETTING = re.compile(r"^\s*c\s*=\s*(\S+)", re.IGNORECASE)
@@ -87,12 +88,11 @@ def read_patb(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         found = replace(found, image=found.image / _MICROMETRES)
     framed, note = with_assumed_frame(camera, found.image)
     said = f"Image coordinates count as {'micrometres' if is_micrometres else 'millimetres'}."
-    return Parsed(
-        ExchangedProject(
-            "", (framed,), tuple(photos), points.points(), found, READINGS, tuple(control),
-            ground_unit="m", precision=_PRECISION_PX, notes=(said, note),
-        )
+    project = ExchangedProject(
+        "", (framed,), tuple(photos), points.points(), found, READINGS, tuple(control),
+        ground_unit="m", precision=_PRECISION_PX, notes=(said, note),
     )  # fmt: skip
+    return Parsed(with_original_names(project, folder))
 
 
 def _camera(path: Path, faults: Faults) -> ExchangedCamera | None:
@@ -101,7 +101,7 @@ def _camera(path: Path, faults: Faults) -> ExchangedCamera | None:
         if match:
             c = faults.decimal(match[1], "c", number)
             if c > 0:
-                return ExchangedCamera("camera", 0, 0, "isp", {"f": c}, "PAT-B", _AXES, _AXES)
+                return ExchangedCamera("camera", 0, 0, "isp", {"f": c}, "PAT-B", AXES, AXES)
             faults.complain("the principal distance has to be above 0", number)
             return None
     faults.complain("there is no line with the principal distance, such as c = 153.24", 1)
@@ -125,7 +125,7 @@ def _orientations(path: Path, faults: Faults) -> dict[str, tuple[tuple[float, ..
         if centre is not None and matrix is not None:
             poses[name] = (centre, matrix)
     if len(lines) % 3:
-        faults.complain("an orientation has three lines; the last one is not whole", lines[-1][0])
+        faults.complain("an orientation has three lines; the last one is incomplete", lines[-1][0])
     return poses
 
 

@@ -44,7 +44,7 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     faults = Faults(shown)
     lines = text_lines(source, faults)
     if not _has_head(lines[:_HEAD_LINES]):
-        faults.complain("this is no text export of PhotoModeler: the five lines of its head are not there", 1)
+        faults.complain("this is not a text export of PhotoModeler: the five lines of its head are not there", 1)
         return Parsed(None, tuple(faults.complaints))
     size = faults.decimals(lines[1], len(lines[1].split()), "tolerance, iterations, columns and rows", 2)
     photos, cameras, end = _photos(lines, size, faults)
@@ -78,7 +78,7 @@ def _photos(
     start = _HEAD_LINES
     while start < len(lines) and lines[start].strip():
         if start + _PHOTO_LINES > len(lines):
-            faults.complain("the last photo is not whole: a photo has six lines", start + 1)
+            faults.complain("the last photo is incomplete: a photo has six lines", start + 1)
             break
         name = lines[start].split(maxsplit=1)[-1].strip()
         pose = faults.decimals(lines[start + 1], 7, "photo, X Y Z, kappa phi omega", start + 2)

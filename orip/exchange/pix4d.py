@@ -90,7 +90,7 @@ def _photos(
     for start in range(0, len(filled), _LINES_OF_PHOTO):
         part = filled[start : start + _LINES_OF_PHOTO]
         if len(part) < _LINES_OF_PHOTO:
-            faults.complain("the last photo is not whole: a photo has ten lines", part[0][0])
+            faults.complain("the last photo is incomplete: a photo has ten lines", part[0][0])
             break
         number, head = part[0]
         words = head.rsplit(maxsplit=2)

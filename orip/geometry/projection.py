@@ -47,14 +47,8 @@ def projected_with_partials(
 ) -> Perspective:
     """Return the ideal photo coordinates of ground points, each by its own projection, and their partials.
 
-    Parameters
-    ----------
-    offset : array (n, 3)
-        X - X0, ground units.
-    rotation : array (n, 3, 3)
-        Photo to ground.
-    principal_distance_mm : array (n,)
-    is_equidistant : array (n,) of bool
+    Those with `is_equidistant`, array (n,) of bool, are imaged by `equidistant_with_partials`, the others by
+    `perspective_with_partials`, which describe the other arrays.
     """
     if not is_equidistant.any():
         return perspective_with_partials(offset, rotation, principal_distance_mm)

@@ -64,7 +64,7 @@ def two_numbers(words: Sequence[str]) -> tuple[float, float]:
 def whole_number(word: str) -> int:
     """Read a number of lines."""
     if not (word.isascii() and word.isdecimal() and len(word) < 19):
-        raise Refused(DriveCode.NOT_A_NUMBER, f"'{shown(word)}' is no whole number")
+        raise Refused(DriveCode.NOT_A_NUMBER, f"'{shown(word)}' is not a whole number")
     return int(word)
 
 

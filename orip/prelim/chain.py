@@ -48,7 +48,7 @@ _AS_GOOD = 1.03
 """Ratio of misfits: two routes that end alike are right, though the camera may not be calibrated."""
 
 _BETTER = 0.999
-"""Ratio of misfits below which a later route is better than an earlier one, not the same but for rounding."""
+"""Ratio of misfits below which a later route is better than an earlier one, not the same up to rounding."""
 
 _FAR_OFF = 15.0
 """Residual over the a-priori error above which larger ones count the same."""

@@ -17,7 +17,9 @@ from orip.records.observations.station import IN_PROJECT, Station, StationRefere
 RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
 AngleUnit = Literal["radian", "degree", "gon"]
 
-Lens = Literal["opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "unsupported"]
+Lens = Literal[
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
+]
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 
@@ -124,6 +126,8 @@ class ExchangedPhoto:
         Standard deviations of the adjusted projection centre.
     key : int
         Number in the file that the photo is found by when a result is written back.
+    footprint : tuple of tuple of 3 float
+        Corners of what the photo shows of the ground, for drawings; empty where it is not known.
     """
 
     name: str
@@ -132,6 +136,7 @@ class ExchangedPhoto:
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
     key: int = 0
+    footprint: tuple[tuple[float, float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ class Difference:
     a, b : float, str or None
         Their values in the two results.
     size : float
-        The difference without sign; infinite where one of them is no number.
+        The difference without sign; infinite where one of them is not a number.
     allowed : float
     """
 

@@ -178,5 +178,5 @@ def test_everything_that_is_wrong_in_the_texts_is_one_error(tmp_path: Path) -> N
 
 
 def test_the_api_speaks_of_no_option_of_a_command(tmp_path: Path) -> None:
-    with pytest.raises(orip.InputError, match=r"this is no orip project$"):
+    with pytest.raises(orip.InputError, match=r"this is not an orip project$"):
         orip.open_project(tmp_path)

@@ -71,7 +71,7 @@ def test_a_project_is_measured_through_the_plate_processor_from_nothing(tmp_path
             done(folder, "digitise", "template", template, *link, *day1)
             done(folder, "digitise", "photo", "--template", template, *link, *day1)
         done(folder, "digitise", "points", "--list", "films/DAY1.MEA", *link, *day1)
-        # the next day template LEFT lies anew on its stage
+        # the next day template LEFT is mounted again
         done(folder, "digitise", "template", "LEFT", *link, *day2)
         said = done(folder, "digitise", "points", "--list", "films/DAY2.MEA", *link, *day2)
         assert "log      DIGITISED.MEA: " in said.err

@@ -144,7 +144,7 @@ def test_no_model_is_left(folder):
 
 
 def test_a_new_orientation_of_the_film_needs_no_new_adjustment(tmp_path):
-    """The photo is mounted anew 5 mm to the right: the table follows, the adjustment stays."""
+    """The photo is mounted again 5 mm to the right: the table follows, the adjustment stays."""
     folder = run(add_models(film_project(tmp_path / "film"), [MODEL]))
     assert orip(folder, "drive", "table").code == 0
     before = table_in(folder)

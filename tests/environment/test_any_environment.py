@@ -1,4 +1,4 @@
-"""All tests in another order and in other surroundings: no home folder, a far time zone, plain locale, one thread."""
+"""Tests in other surroundings and another order: no home folder, a far time zone, plain locale, one thread or many."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workflow.small_projects import REPOSITORY
 
 
 @pytest.mark.long
-@pytest.mark.timeout(3600)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     "surroundings",
     [
@@ -21,7 +21,7 @@ from workflow.small_projects import REPOSITORY
     ],
     ids=["one thread", "many threads"],
 )
-def test_all_tests_pass_in_other_surroundings(surroundings: dict[str, str], tmp_path: Path) -> None:
+def test_what_can_depend_on_its_surroundings_passes_in_others(surroundings: dict[str, str], tmp_path: Path) -> None:
     paths = os.pathsep.join(str(REPOSITORY / folder) for folder in ("tests", "."))
     environment = {**os.environ, "HOME": str(tmp_path / "nowhere"), "PYTHONPATH": paths, **surroundings}
     command = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-p", "environment.shuffled_order"]

@@ -123,7 +123,7 @@ def test_a_local_plane_on_the_earth_is_known_by_its_definition(tmp_path: Path) -
         ("EPSG:32633", "EPSG:4326", "longitude and latitude"),
         ("<Photogroup>", "<Photogroup><CameraOrientation>XUpYRight</CameraOrientation>", "XUpYRight"),
         ("<x>7</x>", "<x>seven</x>", "'seven' is not a number"),
-        ("<M_00>", "<N_00>", "this is no XML"),
+        ("<M_00>", "<N_00>", "this is not XML"),
         ("<PhotoId>10</PhotoId>", "", "has no <PhotoId>"),
     ],
 )

@@ -300,7 +300,7 @@ def test_a_damaged_binary_file_is_complained_of_with_the_byte(read_bytes, data: 
 @pytest.mark.parametrize(
     ("read_text", "text", "line", "message"),
     [
-        (cameras_from_text, "1 FISH 4 3 1", 1, "FISH is no camera model of COLMAP"),
+        (cameras_from_text, "1 FISH 4 3 1", 1, "FISH is not a camera model of COLMAP"),
         (
             cameras_from_text,
             "# head\n1 PINHOLE 4 3 1 2",
@@ -308,13 +308,13 @@ def test_a_damaged_binary_file_is_complained_of_with_the_byte(read_bytes, data: 
             r"PINHOLE has 4 parameters \(fx fy cx cy\), but 2 are here",
         ),
         (cameras_from_text, "1 SIMPLE_PINHOLE 4.5 3 1 2 3", 1, "whole numbers"),
-        (cameras_from_text, "1 SIMPLE_PINHOLE 4 3 1 2 nan", 1, "no number"),
+        (cameras_from_text, "1 SIMPLE_PINHOLE 4 3 1 2 nan", 1, "not a number"),
         (images_from_text, "1 1 0 0 0 0 0 0 1\n", 1, "this line has 9 fields"),
         (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2", 2, "write COLUMN ROW POINT"),
-        (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 -1 1 x -1", 2, "x is no number"),
-        (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 0.5", 2, "0.5 is no whole number"),
+        (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 -1 1 x -1", 2, "x is not a number"),
+        (images_from_text, "1 1 0 0 0 0 0 0 1 a.jpg\n1 2 0.5", 2, "0.5 is not a whole number"),
         (points_from_text, "1 0 0 0 1 2 3 0.5 1", 1, "this line has 9 fields"),
-        (points_from_text, "1 0 0 0 1 2 3 0.5\n2 0 0 z 1 2 3 0.5 1 1", 2, "z is no number"),
+        (points_from_text, "1 0 0 0 1 2 3 0.5\n2 0 0 z 1 2 3 0.5 1 1", 2, "z is not a number"),
         (points_from_text, "1 0 0 0 1 2 300 0.5", 1, "colours"),
     ],
 )

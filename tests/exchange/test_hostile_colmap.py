@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import tracemalloc
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +11,9 @@ import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, block
 from exchange.colmap_samples import written
+from exchange.mutated_files import project_or_complaints, use_mutated_files
 from exchange.test_colmap import blob, database
-from hostile.fuzzing import mutated, require_words
 
-from orip.errors import OripError
 from orip.exchange.colmap.folder import Form
 from orip.exchange.colmap.reader import READING, read_model
 from orip.exchange.colmap.writer import new_model
@@ -46,31 +44,15 @@ def sound_model(folder: Path, form: Form) -> Path:
 
 def fuzz(folder: Path, form: Form, count: int, seed: int) -> None:
     """Read a model that often, with one of its files changed, and convert what has been read."""
-    chance = random.Random(seed)
     source = sound_model(folder, form)
-    files = sorted(source.iterdir())
-    sound = {path: path.read_bytes() for path in files}
     assert not read_model(source, "model").complaints
-    for _ in range(count):
-        path = chance.choice(files)
-        data = mutated(sound[path], chance)
-        path.write_bytes(data)
-        try:
-            with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
-                warnings.simplefilter("error")
-                parsed = read_model(source, "model")
-                assert (parsed.value is None) == bool(parsed.complaints)
-                for complaint in parsed.complaints:
-                    require_words(str(complaint))
-                if parsed.value is not None:
-                    imported_texts(imported_block(parsed.value, "model", _SETTINGS), _SOURCE, None)
-        except OripError as error:
-            require_words(str(error))
-        except Exception as error:
-            message = f"{path.name} of {data[:3000]!r} ended in {type(error).__name__}: {error}"
-            raise AssertionError(message) from error
-        finally:
-            path.write_bytes(sound[path])
+
+    def use(_: Path) -> None:
+        project = project_or_complaints(read_model(source, "model"))
+        if project is not None:
+            imported_texts(imported_block(project, "model", _SETTINGS), _SOURCE, None)
+
+    use_mutated_files([(path, path.read_bytes()) for path in sorted(source.iterdir())], count, seed, use)
 
 
 @pytest.mark.parametrize("form", ["bin", "txt"])

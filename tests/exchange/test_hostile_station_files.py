@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import random
-import warnings
 from pathlib import Path
 
-import numpy as np
 import pytest
+from exchange.mutated_files import use_mutated_files
 from exchange.test_station_formats import MRK, POS, sbet
-from hostile.fuzzing import mutated, require_words
 
-from orip.errors import OripError
 from orip.exchange.stations.source import read_epochs
 from orip.trajectory.exposures import Matching, Sources, find_exposures
 from orip.trajectory.stations import stations_in_project
@@ -37,23 +33,14 @@ SEEDS = {
 
 
 def fuzz(folder: Path, count: int, seed: int) -> None:
-    chance = random.Random(seed)
-    for _ in range(count):
-        name = chance.choice(sorted(SEEDS))
-        data = mutated(chance.choice(SEEDS[name]), chance)
-        (folder / name).write_bytes(data)
-        try:
-            with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
-                warnings.simplefilter("error")
-                parsed = read_epochs(folder / name, name)
-                if not parsed.complaints and len(parsed.value):
-                    found, _ = find_exposures(Sources(parsed.value), Matching(names="P{}"))
-                    stations_in_project(found, "EPSG:25832", "m", (0.1, 0.1, 0.1), 0.01)
-        except OripError as error:
-            require_words(str(error))
-        except Exception as error:
-            message = f"{name} of {data!r} ended in {type(error).__name__}: {error}"
-            raise AssertionError(message) from error
+    def use(path: Path) -> None:
+        parsed = read_epochs(path, path.name)
+        if not parsed.complaints and len(parsed.value):
+            found, _ = find_exposures(Sources(parsed.value), Matching(names="P{}"))
+            stations_in_project(found, "EPSG:25832", "m", (0.1, 0.1, 0.1), 0.01)
+
+    sound = [(folder / name, data) for name, seeds in SEEDS.items() for data in seeds]
+    use_mutated_files(sound, count, seed, use)
 
 
 def test_some_hundred_mutated_files(tmp_path: Path) -> None:

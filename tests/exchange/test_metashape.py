@@ -9,6 +9,7 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, sample, written
 
+from orip.conversion.cameras import convert_camera, lens_pixels, pixels_of_directions
 from orip.conversion.lenses.table import image_of_directions
 from orip.exchange.metashape.sensors import read_lens_file
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
@@ -137,6 +138,37 @@ def test_a_lens_of_metashape_is_its_twin_of_opencv_half_a_pixel_off() -> None:
     assert difference == pytest.approx(np.full((81, 2), 0.5), abs=1e-6)
 
 
+def test_a_drone_of_metashape_is_exact_with_corrected_measurements() -> None:
+    camera = read_well(read_metashape, sample("metashape", "geograypher", "camera.xml")).cameras[0]
+    converted = convert_camera(camera, "K1", accepts_any_fit=True)
+    # its b2 of 0.3 px is what orip's polynomial does not hold; b1 and k4 are exact
+    assert converted.worst_px < 0.025
+    assert converted.rms_px < 0.005
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.7, 0.7, 29), np.linspace(-0.53, 0.53, 29)))
+    pixels = lens_pixels(camera, camera.sensor_mm or (1.0, 1.0), np.column_stack([x, y]))
+    off = pixels_of_directions(converted.camera, np.column_stack([x, y])) - converted.corrected_pixels(pixels)
+    assert np.abs(off).max() < 1e-6
+
+
+def test_a_fisheye_has_decentring(tmp_path: Path) -> None:
+    text = document(block(READING)).replace("<f>3000</f>", "<f>3000</f><p1>1e-4</p1><p2>2e-4</p2><k4>1e-3</k4>")
+    text = text.replace('type="frame"', 'type="fisheye"')
+    camera = read_well(read_metashape, written(tmp_path / "a.xml", text)).cameras[0]
+    converted = convert_camera(camera, "K1")
+    assert converted.is_exact
+    assert converted.camera.projection == "equidistant"
+    # user manual of Metashape, appendix on camera models: angle over tangent takes the place of the tangent
+    x, y = 0.6, -0.4
+    angle = np.arctan(np.hypot(x, y)) / np.hypot(x, y)
+    x, y = x * angle, y * angle
+    s = x * x + y * y
+    bent = 1.0 + 1e-3 * s**4
+    u = 2010.0 + 3000.0 * (x * bent + 1e-4 * (s + 2 * x * x) + 2 * 2e-4 * x * y)
+    v = 1490.0 + 3000.0 * (y * bent + 2e-4 * (s + 2 * y * y) + 2 * 1e-4 * x * y)
+    seen = pixels_of_directions(converted.camera, np.array([[0.6, 0.4]]))[0]
+    assert seen == pytest.approx([u, v], abs=1e-9)
+
+
 def _opencv_matrix(text: str, name: str) -> list[float]:
     matrix = text[text.index(f"<{name}") : text.index(f"</{name}")]
     return [float(word) for word in matrix[matrix.index("<data>") + 6 : matrix.index("</data>")].split()]
@@ -158,10 +190,10 @@ def test_photoscan_of_old_has_other_parameters(tmp_path: Path) -> None:
     [
         ("<f>3000</f>", "<f>0</f>", "<f> has to be above 0"),
         ("<f>3000</f>", "<f>x</f>", "'x' is not a number"),
-        ('id="3"', 'id="-3"', "no whole number"),
+        ('id="3"', 'id="-3"', "not a whole number"),
         ("<scale>2.5</scale>", "<scale>0</scale>", "scale of a transform"),
         ("<document ", '<!DOCTYPE d [<!ENTITY a "b">]><document ', "document type is declared"),
-        ("</chunk>", "", "this is no XML"),
+        ("</chunk>", "", "this is not XML"),
     ],
 )
 def test_faults_name_their_line(tmp_path: Path, old: str, new: str, said: str) -> None:

@@ -164,7 +164,7 @@ def test_the_first_line_of_a_list_names_the_system(heading: str, crs: str | None
         ('"focal_x": 0.75', '"focal_x": NaN', 1, "not a finite number"),
         ('"camera": "cam"', '"camera": "dog"', 1, "there is no camera 'dog'"),
         ('"rotation": [', '"rotation": [1, ', 1, "3 finite numbers should be here"),
-        ('[{"cameras"', '[{"cameras\n"', 1, "this is no JSON"),
+        ('[{"cameras"', '[{"cameras\n"', 1, "this is not JSON"),
     ],
 )
 def test_faults_of_a_reconstruction_name_their_place(tmp_path: Path, old: str, new: str, line: int, said: str) -> None:

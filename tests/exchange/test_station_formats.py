@@ -89,7 +89,7 @@ def test_faults_of_a_solution_are_all_said_with_their_places(tmp_path: Path) -> 
     said = complaints(tmp_path, "a.pos", text)
     assert [entry.split(": ")[0] for entry in said] == ["a.pos:5:27", "a.pos:5:41", "a.pos:6:1", "a.pos:7"]
     assert "'140.5' is not between -90 and 90" in said[0]
-    assert "'2020/13/24 21:28:43' is no time" in said[2]
+    assert "'2020/13/24 21:28:43' is not a time" in said[2]
 
 
 @pytest.mark.parametrize(("name", "deviation"), [("demo5_b34f_f.pos", 1.4193), ("py_0315f.pos", 1.8441)])
@@ -123,7 +123,7 @@ def test_an_image_log(tmp_path: Path) -> None:
     ("old", "new", "place", "words"),
     [
         ("53.5,Lat", "53.5", "a.MRK:1", "LAT missing; a line of an image log (.MRK) is: number seconds [week]"),
-        ("[2315]", "2315", "a.MRK:1:3", "is no time; write seconds and [GPS week]"),
+        ("[2315]", "2315", "a.MRK:1:3", "is not a time; write seconds and [GPS week]"),
         ("53.5,Lat", "north,Lat", "a.MRK:1:51", "'north' is not a number"),
         ("53.5,Lat", "535,Lat", "a.MRK:1:51", "'535' is not between -90 and 90"),
     ],
@@ -174,7 +174,7 @@ def test_damaged_trajectories(tmp_path: Path) -> None:
     (cut,) = complaints(tmp_path, "a.sbet", whole[:-5])
     assert "has 403 bytes, but SBET has records of 136 bytes; it is cut off, or of another kind" in cut
     (swapped, *_) = complaints(tmp_path, "a.sbet", sbet().astype(">f8").tobytes())
-    assert swapped.startswith("a.sbet:1: this record has numbers that are no place, velocity and attitude")
+    assert swapped.startswith("a.sbet:1: this record has numbers that cannot be a place, velocity and attitude")
     records = sbet()
     records[1, 2] = np.nan
     (bad,) = complaints(tmp_path, "a.sbet", records.astype("<f8").tobytes())
@@ -251,7 +251,7 @@ def test_times_of_photos(tmp_path: Path) -> None:
         ("photo,X,Y,Z\nP1,1,2\n", "a.csv:2", "a field is missing, 3 found"),
         ("photo,lon,lat,h\nP1,1,b,3\n", "a.csv:2:6", "'b' is not a number"),
         ("photo,lon,lat,h\nP1,1,100,3\n", "a.csv:1", "a latitude is beyond 90 degrees"),
-        ("photo,time\nP1,2020-02-30T00:00:00\n", "a.csv:2:4", "is no time"),
+        ("photo,time\nP1,2020-02-30T00:00:00\n", "a.csv:2:4", "is not a time"),
     ],
 )
 def test_faulty_tables(tmp_path: Path, text: str, place: str, words: str) -> None:

@@ -100,7 +100,7 @@ def test_a_file_that_is_not_whole_is_refused(
 def test_a_corrupt_count_is_told_before_anything_is_read(tmp_path: Path) -> None:
     given = bal(block(BAL)).split("\n", 1)[1]
     parsed = read_bal(written(tmp_path / "a", f"6 60 9999999999999\n{given}"), "a")
-    assert "the file is not whole" in parsed.complaints[0].message
+    assert "the file is incomplete" in parsed.complaints[0].message
     parsed = read_nvm(written(tmp_path / "b", "NVM_V3\n\n99999999\n"), "b")
     assert "lines follow" in parsed.complaints[0].message
 

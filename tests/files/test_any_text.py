@@ -8,6 +8,7 @@ from __future__ import annotations
 import random
 import shutil
 from collections.abc import Callable
+from functools import update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,14 @@ from workflow.small_projects import contents, film_project
 
 from orip.errors import InputError, OripError
 from orip.files.control.preliminary_text import read_preliminary
-from orip.files.control.text import read_directions, read_distances, read_elements, read_points
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import read_project
 from orip.files.project.toml_lines import TomlLines
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
 from orip.files.text.gate import parse_gate
+from orip.files.text.lines import read_lines
 from orip.files.text.parsed import Parsed
 from orip.records.names import name_fault
 
@@ -82,11 +84,18 @@ right = "B"
 row = 1
 column = 1
 """
+
+
+def of_file(parse: Callable[[Parsed[list[str]], str], Parsed[Any]]) -> Reader:
+    """Return what reads a file with a function that parses lines; it has the name of that function."""
+    return update_wrapper(lambda path, shown: parse(read_lines(path, shown), shown), parse)
+
+
 SAMPLES: list[tuple[Reader, str]] = [
-    (read_points, "1 1.5D0 -2 3 0.1 0 -1 ! c\n2 - 2 3 - 1 1 x\n"),
-    (read_elements, "O CAMERA C 8.6 0.01\nP PHOTO KAPPA 1 1\nS THEODOLITE R 1 1\n"),
-    (read_distances, "D 1 2 XYZ 10 0.1\nE 1 2 X -3 0\n"),
-    (read_directions, "S A B 1 1 90 1\nS A C 2 1\n"),
+    (of_file(parse_points), "1 1.5D0 -2 3 0.1 0 -1 ! c\n2 - 2 3 - 1 1 x\n"),
+    (of_file(parse_elements), "O CAMERA C 8.6 0.01\nP PHOTO KAPPA 1 1\nS THEODOLITE R 1 1\n"),
+    (of_file(parse_distances), "D 1 2 XYZ 10 0.1\nE 1 2 X -3 0\n"),
+    (of_file(parse_directions), "S A B 1 1 90 1\nS A C 2 1\n"),
     (read_preliminary, "1 1 2 3 0.1 0.2 0.3\n2 1 2 3\n"),
     (read_measurements, LOG),
     (read_project, PROJECT),
@@ -322,7 +331,7 @@ def test_name_with_a_blank_that_cannot_be_printed_is_shown_as_an_escape() -> Non
 @pytest.mark.parametrize(("line", "column"), [("S 1 2 30 0", 10), ("S 1 2 30 0.1 90 0", 17)])
 def test_direction_with_the_a_priori_error_0_is_complained_of(tmp_path: Path, line: str, column: int) -> None:
     (tmp_path / "F").write_text(line)
-    (complaint,) = read_directions(tmp_path / "F", "F").complaints
+    (complaint,) = of_file(parse_directions)(tmp_path / "F", "F").complaints
     assert (complaint.line, complaint.column) == (1, column)
     assert "an a-priori error of 0 is not possible for a direction" in complaint.message
 

@@ -8,26 +8,32 @@ from typing import Any
 
 import pytest
 
-from orip.files.control.text import read_control, read_directions, read_distances, read_elements, read_points
+from orip.files.control.text import (
+    parse_directions,
+    parse_distances,
+    parse_elements,
+    parse_points,
+    read_control,
+    read_control_file,
+)
 from orip.files.text.parsed import Parsed
 
-Reader = Callable[[Path, str], Parsed[Any]]
+Parser = Callable[[Parsed[list[str]], str], Parsed[Any]]
 
 
-def parse(reader: Reader, folder: Path, text: str) -> Parsed[Any]:
-    path = folder / "ZURICH.X"
-    path.write_text(text, encoding="utf-8", newline="")
-    return reader(path, "Z")
+def parse(parser: Parser, folder: Path, text: str) -> Parsed[Any]:
+    (folder / "Z").write_text(text, encoding="utf-8", newline="")
+    return read_control_file(parser, folder, "Z")
 
 
-def complaints(reader: Reader, folder: Path, text: str) -> list[str]:
-    return [str(complaint) for complaint in parse(reader, folder, text).complaints]
+def complaints(parser: Parser, folder: Path, text: str) -> list[str]:
+    return [str(complaint) for complaint in parse(parser, folder, text).complaints]
 
 
 def test_points_with_all_forms_of_errors(tmp_path: Path) -> None:
     text = "! control\r\n1 1 2 3 0.1 0 -1\r\n2 1.5D1\t2 - 0.1 0.1 - # height unknown\r\n"
     text += "3 1 2 3 -1 -1 -1\n4 1 2 3 1 1 1 x\n"
-    parsed = parse(read_points, tmp_path, text)
+    parsed = parse(parse_points, tmp_path, text)
     assert not parsed.complaints
     assert not parsed.warnings
     one, two, three, four = parsed.value
@@ -38,44 +44,19 @@ def test_points_with_all_forms_of_errors(tmp_path: Path) -> None:
 
 def test_the_malformed_control_file_of_a_real_case_is_refused_with_both_tokens(tmp_path: Path) -> None:
     text = "1 0 0 0 0 0 0\n2 -.062.821 .09373 0.0 0 0 0\n16 -.101.54 -.046598 0.0 0 0 0\n"
-    assert complaints(read_points, tmp_path, text) == [
+    assert complaints(parse_points, tmp_path, text) == [
         "Z:2:3: '-.062.821' is not a number; write a plain decimal such as -0.062821",
         "Z:3:4: '-.101.54' is not a number; write a plain decimal such as -0.10154",
     ]
 
 
-@pytest.mark.parametrize(
-    ("line", "place", "words"),
-    [
-        ("P 1,5 2 3 1 1 1", "Z:1:3: ", "decimal comma; write a decimal point: 1.5"),
-        ("P 1 2 nan 1 1 1", "Z:1:7: ", "'nan' is not allowed"),
-        ("P 1 2 3 1 1", "Z:1:13: ", "a field is missing, 6 found; the line is: name X Y Z aX aY aZ"),
-        ("P,1,2,3,1,1,1", "Z:1:15: ", "1 found; separate fields by blanks or tabs, not by ','; the line is"),
-        ("P;1 2 3 1 1 1", "Z:1:15: ", "6 found; separate fields by blanks or tabs, not by ';'; the line is"),
-        ("name X Y Z aX aY aZ", "Z:1: ", "this line has no numbers; begin a heading with !"),
-        ("P 1e31 2 3 1 1 1", "Z:1:3: ", "'1e31' is too large for a number"),
-        ("P 1 2 3 1 1 1 x y", "Z:1:17: ", "'y' is one field too many"),
-        ("P 1 2 3 1 1 1 y", "Z:1:15: ", "only x (rejected)"),
-        ("P - 2 3 1 1 1", "Z:1:3: ", "the coordinate of X is '-' but its error is a number"),
-        ("P 1 2 3 1 1 -", "Z:1:13: ", "the error of Z is '-' but its coordinate is a number"),
-        ("P - - - - - -", "Z:1: ", "point 'P' has no coordinate at all"),
-        ("- 1 2 3 1 1 1", "Z:1:1: ", "'-' is not allowed as a name"),
-        ("P 1 2 3 1 1 1\n\nP 4 5 6 1 1 1", "Z:3: ", "point 'P' is already on line 1"),
-    ],
-)
-def test_faulty_points(tmp_path: Path, line: str, place: str, words: str) -> None:
-    (complaint,) = complaints(read_points, tmp_path, line)
-    assert complaint.startswith(place)
-    assert words in complaint
-
-
 def test_all_faults_of_a_file_come_at_once(tmp_path: Path) -> None:
-    found = complaints(read_points, tmp_path, "A 1,0 x 3 1 1 1\nB 1\nC 1 2 3 1 1 1\nC 1 2 3 1 1 inf\n")
+    found = complaints(parse_points, tmp_path, "A 1,0 x 3 1 1 1\nB 1\nC 1 2 3 1 1 1\nC 1 2 3 1 1 inf\n")
     assert [complaint.split(" ")[0] for complaint in found] == ["Z:1:3:", "Z:1:7:", "Z:2:5:", "Z:4:13:", "Z:4:"]
 
 
 def test_point_names_that_look_alike_are_a_warning(tmp_path: Path) -> None:
-    parsed = parse(read_points, tmp_path, "7 1 2 3 1 1 1\n007 1 2 3 1 1 1\na 1 2 3 1 1 1\nA 1 2 3 1 1 1\n")
+    parsed = parse(parse_points, tmp_path, "7 1 2 3 1 1 1\n007 1 2 3 1 1 1\na 1 2 3 1 1 1\nA 1 2 3 1 1 1\n")
     assert not parsed.complaints
     assert [str(warning).split(":")[1] for warning in parsed.warnings] == ["2", "4"]
     assert "'7' (line 1) and '007' (line 2)" in parsed.warnings[0].text
@@ -84,7 +65,7 @@ def test_point_names_that_look_alike_are_a_warning(tmp_path: Path) -> None:
 
 def test_elements_of_every_group(tmp_path: Path) -> None:
     text = "O camera c 8.6 0.01\nO CAMERA B2 0 0\nP1 PHOTO KAPPA 90 1\n7 POINT X 1 1\nS THEODOLITE R 12.5 -1\n"
-    parsed = parse(read_elements, tmp_path, text)
+    parsed = parse(parse_elements, tmp_path, text)
     assert not parsed.complaints
     assert [(e.name, e.group, e.kind, e.value, e.error) for e in parsed.value] == [
         ("O", "CAMERA", "C", 8.6, 0.01),
@@ -95,30 +76,12 @@ def test_elements_of_every_group(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("text", "place", "words"),
-    [
-        ("O CAMRA C 1 1", "Z:1:3: ", "'CAMRA' is not an element group; did you mean CAMERA?"),
-        ("O CAMERA R 1 1", "Z:1:10: ", "'R' is not a kind of CAMERA; write one of C, DX, DY, A1"),
-        ("name GROUP KIND value a", "Z:1: ", "this line has no numbers"),
-        ("O CAMERA C 1", "Z:1:14: ", "a field is missing"),
-        ("O CAMERA C 1 1 1", "Z:1:16: ", "too many"),
-        ("O CAMERA C 1 1\no CAMERA C 2 1", "Z:2: ", "C of CAMERA 'o' is already on line 1"),
-        ("7 POINT X 1 1\n7 POINT X 1 1", "Z:2: ", "already on line 1"),
-    ],
-)
-def test_faulty_elements(tmp_path: Path, text: str, place: str, words: str) -> None:
-    (complaint,) = complaints(read_elements, tmp_path, text)
-    assert complaint.startswith(place)
-    assert words in complaint
-
-
 def test_points_of_elements_keep_their_case(tmp_path: Path) -> None:
-    assert not complaints(read_elements, tmp_path, "a POINT X 1 1\nA POINT X 1 1\n")
+    assert not complaints(parse_elements, tmp_path, "a POINT X 1 1\nA POINT X 1 1\n")
 
 
 def test_distances(tmp_path: Path) -> None:
-    parsed = parse(read_distances, tmp_path, "D1 1 2 xyz 10.5 0.01\nD1 1 2 Z -3 0\nD2 2 3 XY 1 -1\n")
+    parsed = parse(parse_distances, tmp_path, "D1 1 2 xyz 10.5 0.01\nD1 1 2 Z -3 0\nD2 2 3 XY 1 -1\n")
     assert not parsed.complaints
     assert [(d.start, d.end, d.code, d.distance, d.error) for d in parsed.value] == [
         ("1", "2", "XYZ", 10.5, 0.01),
@@ -127,45 +90,13 @@ def test_distances(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("text", "place", "words"),
-    [
-        ("D 1 1 X 1 1", "Z:1:5: ", "distance 'D' goes from '1' to itself"),
-        ("D 1 2 XYZ 0 1", "Z:1:11: ", "write a length above 0"),
-        ("D 1 2 YZ -4 1", "Z:1:10: ", "code YZ is -4"),
-        ("D 1 2 XZ 4 1", "Z:1:7: ", "'XZ' is not a distance code; did you mean"),
-        ("D 1 2 X 4", "Z:1:11: ", "the line is: name from to CODE distance a"),
-        ("D 1 2 X 4 1\nD 1 2 X 5 1", "Z:2: ", "already on line 1"),
-    ],
-)
-def test_faulty_distances(tmp_path: Path, text: str, place: str, words: str) -> None:
-    (complaint,) = complaints(read_distances, tmp_path, text)
-    assert complaint.startswith(place)
-    assert words in complaint
-
-
 def test_directions(tmp_path: Path) -> None:
-    parsed = parse(read_directions, tmp_path, "S1 A B 12.5 0.001\nS1 A C 13 0.001 91.5 0.002\n")
+    parsed = parse(parse_directions, tmp_path, "S1 A B 12.5 0.001\nS1 A C 13 0.001 91.5 0.002\n")
     assert not parsed.complaints
     assert [(d.target, d.direction, d.zenith, d.zenith_error) for d in parsed.value] == [
         ("B", 12.5, None, None),
         ("C", 13, 91.5, 0.002),
     ]
-
-
-@pytest.mark.parametrize(
-    ("text", "place", "words"),
-    [
-        ("S A B 1 1 90", "Z:1:14: ", "a field is missing, 6 found"),
-        ("S A A 1 1", "Z:1:5: ", "points from 'A' to itself"),
-        ("S A B 1 1\nS A B 2 1", "Z:2: ", "already on line 1"),
-        ("S A B 1 1\nS C B 2 1", "Z:2: ", "set 'S' is at station 'A' on line 1 and at 'C' here"),
-    ],
-)
-def test_faulty_directions(tmp_path: Path, text: str, place: str, words: str) -> None:
-    (complaint,) = complaints(read_directions, tmp_path, text)
-    assert complaint.startswith(place)
-    assert words in complaint
 
 
 def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tmp_path: Path) -> None:
@@ -181,23 +112,60 @@ def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tm
     ]
 
 
-@pytest.mark.parametrize(
-    ("read", "text", "place", "words"),
-    [
-        (
-            read_points,
-            "P 1 2 3 0.1 1e-300 0.1",
-            "Z:1:13: ",
-            "1e-300 is smaller than any that makes sense",
-        ),
-        (read_points, "P 1 2 3 0.1 0.1 1e12", "Z:1:17: ", "or a negative one to disregard"),
-        (read_distances, "D A B XYZ 5 1e-9", "Z:1:13: ", "or 0 for what is exactly known"),
-        (read_elements, "O CAMERA C 8 1e5", "Z:1:14: ", "from 1e-06 to 1000 mm"),
-        (read_elements, "O PHOTO KAPPA 8 1e5", "Z:1:17: ", "360 degrees"),
-        (read_directions, "S A B 5 1e-12", "Z:1:9: ", "degrees"),
+FAULTS: dict[Parser, list[tuple[str, str, str]]] = {
+    parse_points: [
+        ("P 1,5 2 3 1 1 1", "Z:1:3: ", "decimal comma; write a decimal point: 1.5"),
+        ("P 1 2 nan 1 1 1", "Z:1:7: ", "'nan' is not allowed"),
+        ("P 1 2 3 1 1", "Z:1:13: ", "a field is missing, 6 found; the line is: name X Y Z aX aY aZ"),
+        ("P,1,2,3,1,1,1", "Z:1:15: ", "1 found; separate fields by blanks or tabs, not by ','; the line is"),
+        ("P;1 2 3 1 1 1", "Z:1:15: ", "6 found; separate fields by blanks or tabs, not by ';'; the line is"),
+        ("name X Y Z aX aY aZ", "Z:1: ", "this line has no numbers; begin a heading with !"),
+        ("P 1e31 2 3 1 1 1", "Z:1:3: ", "'1e31' is too large for a number"),
+        ("P 1 2 3 1 1 1 x y", "Z:1:17: ", "'y' is one field too many"),
+        ("P 1 2 3 1 1 1 y", "Z:1:15: ", "only x (rejected)"),
+        ("P - 2 3 1 1 1", "Z:1:3: ", "the coordinate of X is '-' but its error is a number"),
+        ("P 1 2 3 1 1 -", "Z:1:13: ", "the error of Z is '-' but its coordinate is a number"),
+        ("P - - - - - -", "Z:1: ", "point 'P' has no coordinate at all"),
+        ("- 1 2 3 1 1 1", "Z:1:1: ", "'-' is not allowed as a name"),
+        ("P 1 2 3 1 1 1\n\nP 4 5 6 1 1 1", "Z:3: ", "point 'P' is already on line 1"),
+        ("P 1 2 3 0.1 1e-300 0.1", "Z:1:13: ", "1e-300 is smaller than any that makes sense"),
+        ("P 1 2 3 0.1 0.1 1e12", "Z:1:17: ", "or a negative one to disregard"),
     ],
+    parse_elements: [
+        ("O CAMRA C 1 1", "Z:1:3: ", "'CAMRA' is not an element group; did you mean CAMERA?"),
+        ("O CAMERA R 1 1", "Z:1:10: ", "'R' is not a kind of CAMERA; write one of C, DX, DY, A1"),
+        ("name GROUP KIND value a", "Z:1: ", "this line has no numbers"),
+        ("O CAMERA C 1", "Z:1:14: ", "a field is missing"),
+        ("O CAMERA C 1 1 1", "Z:1:16: ", "too many"),
+        ("O CAMERA C 1 1\no CAMERA C 2 1", "Z:2: ", "C of CAMERA 'o' is already on line 1"),
+        ("7 POINT X 1 1\n7 POINT X 1 1", "Z:2: ", "already on line 1"),
+        ("O CAMERA C 8 1e5", "Z:1:14: ", "from 1e-06 to 1000 mm"),
+        ("O PHOTO KAPPA 8 1e5", "Z:1:17: ", "360 degrees"),
+    ],
+    parse_distances: [
+        ("D 1 1 X 1 1", "Z:1:5: ", "distance 'D' goes from '1' to itself"),
+        ("D 1 2 XYZ 0 1", "Z:1:11: ", "write a length above 0"),
+        ("D 1 2 YZ -4 1", "Z:1:10: ", "code YZ is -4"),
+        ("D 1 2 XZ 4 1", "Z:1:7: ", "'XZ' is not a distance code; did you mean"),
+        ("D 1 2 X 4", "Z:1:11: ", "the line is: name from to CODE distance a"),
+        ("D 1 2 X 4 1\nD 1 2 X 5 1", "Z:2: ", "already on line 1"),
+        ("D A B XYZ 5 1e-9", "Z:1:13: ", "or 0 for what is exactly known"),
+    ],
+    parse_directions: [
+        ("S A B 1 1 90", "Z:1:14: ", "a field is missing, 6 found"),
+        ("S A A 1 1", "Z:1:5: ", "points from 'A' to itself"),
+        ("S A B 1 1\nS A B 2 1", "Z:2: ", "already on line 1"),
+        ("S A B 1 1\nS C B 2 1", "Z:2: ", "set 'S' is at station 'A' on line 1 and at 'C' here"),
+        ("S A B 5 1e-12", "Z:1:9: ", "degrees"),
+    ],
+}
+"""Lines that are wrong, where they are complained of, and in which words."""
+
+
+@pytest.mark.parametrize(
+    ("parser", "text", "place", "words"), [(parser, *fault) for parser, faults in FAULTS.items() for fault in faults]
 )
-def test_impossible_errors(tmp_path: Path, read: Any, text: str, place: str, words: str) -> None:
-    (complaint,) = complaints(read, tmp_path, text)
+def test_faulty_lines(tmp_path: Path, parser: Parser, text: str, place: str, words: str) -> None:
+    (complaint,) = complaints(parser, tmp_path, text)
     assert complaint.startswith(place)
     assert words in complaint

@@ -54,7 +54,7 @@ def cells(lines: list[str]) -> list[list[str]]:
 
 
 def agrees(text: str, value: float) -> bool:
-    """Whether a printed number is the value to its last printed digit, or the word for what is no number."""
+    """Whether a printed number is the value to its last printed digit, or the word for what is not a number."""
     if math.isnan(value):
         return text in ("-", "constant")
     if math.isinf(value):

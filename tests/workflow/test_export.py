@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import shutil
 import sqlite3
 import struct
@@ -45,7 +46,7 @@ def drone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("drone")
     assert orip(folder, "init", "--sample", "drone_rtk", "drone").code == 0
     assert orip(folder / "drone", "run", "--no-report").code == 0
-    for name in ("geopackage", "dxf", "csv"):
+    for name in ("geopackage", "dxf", "csv", "geojson"):
         assert orip(folder / "drone", "export", name).code == 0
     return folder / "drone"
 
@@ -111,7 +112,7 @@ def test_what_cannot_be_exported(adjusted: Path, tmp_path: Path) -> None:
     assert said.code == 3
     assert orip(tmp_path / "fresh", "run", "--no-report").code == 0
     for words, message in (
-        (["nvm"], "the format 'nvm' is read, not written"),
+        (["pix4d"], "the format 'pix4d' is read, not written"),
         (["nothing"], "there is no format 'nothing'"),
         (["colmap", "."], "has something in it already"),
     ):
@@ -214,8 +215,101 @@ def test_the_layers_of_a_geopackage(drone: Path) -> None:
     # the box round a standard error ellipse has the standard deviations as half its sides
     half = np.ptp(corners, axis=0) / 2.0
     assert half == pytest.approx(factor * solution.points.sd[0, :2], rel=0.01)
+
+
+def test_gdal_opens_a_geopackage(drone: Path) -> None:
     pyogrio = pytest.importorskip("pyogrio")
-    assert len(pyogrio.list_layers(path)) == 3
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    path = drone / "orip.gpkg"
+    kinds = dict(pyogrio.list_layers(path).tolist())
+    (ellipses,) = [name for name in kinds if name.startswith("error_ellipses")]
+    (vectors,) = [name for name in kinds if name.startswith("residual_vectors")]
+    assert kinds == {
+        "points": "Point Z", "photos": "Point Z", "footprints": "Polygon Z", "rays": "LineString Z",
+        vectors: "LineString Z", ellipses: "Polygon",
+    }  # fmt: skip
+    for layer in kinds:
+        assert pyogrio.read_info(path, layer=layer)["crs"] == "EPSG:25832"
+    assert pyogrio.read_info(path, layer="photos")["features"] == len(solution.photos.names)
+    assert pyogrio.read_info(path, layer="footprints")["features"] == len(solution.photos.names)
+    _, _, geometry, columns = pyogrio.raw.read(path, layer="points", columns=["name", "sX"])
+    assert columns[0].tolist() == list(solution.points.names)
+    assert columns[1].tolist() == pytest.approx(solution.points.sd[:, 0].tolist())
+    assert [struct.unpack("<3d", blob[5:]) for blob in geometry] == [tuple(row) for row in solution.points.values]
+
+
+def test_footprints_overlap_as_the_flight_was_planned(drone: Path) -> None:
+    """What a photo shows is a bit more than its points, and its projection centre is above it."""
+    collection = json.loads((drone / "csv_adjusted").with_name("orip.geojson").read_text(encoding="utf-8"))
+    of = {
+        feature["properties"]["name"]: np.array(feature["geometry"]["coordinates"][0])
+        for feature in collection["features"]
+        if feature["properties"]["layer"] == "footprints"
+    }
+    photos = [one for one in collection["features"] if one["properties"]["layer"] == "photos"]
+    assert len(of) == len(photos) > 0
+    for photo in photos:
+        ring = of[photo["properties"]["name"]]
+        place = photo["geometry"]["coordinates"]
+        assert (ring[:, :2].min(axis=0) < place[:2]).all()
+        assert (ring[:, :2].max(axis=0) > place[:2]).all()
+        assert place[2] > ring[0, 2]
+
+
+def test_geojson_is_in_longitude_and_latitude(drone: Path) -> None:
+    pyproj = pytest.importorskip("pyproj")
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    collection = json.loads((drone / "orip.geojson").read_text(encoding="utf-8"))
+    assert collection["type"] == "FeatureCollection"
+    assert "crs" not in collection  # RFC 7946, section 4
+    points = [one for one in collection["features"] if one["properties"]["layer"] == "points"]
+    there = pyproj.Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
+    for n in (0, len(points) - 1):
+        longitude, latitude, height = points[n]["geometry"]["coordinates"]
+        x, y = there.transform(longitude, latitude)
+        assert (x, y, height) == pytest.approx(tuple(solution.points.values[n]), abs=1e-4)
+        assert points[n]["properties"]["name"] == solution.points.names[n]
+        assert points[n]["properties"]["X"] == solution.points.values[n, 0]
+        assert points[n]["properties"]["sX"] == pytest.approx(solution.points.sd[n, 0])
+    kinds = {point["properties"]["kind"] for point in points}
+    assert "tie" in kinds
+    for feature in collection["features"]:
+        if feature["geometry"]["type"] == "Polygon":
+            (ring,) = feature["geometry"]["coordinates"]
+            assert ring[0] == ring[-1]
+            x, y = np.array(ring)[:, :2].T
+            assert np.sum((x[:-1] - x[0]) * (y[1:] - y[0]) - (x[1:] - x[0]) * (y[:-1] - y[0])) > 0.0
+    pyogrio = pytest.importorskip("pyogrio")
+    assert pyogrio.read_info(drone / "orip.geojson")["features"] == len(collection["features"])
+
+
+def test_geojson_without_a_system_says_so(adjusted: Path) -> None:
+    said = orip(adjusted / "project", "export", "geojson")
+    assert said.code == 0, said.err
+    assert "has no crs: coordinates are its own" in said.err
+    collection = json.loads((adjusted / "project" / "orip.geojson").read_text(encoding="utf-8"))
+    assert "not longitude and latitude" in collection["coordinates"]
+    solution = read_bundle(adjusted / "project", None, "heads", "solutions").adjusted
+    assert collection["features"][0]["geometry"]["coordinates"] == pytest.approx(solution.points.values[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "place"), [("bundler", "bundle.out"), ("bal", ""), ("nvm", ""), ("bingo", ".")])
+def test_what_is_exported_to_other_formats_is_imported_with_the_same_residuals(
+    adjusted: Path, tmp_path: Path, name: str, place: str
+) -> None:
+    out = tmp_path / name
+    said = orip(adjusted / "project", "export", name, str(out), "--exact-distortion")
+    assert said.code == 0, said.err
+    said = orip(tmp_path, "import", name, str(out / place if place else out), "again", "--frame", "4000x3000", "--json")
+    assert said.code == 0, said.err
+    solution = read_bundle(adjusted / "project", None, "heads", "solutions").adjusted
+    rows = [kind == "photo" and np.isfinite(weight) for kind, weight in
+            zip(solution.residuals.kind, solution.residuals.weight_factor, strict=True)]  # fmt: skip
+    in_pixels = solution.residuals.residual[rows] / (36.0 / 4000.0)
+    expected = np.sqrt(2.0 * np.mean(in_pixels**2))
+    # BINGO's files have millimetres, whose pixels the reader assumes to be 0.01 mm
+    unit = 0.01 / (36.0 / 4000.0) if name == "bingo" else 1.0
+    assert said.document["reprojection_rms"] * unit == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_entities_of_a_drawing(drone: Path) -> None:
@@ -231,8 +325,22 @@ def test_the_entities_of_a_drawing(drone: Path) -> None:
     assert kinds.count("POLYLINE") == kinds.count("SEQEND")
     assert (10, repr(float(solution.points.values[0, 0]))) in pairs
     assert (1, solution.points.names[0]) in pairs
+
+
+def test_ezdxf_opens_a_drawing(drone: Path) -> None:
     ezdxf = pytest.importorskip("ezdxf")
-    assert len(ezdxf.readfile(path).modelspace().query("POINT")) == kinds.count("POINT")
+    solution = read_bundle(drone, None, "heads", "solutions").adjusted
+    drawing = ezdxf.readfile(drone / "orip.dxf")
+    assert not drawing.audit().has_errors
+    space = drawing.modelspace()
+    assert len(space.query("POINT")) == len(solution.points.names) + len(solution.photos.names)
+    assert len(space.query('POLYLINE[layer=="FOOTPRINTS"]')) == len(solution.photos.names)
+    first = space.query('POINT[layer=="POINTS"]')[0]
+    assert tuple(first.dxf.location) == tuple(solution.points.values[0])
+    line = space.query('LINE[layer=="RAYS"]')[0]
+    centres = {tuple(row) for row in solution.photos.values[:, :3].tolist()}
+    assert tuple(line.dxf.start) in centres
+    assert {layer.dxf.name for layer in drawing.layers} >= {"POINTS", "PHOTOS", "FOOTPRINTS", "RAYS"}
 
 
 def test_error_ellipses_are_the_eigenvectors_of_covariances() -> None:

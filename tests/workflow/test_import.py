@@ -74,6 +74,19 @@ def test_the_texts_say_what_was_imported_to_the_last_digit(tmp_path: Path) -> No
     assert np.array_equal(np.vstack([record.measured for record in blocks]), project.rays.image)
 
 
+def test_an_import_from_another_place_has_the_same_bytes(tmp_path: Path) -> None:
+    found = []
+    for place in ("here", "far/away"):
+        written(tmp_path / place / "castle", small_model(), "bin")
+        said = orip(tmp_path / place, "import", "colmap", "castle", "project")
+        assert said.code == 0, said.err
+        files = sorted((tmp_path / place / "project").iterdir())
+        found.append({path.name: path.read_bytes() for path in files})
+        assert 'path = "../castle"' in (tmp_path / place / "project" / "exchange.toml").read_text()
+    assert found[0] == found[1]
+    assert not any(str(tmp_path).encode() in data for data in found[0].values())
+
+
 def test_rays_with_errors_of_their_own_left_out_and_measured_twice(tmp_path: Path) -> None:
     project = block(READING)
     rays = project.rays

@@ -86,7 +86,7 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
                 for test, fit in zip(tests, possible, strict=True)
             ]
         )
-        # the first of those that are equal but for rounding, so that the words are the same on all processors
+        # the first of those that are equal up to rounding, so that the words are the same on all processors
         best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
         log_p = float(two_sided_normal(np.sqrt(squares[best])))
         if log_p >= limit:

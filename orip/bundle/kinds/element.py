@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
+from orip.bundle.kinds.gimbal_lock import require_separable_angles
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
-from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
@@ -25,9 +26,6 @@ from orip.records.observations.observation_kinds import CONSTANT_ELEMENT, ELEMEN
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
-
-_LEAST_COSINE_OF_PHI = 0.02
-"""Nearer than this to phi = ±90 degrees omega and kappa turn about the same axis: neither can be observed alone."""
 
 
 class _Place(NamedTuple):
@@ -66,7 +64,7 @@ class ElementObservations(Observations):
             if chosen.any():
                 found = evaluate(self.ground, state, self.row[chosen], self.column[chosen])
                 if found.phi is not None:
-                    self._require_tilted(found.phi, np.flatnonzero(chosen))
+                    require_separable_angles(found.phi, partial(self._element_of, np.flatnonzero(chosen)))
                 value[chosen], partials[chosen] = found.value, found.partials
         known = np.isfinite(value)
         residual = np.where(known, value - self.rows.observed, 0.0)
@@ -74,13 +72,10 @@ class ElementObservations(Observations):
         residual[turning] = (residual[turning] + 180.0) % 360.0 - 180.0
         return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
 
-    def _require_tilted(self, phi: FloatArray, rows: IntArray) -> None:
-        for index in rows[np.abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI]:
-            message = (
-                f"{self.rows.component[index]} of photo {self.rows.photo[index]} is observed, but its phi is within "
-                "1.1 degrees of ±90, where omega and kappa cannot be separated; remove the element from the .ELE file"
-            )
-            raise InputError.single(message)
+    def _element_of(self, rows: IntArray, place: int) -> tuple[str, str]:
+        row = rows[place]
+        what = f"{self.rows.component[row]} of photo {self.rows.photo[row]}"
+        return what, "remove the element from the .ELE file"
 
 
 @dataclass(frozen=True, slots=True)

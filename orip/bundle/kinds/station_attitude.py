@@ -9,10 +9,10 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import StationPlaces, rows_or, station_places
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles
+from orip.bundle.kinds.gimbal_lock import require_separable_angles
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.errors import InputError
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -25,9 +25,6 @@ from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTIT
 from orip.records.project.antenna import BORESIGHT_PLACES
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
-
-_LEAST_COSINE_OF_PHI = 0.02
-"""Nearer than this to phi = ±90 degrees omega and kappa turn about the same axis: neither can be observed alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +59,7 @@ class AttitudeObservations(Observations):
         known: BoolArray = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
         rotation = np.where(known[:, None, None], rotation, np.eye(3))
         angles = angles_from_rotation(rotation)
-        self._require_tilted(angles[:, 1])
+        require_separable_angles(angles[:, 1], self._attitude_of)
         rates = angle_rates_from_axes_rotation(angles)
         by_rotation = rates @ np.where(known[:, None, None], axes, 0.0) @ state.rotation_basis()[photo]
         by_boresight = -rates @ rotation @ axes_rotation_from_angle_rates(boresight)
@@ -72,14 +69,8 @@ class AttitudeObservations(Observations):
         residual = np.where(known, (residual + 180.0) % 360.0 - 180.0, 0.0)
         return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
 
-    def _require_tilted(self, phi: FloatArray) -> None:
-        too_close = np.flatnonzero(np.abs(np.cos(phi)) < _LEAST_COSINE_OF_PHI)
-        if len(too_close):
-            message = (
-                f"the attitude of photo {self.rows.photo[too_close[0]]} is observed, but its phi is within 1.1 degrees "
-                "of ±90, where omega and kappa cannot be separated; remove its angles from the .STA file"
-            )
-            raise InputError.single(message)
+    def _attitude_of(self, row: int) -> tuple[str, str]:
+        return f"the attitude of photo {self.rows.photo[row]}", "remove its angles from the .STA file"
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,114 +114,108 @@ def register(app: typer.Typer) -> None:
 
 
 def _register_commands(group: typer.Typer) -> None:
-    _register_template(group)
-    _register_photo(group)
-    _register_points(group)
-    _register_ground(group)
-    _register_fiducials(group)
-    _register_ticks(group)
+    command(group, "template")(template_command)
+    command(group, "photo")(photo_command)
+    command(group, "points")(points_command)
+    command(group, "ground")(ground_command)
+    command(group, "fiducials")(fiducials_command)
+    command(group, "ticks")(ticks_command)
 
 
-def _register_template(group: typer.Typer) -> None:
-    @command(group, "template")
-    def template_command(
-        invocation: Invocation,
-        template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
-        instrument: Instrument,
-        orienting: Orienting,
-        stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
-        """Digitise the tick marks of a template that has been mounted.
+def template_command(
+    invocation: Invocation,
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+    instrument: Instrument,
+    orienting: Orienting,
+    stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Digitise the tick marks of a template that has been mounted.
 
-        Example: orip digitise template LEFT --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.marks import digitise_template
+    Example: orip digitise template LEFT --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_digitised
+    from orip.workflow.digitise.marks import digitise_template
 
-        found = digitise_template(
-            instrument.setup(invocation, orienting.log, dry_run=dry_run),
-            template,
-            kind=orienting.transformation,
-            stage=stage,
-            again=orienting.again,
-            chosen=_marks(orienting.mark),
-        )
-        tell_digitised(invocation.terminal, "digitise template", found)
+    found = digitise_template(
+        instrument.setup(invocation, orienting.log, dry_run=dry_run),
+        template,
+        kind=orienting.transformation,
+        stage=stage,
+        again=orienting.again,
+        chosen=_marks(orienting.mark),
+    )
+    tell_digitised(invocation.terminal, "digitise template", found)
 
 
-def _register_photo(group: typer.Typer) -> None:
-    @command(group, "photo")
-    def photo_command(
-        invocation: Invocation,
-        instrument: Instrument,
-        orienting: Orienting,
-        photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
-        template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
-        start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
-        dry_run: DryRunOption = False,
-    ) -> None:
-        """Digitise the fiducial marks of photos.
+def photo_command(
+    invocation: Invocation,
+    instrument: Instrument,
+    orienting: Orienting,
+    photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
+    template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
+    start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Digitise the fiducial marks of photos.
 
-        Example: orip digitise photo --template LEFT --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.marks import digitise_photos
+    Example: orip digitise photo --template LEFT --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_digitised
+    from orip.workflow.digitise.marks import digitise_photos
 
-        found = digitise_photos(
-            instrument.setup(invocation, orienting.log, dry_run=dry_run),
-            photos or (),
-            template=template,
-            kind=orienting.transformation,
-            again=orienting.again,
-            start=start,
-            chosen=_marks(orienting.mark),
-        )
-        tell_digitised(invocation.terminal, "digitise photo", found)
+    found = digitise_photos(
+        instrument.setup(invocation, orienting.log, dry_run=dry_run),
+        photos or (),
+        template=template,
+        kind=orienting.transformation,
+        again=orienting.again,
+        start=start,
+        chosen=_marks(orienting.mark),
+    )
+    tell_digitised(invocation.terminal, "digitise photo", found)
 
 
-def _register_points(group: typer.Typer) -> None:
-    @command(group, "points")
-    def points_command(
-        invocation: Invocation,
-        instrument: Instrument,
-        bundle: BundleArgument = None,
-        photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
-        point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
-        model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,
-        stereo: Annotated[
-            bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
-        ] = None,
-        log: LogOption = LOG,
-        again: AgainOption = False,
-        start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
-        listed: ListOption = None,
-        new: NewOption = False,
-        first: FirstOption = "1",
-        dry_run: DryRunOption = False,
-    ) -> None:
-        """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
+def points_command(
+    invocation: Invocation,
+    instrument: Instrument,
+    bundle: BundleArgument = None,
+    photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
+    point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
+    model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,
+    stereo: Annotated[
+        bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
+    ] = None,
+    log: LogOption = LOG,
+    again: AgainOption = False,
+    start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
+    listed: ListOption = None,
+    new: NewOption = False,
+    first: FirstOption = "1",
+    dry_run: DryRunOption = False,
+) -> None:
+    """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
 
-        With --new the operator goes from model to model, and selects and names points himself.
+    With --new the operator goes from model to model, and selects and names points himself.
 
-        Example: orip digitise points --list again.txt --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.new_points import NewPointsChoice, digitise_new_points
-        from orip.workflow.digitise.point_visits import Viewing
-        from orip.workflow.digitise.points import digitise_points
-        from orip.workflow.digitise.wanted import PointChoice
+    Example: orip digitise points --list again.txt --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_digitised
+    from orip.workflow.digitise.new_points import NewPointsChoice, digitise_new_points
+    from orip.workflow.digitise.point_visits import Viewing
+    from orip.workflow.digitise.points import digitise_points
+    from orip.workflow.digitise.wanted import PointChoice
 
-        setup = instrument.setup(invocation, log, dry_run=dry_run)
-        viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
-        if new:
-            _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
-            chosen = NewPointsChoice(tuple(photo or ()), model, first)
-            found = digitise_new_points(setup, bundle, chosen, viewing=viewing)
-        else:
-            choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
-            found = digitise_points(setup, bundle, choice, viewing=viewing, start=start)
-        tell_digitised(invocation.terminal, "digitise points", found)
+    setup = instrument.setup(invocation, log, dry_run=dry_run)
+    viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
+    if new:
+        _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
+        chosen = NewPointsChoice(tuple(photo or ()), model, first)
+        found = digitise_new_points(setup, bundle, chosen, viewing=viewing)
+    else:
+        choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
+        found = digitise_points(setup, bundle, choice, viewing=viewing, start=start)
+    tell_digitised(invocation.terminal, "digitise points", found)
 
 
 def _refuse_with_new(options: dict[str, object]) -> None:
@@ -231,78 +225,70 @@ def _refuse_with_new(options: dict[str, object]) -> None:
         raise UsageError(message)
 
 
-def _register_fiducials(group: typer.Typer) -> None:
-    @command(group, "fiducials")
-    def fiducials_command(
-        invocation: Invocation,
-        camera: Annotated[str, typer.Argument(metavar="CAMERA")],
-        instrument: Instrument,
-        marks: RecordMarks,
-        names: NamesArgument = None,
-        arrangement: Annotated[
-            Literal["corners", "midsides"], typer.Option("--at", help="Where the four marks of the system are.")
-        ] = "corners",
-    ) -> None:
-        """Digitise the fiducial marks (reseau crosses, corners) of a camera, for its record.
+def fiducials_command(
+    invocation: Invocation,
+    camera: Annotated[str, typer.Argument(metavar="CAMERA")],
+    instrument: Instrument,
+    marks: RecordMarks,
+    names: NamesArgument = None,
+    arrangement: Annotated[
+        Literal["corners", "midsides"], typer.Option("--at", help="Where the four marks of the system are.")
+    ] = "corners",
+) -> None:
+    """Digitise the fiducial marks (reseau crosses, corners) of a camera, for its record.
 
-        Example: orip digitise fiducials REFLEX35 --at midsides --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.record_marks import digitise_fiducials
+    Example: orip digitise fiducials REFLEX35 --at midsides --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_digitised
+    from orip.workflow.digitise.record_marks import digitise_fiducials
 
-        setup = instrument.setup(invocation, marks.log)
-        found = digitise_fiducials(setup, camera, arrangement, marks.stage, names or ())
-        tell_digitised(invocation.terminal, "digitise fiducials", found)
+    setup = instrument.setup(invocation, marks.log)
+    found = digitise_fiducials(setup, camera, arrangement, marks.stage, names or ())
+    tell_digitised(invocation.terminal, "digitise fiducials", found)
 
 
-def _register_ticks(group: typer.Typer) -> None:
-    @command(group, "ticks")
-    def ticks_command(
-        invocation: Invocation,
-        temtick: Annotated[str, typer.Argument(metavar="TEMTICK")],
-        instrument: Instrument,
-        marks: RecordMarks,
-        names: NamesArgument = None,
-    ) -> None:
-        """Digitise the tick marks of templates, for their temtick record; plate coordinates are taken as they are.
+def ticks_command(
+    invocation: Invocation,
+    temtick: Annotated[str, typer.Argument(metavar="TEMTICK")],
+    instrument: Instrument,
+    marks: RecordMarks,
+    names: NamesArgument = None,
+) -> None:
+    """Digitise the tick marks of templates, for their temtick record; plate coordinates are taken as they are.
 
-        Example: orip digitise ticks SHEET --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_digitised
-        from orip.workflow.digitise.record_marks import digitise_ticks
+    Example: orip digitise ticks SHEET --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_digitised
+    from orip.workflow.digitise.record_marks import digitise_ticks
 
-        setup = instrument.setup(invocation, marks.log)
-        found = digitise_ticks(setup, temtick, marks.stage, names or ())
-        tell_digitised(invocation.terminal, "digitise ticks", found)
+    setup = instrument.setup(invocation, marks.log)
+    found = digitise_ticks(setup, temtick, marks.stage, names or ())
+    tell_digitised(invocation.terminal, "digitise ticks", found)
 
 
-def _register_ground(group: typer.Typer) -> None:
-    @command(group, "ground")
-    def ground_command(
-        invocation: Invocation,
-        instrument: Instrument,
-        model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
-        names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
-        target: Annotated[
-            Literal["PNT", "PRE"], typer.Option("--to", help="Control points or preliminary coordinates.")
-        ] = "PRE",
-        error: Annotated[float | None, typer.Option("--error", help="A-priori error of control points.")] = None,
-        first: Annotated[
-            str | None, typer.Option("--first", metavar="NAME", help="Number points: 1000, 1001 ...")
-        ] = None,
-        listed: ListOption = None,
-        bundle: BundleOption = None,
-    ) -> None:
-        """Take ground coordinates from a model of the last adjustment.
+def ground_command(
+    invocation: Invocation,
+    instrument: Instrument,
+    model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
+    names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
+    target: Annotated[
+        Literal["PNT", "PRE"], typer.Option("--to", help="Control points or preliminary coordinates.")
+    ] = "PRE",
+    error: Annotated[float | None, typer.Option("--error", help="A-priori error of control points.")] = None,
+    first: Annotated[str | None, typer.Option("--first", metavar="NAME", help="Number points: 1000, 1001 ...")] = None,
+    listed: ListOption = None,
+    bundle: BundleOption = None,
+) -> None:
+    """Take ground coordinates from a model of the last adjustment.
 
-        Example: orip digitise ground --model 1-1 --first 5000 --link tcp://127.0.0.1:4788
-        """
-        from orip.cli.digitise.output import tell_ground
-        from orip.workflow.digitise.ground import GroundChoice, digitise_ground
+    Example: orip digitise ground --model 1-1 --first 5000 --link tcp://127.0.0.1:4788
+    """
+    from orip.cli.digitise.output import tell_ground
+    from orip.workflow.digitise.ground import GroundChoice, digitise_ground
 
-        setup = instrument.setup(invocation, LOG)
-        choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
-        tell_ground(invocation.terminal, digitise_ground(setup, bundle, choice))
+    setup = instrument.setup(invocation, LOG)
+    choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)
+    tell_ground(invocation.terminal, digitise_ground(setup, bundle, choice))
 
 
 def _marks(words: list[str] | None) -> list[MarkChoice]:

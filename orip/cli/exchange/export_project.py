@@ -30,6 +30,9 @@ def register(app: typer.Typer) -> None:
         original: Annotated[
             Path | None, typer.Option("--original", metavar="PATH", help="Write the result into a copy of this one.")
         ] = None,
+        exact_distortion: Annotated[
+            bool, typer.Option("--exact-distortion", help="Correct measurements for what the format's cameras lack.")
+        ] = False,
         list_formats: Annotated[bool, typer.Option("--list", help="List the formats that are written.")] = False,
     ) -> None:
         """Write the result of the last adjustment in the format of another program.
@@ -48,7 +51,8 @@ def register(app: typer.Typer) -> None:
         folder = invocation.folder
         state = read_bundle(folder, bundle, *EXPORTED_FROM)
         given = None if target is None else folder / target
-        exported = export(state, format_name, given, None if original is None else folder / original)
+        source = None if original is None else folder / original
+        exported = export(state, format_name, given, source, corrects_distortion=exact_distortion)
         write_export(exported)
         tell_export(invocation.terminal, exported)
 

@@ -29,7 +29,7 @@ class SourceOptions(NamedTuple):
         str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Size of images, where no file says it.")
     ] = None
     exact_distortion: Annotated[
-        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera does not hold.")
+        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera cannot represent.")
     ] = False
     hold_cameras: Annotated[bool, typer.Option("--hold-cameras", help="Do not adjust cameras.")] = False
     precision: Annotated[
@@ -136,7 +136,7 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         terminal.point("note", note)
     if not is_last:
         return
-    terminal.point("wrote", f"{folder}: {', '.join(imported.content.texts)}")
+    terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
     terminal.point("next", f"orip -C {quoted} run", "bold")
     if terminal.json:
@@ -153,6 +153,6 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
                 "reprojection_rms": block.found.rms if has_residuals else None,
                 "stated_error": None if stated is None else {"of": stated.of, "value": stated.value},
                 "notes": list(imported.content.notes),
-                "files": list(imported.content.texts),
+                "files": list(imported.file_names),
             }
         )

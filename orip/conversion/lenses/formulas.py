@@ -24,6 +24,12 @@ def opencv_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
     return p["fx"] * to_x + p["cx"], p["fy"] * to_y + p["cy"]
 
 
+def agisoft_fisheye_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return image coordinates by the fisheye camera of Metashape: equidistant coordinates in place of tangents."""
+    factor, _ = _by_angle(x, y)
+    return agisoft_image(p, x * factor, y * factor)
+
+
 def agisoft_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
     """Return image coordinates by the frame camera of Metashape (user manual, appendix on camera models)."""
     s = x * x + y * y
@@ -69,14 +75,18 @@ def division_direction(p: Parameters, u: Array, v: Array) -> tuple[Array, Array]
 
 def equidistant_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
     """Return image coordinates by the equidistant projection with a polynomial of the angle (OpenCV's fisheye)."""
+    by_angle, t = _by_angle(x, y)
+    factor = by_angle * (1.0 + t * (p["k1"] + t * (p["k2"] + t * (p["k3"] + t * p["k4"]))))
+    return p["fx"] * x * factor + p["cx"], p["fy"] * y * factor + p["cy"]
+
+
+def _by_angle(x: Array, y: Array) -> tuple[Array, Array]:
+    """Return the angle from the axis of tangents x, y divided by their length, and the square of the angle."""
     s = x * x + y * y
     is_centre = s == 0.0
     radius = np.sqrt(np.where(is_centre, 1.0, s))
     angle = np.arctan(radius)
-    t = angle * angle
-    bent = angle * (1.0 + t * (p["k1"] + t * (p["k2"] + t * (p["k3"] + t * p["k4"]))))
-    factor = np.where(is_centre, 1.0, bent / radius)
-    return p["fx"] * x * factor + p["cx"], p["fy"] * y * factor + p["cy"]
+    return np.where(is_centre, 1.0, angle / radius), np.where(is_centre, 0.0, angle * angle)
 
 
 def _lengths_distortion(p: Parameters, radial: tuple[str, ...], u: Array, v: Array) -> tuple[Array, Array]:

@@ -6,6 +6,8 @@ from orip.records.exchanged import ExchangedCamera
 from orip.records.project.camera import CAMERA_PARAMETERS
 
 _RADIAL = ("A3", "A5", "A7")
+_HIGH_RADIAL = ("k4", "k5", "k6", "c4", "c5")
+"""Radial terms beyond those of most lenses; with any of them A9 is estimated, too."""
 
 _SAME = {
     "f": ("C",), "fx": ("C",), "fy": ("C",), "cx": ("DX",), "cy": ("DY",),
@@ -25,7 +27,7 @@ def unknown_parameters(camera: ExchangedCamera, *, is_exact: bool) -> tuple[str,
     found: set[str] = set()
     for name in camera.free:
         if not is_exact and name[0] in "kca" and name[1:].isdigit():
-            found.update(_RADIAL)
+            found.update((*_RADIAL, "A9") if name in _HIGH_RADIAL else _RADIAL)
         elif camera.lens == "opencv" and name in {"p1", "p2"}:
             found.add("P2" if name == "p1" else "P1")
         else:

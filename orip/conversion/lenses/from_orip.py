@@ -41,7 +41,13 @@ class LensOfCamera:
     residuals: FloatArray
 
 
-def lens_of_polynomial(polynomial: Polynomial, lens: Lens, directions: FloatArray, image: FloatArray) -> LensOfCamera:
+def lens_of_polynomial(
+    polynomial: Polynomial,
+    lens: Lens,
+    directions: FloatArray,
+    image: FloatArray,
+    terms: tuple[str, ...] | None = None,
+) -> LensOfCamera:
     """Return the parameters of a lens that images directions where a camera does.
 
     Parameters
@@ -52,10 +58,13 @@ def lens_of_polynomial(polynomial: Polynomial, lens: Lens, directions: FloatArra
         One whose formula gives image coordinates, or ``measured``.
     directions, image : arrays (n, 2)
         Over the frame.
+    terms : tuple of str, or None
+        Parameters that may differ from 0; None: all.
     """
     formula = LENSES[lens]
+    allowed = formula.names if terms is None else terms
     start = dict.fromkeys(formula.names, 0.0)
-    start |= {name: value for name, value in _CLOSED[lens](polynomial).items() if name in start}
+    start |= {name: value for name, value in _CLOSED[lens](polynomial).items() if name in allowed}
 
     def misfit(values: Mapping[str, Any]) -> Any:
         given, wanted = (image, directions) if formula.gives_directions else (directions, image)
@@ -65,13 +74,14 @@ def lens_of_polynomial(polynomial: Polynomial, lens: Lens, directions: FloatArra
     residuals = misfit(start)
     if np.abs(residuals).max() <= _EXACT * np.abs(image).max():
         return LensOfCamera(start, np.zeros_like(residuals))
-    fitted = _fitted(start, misfit)
+    fitted = _fitted(start, tuple(name for name in allowed if name not in _NOT_FITTED), misfit)
     return LensOfCamera(fitted, misfit(fitted))
 
 
-def _fitted(start: Mapping[str, float], misfit: Callable[[Mapping[str, Any]], Any]) -> dict[str, float]:
+def _fitted(
+    start: Mapping[str, float], names: tuple[str, ...], misfit: Callable[[Mapping[str, Any]], Any]
+) -> dict[str, float]:
     """Return the parameters with the least sum of squared misfits, by Gauss-Newton steps from a start nearby."""
-    names = [name for name in start if name not in _NOT_FITTED]
     values = dict(start)
     with np.errstate(all="ignore"):  # a step may go too far; the next ones come back, or nothing is changed
         for _ in range(_STEPS):
@@ -156,4 +166,5 @@ _CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
     "isp": _pinhole,
     "division": _pinhole,
     "equidistant": _equidistant,
+    "agisoft_fisheye": _agisoft,
 }

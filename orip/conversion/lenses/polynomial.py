@@ -61,7 +61,7 @@ def parameters_from_polynomial(
     """
     unit = pixel_mm if axes.unit == "pixel" else 1.0
     up = 1.0 if axes.y == "up" else -1.0
-    middle = _middle(axes, frame)
+    middle = middle_of_frame(axes, frame)
     found = {
         "C": polynomial.c * unit,
         "DX": (polynomial.point[0] - middle[0]) * unit,
@@ -79,7 +79,7 @@ def polynomial_from_parameters(
     """Return the polynomial in other axes of orip's camera parameters, the inverse of `parameters_from_polynomial`."""
     unit = pixel_mm if axes.unit == "pixel" else 1.0
     up = 1.0 if axes.y == "up" else -1.0
-    middle = _middle(axes, frame)
+    middle = middle_of_frame(axes, frame)
     given = dict(zip(CAMERA_PARAMETERS, parameters, strict=True))
     c, dx, dy = (given.pop(name) for name in ("C", "DX", "DY"))
     coefficients = {
@@ -89,7 +89,7 @@ def polynomial_from_parameters(
     return Polynomial(c / unit, (dx / unit + middle[0], up * dy / unit + middle[1]), coefficients, at_measured)
 
 
-def _middle(axes: ImageAxes, frame: tuple[int, int]) -> tuple[float, float]:
+def middle_of_frame(axes: ImageAxes, frame: tuple[int, int]) -> tuple[float, float]:
     """Return where the middle of the frame is in axes in pixels."""
     if axes.origin == "frame_centre":
         return 0.0, 0.0

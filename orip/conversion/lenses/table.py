@@ -68,6 +68,12 @@ LENSES: Mapping[Lens, LensFormula] = {
         exact_forms.equidistant_polynomial,
         projection="equidistant",
     ),
+    "agisoft_fisheye": LensFormula(
+        (*_LENGTHS, "k1", "k2", "k3", "k4", "p3", "p4"),
+        formulas.agisoft_fisheye_image,
+        exact_forms.agisoft_polynomial,
+        projection="equidistant",
+    ),
 }
 
 

@@ -75,7 +75,7 @@ def _priors(connection: sqlite3.Connection) -> PosePriors:
     given = [row for row in rows if row[1] in {_WGS84, _CARTESIAN}]
     systems = {row[1] for row in given}
     if len(systems) != 1:
-        reason = "their coordinate system is not said" if not systems else "they are in two coordinate systems"
+        reason = "their coordinate system is not stated" if not systems else "they are in two coordinate systems"
         return PosePriors(notes=(f"Positions of photos in {DATABASE} are left out: {reason}.",) if rows else ())
     is_geographic = systems == {_WGS84}
     stations = tuple(_stations(given, is_geographic=is_geographic))

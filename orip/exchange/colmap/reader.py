@@ -138,7 +138,7 @@ def _notes(model: ColmapModel, unknown: int) -> list[str]:
     if _has_few_digits(model.points):
         notes.append(
             "Coordinates are large and have six digits, as COLMAP wrote them before version 3.8: export the model "
-            "again, or take its binary files; what is imported is as coarse as that."
+            "again, or use its binary files; what is imported has no more digits."
         )
     return notes
 

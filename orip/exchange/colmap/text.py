@@ -131,7 +131,7 @@ def _camera(fields: Sequence[str]) -> ColmapCamera | str:
         return f"this line has {len(fields)} fields; write ID MODEL COLUMNS ROWS PARAMETERS"
     model = CAMERA_MODELS.get(fields[1])
     if model is None:
-        return f"{shown_token(fields[1])} is no camera model of COLMAP; known are: {', '.join(CAMERA_MODELS)}"
+        return f"{shown_token(fields[1])} is not a camera model of COLMAP; known are: {', '.join(CAMERA_MODELS)}"
     if len(fields) != 4 + len(model.parameters):
         return (
             f"{fields[1]} has {len(model.parameters)} parameters ({' '.join(model.parameters)}), but {len(fields) - 4} "
@@ -143,7 +143,7 @@ def _camera(fields: Sequence[str]) -> ColmapCamera | str:
     parameters = [_number(field) for field in fields[4:]]
     known = [value for value in parameters if value is not None]
     if len(known) < len(parameters):
-        return "a parameter of the camera is no number"
+        return "a parameter of the camera is not a number"
     return ColmapCamera(identity, fields[1], columns, rows, tuple(known))
 
 
@@ -168,7 +168,7 @@ def _image(line: str, keypoints: str) -> ColmapImage | _KeypointFault | str:
     if impossible.any():
         place = int(np.flatnonzero(impossible)[0])
         what = "whole number" if place % 3 == 2 else "number"
-        return _KeypointFault(f"{shown_token(texts[place])} is no {what}", _column(keypoints, place))
+        return _KeypointFault(f"{shown_token(texts[place])} is not a {what}", _column(keypoints, place))
     return ColmapImage(
         identity, tuple(known), camera, fields[9].strip(), table[:, :2].copy(), table[:, 2].astype(np.int64)
     )
@@ -177,7 +177,7 @@ def _image(line: str, keypoints: str) -> ColmapImage | _KeypointFault | str:
 def _impossible_points(
     head: FloatArray, track: FloatArray, numbers: Sequence[int], starts: IntArray, shown: str
 ) -> list[Complaint]:
-    """Return complaints about ids, colours and tracks that are no whole numbers in their limits."""
+    """Return complaints about ids, colours and tracks that are not whole numbers within their limits."""
     with np.errstate(invalid="ignore"):
         whole = np.isfinite(head) & (np.abs(head) <= _LARGEST_WHOLE) & (head == np.floor(head))
         colours = whole[:, 4:7] & (head[:, 4:7] >= 0) & (head[:, 4:7] <= 255)
@@ -200,14 +200,14 @@ def _numbers(texts: Sequence[str]) -> FloatArray:
 def _field_faults(
     texts: Sequence[str], values: FloatArray, starts: Sequence[int], numbers: Sequence[int], shown: str
 ) -> list[Complaint]:
-    """Return complaints about fields that are no numbers; line n has the fields from starts[n] on."""
+    """Return complaints about fields that are not numbers; line n has the fields from starts[n] on."""
     if np.isfinite(values).all():
         return []
     faults = []
     for number, (start, end) in zip(numbers, pairwise(starts), strict=True):
         bad = np.flatnonzero(~np.isfinite(values[start:end]))
         if bad.size:
-            faults.append(Complaint(f"{shown_token(texts[start + int(bad[0])])} is no number", shown, number))
+            faults.append(Complaint(f"{shown_token(texts[start + int(bad[0])])} is not a number", shown, number))
         if len(faults) > MOST_COMPLAINTS:
             break
     return faults

@@ -1,4 +1,4 @@
-"""Points, photos and error ellipses as a GeoPackage (OGC 12-128r18): an SQLite file that GIS programs read."""
+"""Points, photos, lines and areas as a GeoPackage (OGC 12-128r18): an SQLite file that GIS programs read."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import math
 import re
 import sqlite3
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
 from orip.arrays import FloatArray
-from orip.exchange.gis.layers import Layer, ellipses, magnification, photo_layer, point_layer
+from orip.exchange.gis.layers import Layer, Shapes, photo_layer, point_layer, shapes
 from orip.records.exchanged import ExchangedProject
 
 _APPLICATION, _VERSION = 0x47504B47, 10300
 _CARTESIAN = -1
-_POINT_Z, _POLYGON = 1001, 3
+_POINT_Z = 1001
+_KINDS = {"LINESTRING": 2, "POLYGON": 3}
+_WITH_Z = 1000
 
 _TABLES = """
 CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY, organization TEXT NOT NULL,
@@ -38,17 +42,16 @@ _NO_TIME = "1970-01-01T00:00:00.000Z"
 
 
 def write_geopackage(project: ExchangedProject, _original: Path | None) -> Mapping[str, bytes]:
-    """Return one file with the layers points, photos and error ellipses; these have their magnification in the name."""
-    points, photos = point_layer(project), photo_layer(project)
-    factor = magnification(points)
+    """Return one file with a layer for all of a kind; names say how much larger ellipses and vectors are drawn."""
     with closing(sqlite3.connect(":memory:")) as connection:
         connection.execute(f"PRAGMA application_id = {_APPLICATION}")
         connection.execute(f"PRAGMA user_version = {_VERSION}")
         connection.executescript(_TABLES)
         system = _spatial_system(connection, project.crs)
-        for layer in (points, photos):
+        for layer in (point_layer(project), photo_layer(project)):
             _write_layer(connection, layer, system)
-        _write_ellipses(connection, ellipses(points, factor), f"error_ellipses_{factor:g}x", system)
+        for drawn in shapes(project):
+            _write_shapes(connection, drawn, system)
         connection.commit()
         return {"orip.gpkg": connection.serialize()}
 
@@ -81,16 +84,25 @@ def _write_layer(connection: sqlite3.Connection, layer: Layer, system: int) -> N
     )
 
 
-def _write_ellipses(
-    connection: sqlite3.Connection, outlines: Sequence[tuple[str, FloatArray]], name: str, system: int
-) -> None:
-    everywhere = [corner for _, outline in outlines for corner in outline.tolist()]
-    _register(connection, name, "name TEXT", "POLYGON", system, everywhere, has_z=False)
-    rows = [
-        (_geometry(system, _POLYGON, struct.pack("<II", 1, len(outline)) + outline.astype("<f8").tobytes()), point)
-        for point, outline in outlines
-    ]
-    connection.executemany(f'INSERT INTO "{name}" VALUES (NULL, ?, ?)', rows)
+def _write_shapes(connection: sqlite3.Connection, drawn: Shapes, system: int) -> None:
+    everywhere = np.concatenate([place[:, :2] for place in drawn.places]) if drawn.places else np.zeros((0, 2))
+    columns = ", ".join([*(f'"{name}" TEXT' for name in drawn.texts), *(f'"{name}" DOUBLE' for name in drawn.numbers)])
+    _register(connection, drawn.name, columns, drawn.geometry, system, everywhere, has_z=drawn.has_height)
+    kind = _KINDS[drawn.geometry] + (_WITH_Z if drawn.has_height else 0)
+    rings = b"" if drawn.geometry == "LINESTRING" else struct.pack("<I", 1)
+    numbers = [values.tolist() for values in drawn.numbers.values()]
+    marks = ", ".join("?" * (1 + len(drawn.texts) + len(drawn.numbers)))
+    connection.executemany(
+        f'INSERT INTO "{drawn.name}" VALUES (NULL, {marks})',
+        [
+            (
+                _geometry(system, kind, rings + struct.pack("<I", len(place)) + place.astype("<f8").tobytes()),
+                *(words[n] for words in drawn.texts.values()),
+                *(_known(values[n]) for values in numbers),
+            )
+            for n, place in enumerate(drawn.places)
+        ],
+    )
 
 
 def _register(
@@ -99,13 +111,12 @@ def _register(
     columns: str,
     geometry: str,
     system: int,
-    places: FloatArray | Sequence[Sequence[float]],
+    places: FloatArray,
     *,
     has_z: bool,
 ) -> None:
     connection.execute(f'CREATE TABLE "{table}" (fid INTEGER PRIMARY KEY AUTOINCREMENT, geom {geometry}, {columns})')
-    x, y = [place[0] for place in places], [place[1] for place in places]
-    box = [float(limit(values)) if values else None for limit in (min, max) for values in (x, y)]
+    box = [float(value) for limit in (np.min, np.max) for value in limit(places, axis=0)] if len(places) else [None] * 4
     connection.execute(
         "INSERT INTO gpkg_contents VALUES (?, 'features', ?, '', ?, ?, ?, ?, ?, ?)",
         (table, table, _NO_TIME, *box, system),

@@ -1,9 +1,15 @@
-"""What is drawn of a result: points and photos with their standard deviations, error ellipses."""
+"""What is drawn of a result: points and photos with their standard deviations, and lines and areas that belong to them.
+
+Error ellipses and residual vectors are drawn larger by a power of ten, which is in the name of their layer. Residual
+vectors go from the given place of a control or check point to the adjusted one.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +21,9 @@ READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 
 POINT_COLUMNS = ("X", "Y", "Z", "sX", "sY", "sZ", "semi_major", "semi_minor", "direction", "residual_px")
 PHOTO_COLUMNS = ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0", "OMEGA", "PHI", "KAPPA")
+
+MOST_RAYS = 100_000
+"""Of blocks with more, the rays of tie points are not drawn."""
 
 _CORNERS = 36
 _OF_EXTENT = 0.01
@@ -50,19 +59,127 @@ def photo_layer(project: ExchangedProject) -> Layer:
     return Layer("photos", PHOTO_COLUMNS, tuple(photo.name for photo in photos), values)
 
 
-def magnification(points: Layer) -> float:
-    """Return the power of ten by which error ellipses are drawn larger: to about a hundredth of the block."""
-    axes = points.values[:, POINT_COLUMNS.index("semi_major")]
-    axes = axes[np.isfinite(axes) & (axes > 0.0)]
-    if not axes.size:
+@dataclass(frozen=True, slots=True)
+class Shapes:
+    """Lines or closed areas.
+
+    Parameters
+    ----------
+    name : str
+        With the factor by which they are drawn larger, if they are.
+    geometry : {"LINESTRING", "POLYGON"}
+    places : tuple of arrays (k, 2) or (k, 3)
+    texts : mapping of str to tuple of str
+        Columns of names.
+    numbers : mapping of str to array
+    """
+
+    name: str
+    geometry: Literal["LINESTRING", "POLYGON"]
+    places: tuple[FloatArray, ...]
+    texts: Mapping[str, tuple[str, ...]]
+    numbers: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @property
+    def has_height(self) -> bool:
+        """Return whether places have three coordinates."""
+        return bool(self.places) and self.places[0].shape[1] == 3
+
+
+def shapes(project: ExchangedProject) -> tuple[Shapes, ...]:
+    """Return all lines and areas of a result; error ellipses are always among them."""
+    points = point_layer(project)
+    return (
+        _error_ellipses(points),
+        *(drawn for drawn in (_footprints(project), _residual_vectors(project), _rays(project)) if drawn.places),
+    )
+
+
+def point_kinds(project: ExchangedProject) -> tuple[str, ...]:
+    """Return what each point is: control, check, rejected or tie."""
+    kinds = {point.name: point.kind for point in project.control}
+    return tuple(
+        "tie" if is_track else kinds.get(name, "tie")
+        for name, is_track in zip(project.points.names, project.points.is_track.tolist(), strict=True)
+    )
+
+
+def _footprints(project: ExchangedProject) -> Shapes:
+    shown = [photo for photo in project.photos if photo.footprint]
+    places = tuple(np.array([*photo.footprint, photo.footprint[0]]) for photo in shown)
+    return Shapes("footprints", "POLYGON", places, {"name": tuple(photo.name for photo in shown)})
+
+
+def _residual_vectors(project: ExchangedProject) -> Shapes:
+    """Return lines from given to adjusted places; a coordinate that is not given counts as it was adjusted."""
+    place = {
+        name: n
+        for n, (name, is_track) in enumerate(zip(project.points.names, project.points.is_track.tolist(), strict=True))
+        if not is_track
+    }
+    used = [point for point in project.control if point.name in place]
+    adjusted = project.points.coordinates[[place[point.name] for point in used]].reshape(-1, 3)
+    given = np.array(
+        [[np.nan if value is None else value for value in point.coordinates] for point in used], dtype=np.float64
+    ).reshape(-1, 3)
+    vectors = adjusted - given
+    start = np.where(np.isfinite(given), given, adjusted)
+    drawn = np.where(np.isfinite(vectors), vectors, 0.0)
+    factor = _power_of_ten(np.hypot(drawn[:, 0], drawn[:, 1]), project.points.coordinates)
+    lines = tuple(np.stack([start[n], start[n] + factor * drawn[n]]) for n in range(len(used)))
+    return Shapes(
+        f"residual_vectors_{factor:g}x",
+        "LINESTRING",
+        lines,
+        {"name": tuple(point.name for point in used), "kind": tuple(point.kind for point in used)},
+        dict(zip(("vX", "vY", "vZ"), vectors.T, strict=True)),
+    )
+
+
+def _rays(project: ExchangedProject) -> Shapes:
+    """Return lines from projection centres to points, those of measurements that are used."""
+    rays, points = project.rays, project.points
+    chosen = rays.is_active & np.isfinite(points.coordinates[rays.point]).all(axis=1)
+    if chosen.sum() > MOST_RAYS:
+        is_tie = np.array([kind == "tie" for kind in point_kinds(project)], dtype=np.bool_)
+        chosen &= ~is_tie[rays.point]
+    rows = [row for row in np.flatnonzero(chosen).tolist() if project.photos[rays.photo[row]].position]
+    return Shapes(
+        "rays",
+        "LINESTRING",
+        tuple(
+            np.array([project.photos[rays.photo[row]].position, points.coordinates[rays.point[row]]]) for row in rows
+        ),
+        {
+            "point": tuple(points.names[rays.point[row]] for row in rows),
+            "photo": tuple(project.photos[rays.photo[row]].name for row in rows),
+        },
+    )
+
+
+def _power_of_ten(lengths: FloatArray, places: FloatArray) -> float:
+    """Return the power of ten that takes the median of lengths to about a hundredth of the extent of places."""
+    known = lengths[np.isfinite(lengths) & (lengths > 0.0)]
+    if not known.size:
         return 1.0
-    extent = float(np.ptp(points.values[:, :2], axis=0).max())
-    wanted = _OF_EXTENT * extent / float(np.median(axes))
+    extent = float(np.ptp(places[np.isfinite(places).all(axis=1), :2], axis=0).max())
+    wanted = _OF_EXTENT * extent / float(np.median(known))
     return 10.0 ** round(math.log10(wanted)) if wanted > 0.0 else 1.0
 
 
-def ellipses(points: Layer, factor: float) -> list[tuple[str, FloatArray]]:
-    """Return the outlines (37, 2), closed, of the error ellipses that are known, by the names of the points."""
+def _error_ellipses(points: Layer) -> Shapes:
+    """Return the outlines (37, 2), closed, of the error ellipses that are known."""
+    factor = _power_of_ten(points.values[:, POINT_COLUMNS.index("semi_major")], points.values[:, :3])
+    found = _outlines(points, factor)
+    return Shapes(
+        f"error_ellipses_{factor:g}x",
+        "POLYGON",
+        tuple(outline for _, outline in found),
+        {"name": tuple(name for name, _ in found)},
+    )
+
+
+def _outlines(points: Layer, factor: float) -> list[tuple[str, FloatArray]]:
     angles = np.linspace(0.0, 2.0 * math.pi, _CORNERS + 1)
     found = []
     start = POINT_COLUMNS.index("semi_major")

@@ -53,7 +53,7 @@ def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None
 
 
 def read_lens_file(path: Path, faults: Faults) -> ExchangedCamera | None:
-    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is none."""
+    """Return the camera of a calibration exported by itself; None, and complaints kept, if it is not one."""
     root = read_xml(path, faults)
     if root is None:
         return None
@@ -105,18 +105,8 @@ def calibrated(
         return None
     value["cx"] += size[0] / 2.0
     value["cy"] += size[1] / 2.0
-    if kind == "frame":
-        return ExchangedCamera(name, *size, "agisoft", value, kind)
-    lens, parameters = _fisheye(value)
-    return ExchangedCamera(name, *size, lens, parameters, kind)
-
-
-def _fisheye(value: dict[str, float]) -> tuple[Lens, dict[str, float]]:
-    """Return an equidistant camera; decentring and affinity of one have no counterpart."""
-    if any(value[name] for name in (*_DECENTRING, *_AFFINE)):
-        return "unsupported", {}
-    plane = {"fx": value["f"], "fy": value["f"], "cx": value["cx"], "cy": value["cy"]}
-    return "equidistant", plane | {name: value[name] for name in _RADIAL}
+    lens: Lens = "agisoft" if kind == "frame" else "agisoft_fisheye"
+    return ExchangedCamera(name, *size, lens, value, kind)
 
 
 def _of_photoscan(

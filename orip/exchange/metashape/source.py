@@ -1,4 +1,4 @@
-"""A project of Metashape as cameras XML, with markers in the same document or in one beside it."""
+"""A project of Metashape: exported cameras and markers (XML), or the project itself with its tie points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from pathlib import Path
 
 from orip.errors import Complaint
 from orip.exchange.metashape.chunk import ChunkReader, Marker, chunk_of
+from orip.exchange.metashape.project_files import TieCloud, is_project, read_project_chunk
 from orip.exchange.metashape.sensors import read_sensor
+from orip.exchange.metashape.ties import add_ties
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
@@ -24,19 +26,35 @@ _BEGINNING = 2000
 
 
 def is_metashape(source: Path) -> bool:
-    """Return whether a file begins as a document of Metashape does, or a folder has cameras.xml."""
+    """Return whether a file is a project or begins as an exported document does, or a folder has cameras.xml."""
     path = source / "cameras.xml" if source.is_dir() else source
+    if is_project(path):
+        return True
     text = beginning(path, _BEGINNING) if path.suffix.lower() == ".xml" else ""
     return "<document" in text and "<chunk" in text
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """The chunk of a document, read."""
+    """The chunk of a document, read.
+
+    Parameters
+    ----------
+    chunk : ChunkReader
+    element : XmlElement
+    fields : XmlFields
+    frames : tuple of (XmlElement, XmlFields)
+        With the measurements of markers, and the document that each of them is in.
+    ties : TieCloud or None
+    notes : tuple of str
+    """
 
     chunk: ChunkReader
     element: XmlElement
     fields: XmlFields
+    frames: tuple[tuple[XmlElement, XmlFields], ...]
+    ties: TieCloud | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read_document(path: Path, faults: Faults) -> Document | None:
@@ -44,20 +62,37 @@ def read_document(path: Path, faults: Faults) -> Document | None:
     root = read_xml(path, faults)
     fields = XmlFields(faults)
     element = None if root is None else chunk_of(root, fields)
-    return None if element is None else Document(ChunkReader(element, fields), element, fields)
+    if element is None:
+        return None
+    frames = tuple((frame, fields) for frame in element.within("frame"))
+    return Document(ChunkReader(element, fields), element, fields, frames)
+
+
+def read_project(path: Path, faults: Faults) -> Document | None:
+    """Return the chunk of a project, `.psx` or `.psz`; None, and complaints kept, if it cannot be read."""
+    found = read_project_chunk(path, faults)
+    if found is None:
+        return None
+    frames = () if found.frame is None else (found.frame,)
+    chunk = ChunkReader(found.element, found.fields)
+    return Document(chunk, found.element, found.fields, frames, found.ties, found.notes)
 
 
 def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
-    """Read cameras (``Export Cameras``, Agisoft XML), and markers from it or from ``markers.xml`` beside it."""
+    """Read a project (`.psx`, `.psz`), or cameras (``Export Cameras``, Agisoft XML) with markers.
+
+    Markers are in the document of the cameras, or in ``markers.xml`` beside it.
+    """
     path = source / "cameras.xml" if source.is_dir() else source
     named = f"{shown}/cameras.xml" if source.is_dir() else shown
     complaints: list[Complaint] = []
-    document = read_document(path, Faults(named, complaints))
+    read = read_project if is_project(path) else read_document
+    document = read(path, Faults(named, complaints))
     if document is None:
         return Parsed(None, tuple(complaints))
     beside = path.with_name(_MARKERS)
     other = None
-    if not any(document.element.within("marker")) and beside.is_file() and beside != path:
+    if read is read_document and not any(document.element.within("marker")) and beside.is_file() and beside != path:
         other = read_document(beside, Faults(str(Path(named).with_name(_MARKERS)), complaints))
     project = project_of(document, other or document)
     if project is None and not complaints:
@@ -68,7 +103,7 @@ def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
 def project_of(document: Document, markers: Document) -> ExchangedProject | None:
     """Return the project of a document and of one with its markers; None if no photo of it is oriented."""
     chunk = document.chunk
-    notes: list[str] = []
+    notes = list(document.notes)
     cameras, places = _cameras(document)
     photos, keys = _photos(document, places, notes)
     if not photos:
@@ -76,6 +111,8 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
     points, rays = CollectedPoints(), CollectedRays()
     found = markers.chunk.markers()
     _add_markers(markers, found, keys, points, rays, notes)
+    if document.ties is not None:
+        notes += add_ties(document.ties, chunk, keys, points, rays)
     distances, lost = markers.chunk.distances({str(marker.key): marker.name for marker in found})
     if lost:
         notes.append(f"{counted(lost, 'scale bar')} between other things than two markers, left out.")
@@ -147,10 +184,9 @@ def _add_markers(
 ) -> None:
     """Add the projections of markers that were placed or confirmed by hand."""
     names = {marker.key: marker.name for marker in markers}
-    fields = document.fields
     deviation = document.chunk.accuracies.projections or float("nan")
     left_out = 0
-    for frame in document.element.within("frame"):
+    for frame, fields in document.frames:
         for element in frame.within("marker"):
             key = fields.attribute_whole(element, "marker_id") if "marker_id" in element.attributes else None
             if key is None or key not in names:

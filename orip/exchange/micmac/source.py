@@ -88,7 +88,7 @@ def _read_first(folder: Path, reading: _Reading) -> ExchangedProject:
         faults = Faults(reading.of(path).shown)
         document = read_xml(path, faults)
         if document is None:
-            reading.notes.append(f"{path.name} is no XML and was not read.")
+            reading.notes.append(f"{path.name} is not XML and was not read.")
         elif document.tag in ("DicoAppuisFlottant", "SetOfMesureAppuisFlottants"):
             ground += version1.ground_points(document, reading.of(path))
             marks += version1.photo_marks(document, reading.of(path))

@@ -158,7 +158,7 @@ def _pose(owner: dict[str, Any]) -> tuple[Any, Any]:
 
 
 def _kept(old: Any, new: Any) -> list[float]:
-    """Return the old numbers if the new ones are equal but for rounding."""
+    """Return the old numbers if the new ones are equal up to rounding."""
     return list(old) if _is_same(old, new) else list(new)
 
 

@@ -35,7 +35,7 @@ class Faults:
             self.complaints.append(Complaint(printable(message), self.shown, line, column))
 
     def decimal(self, word: str, what: str, line: int | None) -> float:
-        """Return a word as a number; NaN, and a complaint kept, if it is none."""
+        """Return a word as a number; NaN, and a complaint kept, if it is not one."""
         try:
             return parse_number(word)
         except ValueError as fault:
@@ -53,7 +53,7 @@ class Faults:
         return None if any(map(math.isnan, values)) else values
 
     def whole(self, word: str, what: str, line: int | None, least: int = 0) -> int | None:
-        """Return a word as a whole number; None, and a complaint kept, if it is none or less than `least`."""
+        """Return a word as a whole number; None, and a complaint kept, if it is not one or less than `least`."""
         text = word.strip()
         if (
             text.removeprefix("-").isascii()
@@ -63,5 +63,5 @@ class Faults:
             number = int(text)
             if number >= least:
                 return number
-        self.complain(f"{what}: '{shown_token(word)}' is no whole number from {least} on; correct it", line)
+        self.complain(f"{what}: '{shown_token(word)}' is not a whole number from {least} on; correct it", line)
         return None

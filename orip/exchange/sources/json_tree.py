@@ -121,9 +121,9 @@ def read_json(path: Path, faults: Faults) -> JsonValue | None:
     try:
         return JsonValue(json.loads(data), JsonText(data, faults))
     except json.JSONDecodeError as fault:
-        faults.complain(f"this is no JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
+        faults.complain(f"this is not JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
     except UnicodeDecodeError as fault:
-        faults.complain("this is no JSON (not UTF-8); save it as UTF-8", data.count(b"\n", 0, fault.start) + 1)
+        faults.complain("this is not JSON (not UTF-8); save it as UTF-8", data.count(b"\n", 0, fault.start) + 1)
     except (RecursionError, ValueError):
-        faults.complain("this is no JSON of a known kind (nested too deeply, or a number too long)", 1)
+        faults.complain("this is not JSON of a known kind (nested too deeply, or a number too long)", 1)
     return None

@@ -13,7 +13,7 @@ _QUOTED = re.compile(r'"([^"]*)"|(\S+)')
 
 
 def text_lines(path: Path, faults: Faults) -> list[str]:
-    """Return the lines of a text; bytes that are no UTF-8 are read as Windows' western characters.
+    """Return the lines of a text; bytes that are not UTF-8 are read as Windows' western characters.
 
     Names of photos come from programs and systems of all kinds; all else in these texts is ASCII.
     """

@@ -128,7 +128,7 @@ def xml_of(
         faults.complain(str(fault), parser.CurrentLineNumber)
         return None
     except expat.ExpatError as fault:
-        message = f"this is no XML ({expat.ErrorString(fault.code)}); export the file again"
+        message = f"this is not XML ({expat.ErrorString(fault.code)}); export the file again"
         faults.complain(message, fault.lineno, fault.offset + 1)
         return None
     except (LookupError, ValueError) as fault:
@@ -166,7 +166,7 @@ class XmlFields:
         return None if found is None else found[0]
 
     def optional(self, element: XmlElement, path: str, missing: float = 0.0) -> float:
-        """Return the number of a descendant; `missing` where there is none, or where it is no number."""
+        """Return the number of a descendant; `missing` where there is none, or where it is not a number."""
         if element.child(path) is None:
             return missing
         found = self.decimal(element, path)
@@ -181,7 +181,7 @@ class XmlFields:
         return value
 
     def attribute_decimal(self, element: XmlElement, name: str) -> float | None:
-        """Return the number of a required attribute; None, and a complaint kept, if it is none."""
+        """Return the number of a required attribute; None, and a complaint kept, if it is not one."""
         value = self.attribute(element, name)
         if value is None:
             return None
@@ -189,7 +189,7 @@ class XmlFields:
         return None if found is None else found[0]
 
     def attribute_whole(self, element: XmlElement, name: str, least: int = 0) -> int | None:
-        """Return the whole number of a required attribute; None, and a complaint kept, if it is none."""
+        """Return the whole number of a required attribute; None, and a complaint kept, if it is not one."""
         value = self.attribute(element, name)
         return None if value is None else self.faults.whole(value, f"'{name}' of <{element.tag}>", element.line, least)
 

@@ -55,7 +55,7 @@ def _read_row(reader: RowReader, row: Row) -> tuple[float, ...] | None:
     time = seconds_of_week_time(float(week[1]), seconds) if week else math.nan
     if math.isnan(time) and not math.isnan(seconds):
         reader.complain(
-            f"'{shown_token(row.fields[1])} {shown_token(row.fields[2])}' is no time; write seconds and [GPS week]",
+            f"'{shown_token(row.fields[1])} {shown_token(row.fields[2])}' is not a time; write seconds and [GPS week]",
             row, 1,
         )  # fmt: skip
     north, east, down = (reader.number(row, tags[tag] - 1, -1e5, 1e5) / 1000.0 for tag in "NEV")

@@ -47,7 +47,7 @@ class RowReader:
         self.complaints.append(Complaint(printable(message), self.shown, row.number, column))
 
     def number(self, row: Row, index: int, least: float = -math.inf, largest: float = math.inf) -> float:
-        """Return a field that is a number within limits; NaN, and a complaint kept, if it is none."""
+        """Return a field that is a number within limits; NaN, and a complaint kept, if it is not one."""
         try:
             value = parse_number(row.fields[index])
         except ValueError as fault:
@@ -68,7 +68,7 @@ class RowReader:
 def text_rows(path: Path, reader: RowReader, separators: str = r"\s") -> Iterator[Row]:
     """Iterate over the lines of a file that have fields, comments included.
 
-    Bytes that are no UTF-8 are replaced: they stand in paths and comments alone.
+    Bytes that are not UTF-8 are replaced: they stand in paths and comments alone.
     """
     data, complaints = read_bytes(path, reader.shown)
     reader.complaints += complaints

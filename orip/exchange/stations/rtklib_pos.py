@@ -125,7 +125,7 @@ def _time(reader: RowReader, row: Row, form: _Form) -> float:
         seconds = seconds_of_week_time(reader.number(row, 0), reader.number(row, 1))
     if math.isnan(seconds):
         shown = shown_token(f"{row.fields[0]} {row.fields[1]}")
-        reader.complain(f"'{shown}' is no time; write yyyy/mm/dd hh:mm:ss.sss, or the GPS week and its seconds", row, 0)
+        reader.complain(f"'{shown}' is not a time; write yyyy/mm/dd hh:mm:ss.sss, or GPS week and seconds", row, 0)
     return seconds
 
 

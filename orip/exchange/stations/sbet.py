@@ -88,8 +88,8 @@ def _impossible(records: FloatArray, shown: str) -> list[Complaint]:
         fit = (np.isfinite(records) & (np.abs(records) <= limits)).all(axis=1)
     return [
         Complaint(
-            "this record has numbers that are no place, velocity and attitude; the file is damaged, or no SBET of "
-            "little-endian numbers",
+            "this record has numbers that cannot be a place, velocity and attitude; the file is damaged, or not "
+            "an SBET of little-endian numbers",
             shown,
             int(row) + 1,
         )
@@ -104,7 +104,7 @@ def _deviations(path: Path, shown: str, time: FloatArray) -> tuple[FloatArray, F
     with np.errstate(invalid="ignore"):
         fit = (np.isfinite(records) & (records >= 0.0)).all(axis=1)
     complaints += [
-        Complaint("this record has numbers that are no standard deviations", shown, int(row) + 1)
+        Complaint("this record has numbers that cannot be standard deviations", shown, int(row) + 1)
         for row in np.flatnonzero(~fit)[:MOST_COMPLAINTS]
     ]
     if complaints:

@@ -189,7 +189,7 @@ def _time(reader: RowReader, row: Row, index: int) -> float:
     try:
         return seconds_of_date(dated[1], dated[2])
     except (ValueError, OverflowError):
-        reader.complain(f"'{shown_token(written)}' is no time; write seconds, or yyyy-mm-ddThh:mm:ss", row, index)
+        reader.complain(f"'{shown_token(written)}' is not a time; write seconds, or yyyy-mm-ddThh:mm:ss", row, index)
         return math.nan
 
 

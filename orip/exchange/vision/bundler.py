@@ -6,6 +6,7 @@ photos. A camera of bundle.out whose f is 0 was not oriented.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -24,6 +25,9 @@ BAL = PoseReading("y_up", "to_camera", "rotation_vector", "radian", "translation
 AXES = ImageAxes("pixel", "frame_centre", "up")
 
 _HEAD = "# Bundle file"
+_NAME = re.compile(r"(.*?)(?:\s+[0-9]\s+[0-9.eE+-]+)?$", re.DOTALL)
+"""Name of a photo in list.txt, which may be followed by 0 and a focal length."""
+
 _BEGINNING = 200
 _NUMBERS_OF_CAMERA, _NUMBERS_OF_POINT, _NUMBERS_OF_RAY = 9, 3, 4
 _LINES_OF_CAMERA, _LINES_OF_POINT = 5, 3
@@ -53,7 +57,7 @@ def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     found = sum(1 for line in lines if line.strip())
     wanted = 1 + measurements + _NUMBERS_OF_CAMERA * cameras + _NUMBERS_OF_POINT * points
     if found != wanted:
-        faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is not whole", 1)
+        faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is incomplete", 1)
         return Parsed(None, tuple(faults.complaints))
     rays, collected = CollectedRays(), CollectedPoints()
     filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
@@ -115,7 +119,7 @@ def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     cameras, points = (int(count) for count in counts)
     wanted = 2 + _LINES_OF_CAMERA * cameras + _LINES_OF_POINT * points
     if min(cameras, points) < 0 or len(lines) < wanted:
-        faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is not whole", 2)
+        faults.complain(f"{len(lines)} lines, and {wanted} would follow from the counts; the file is incomplete", 2)
         return Parsed(None, tuple(faults.complaints))
     names = _names(source, cameras)
     photos: list[ExchangedPhoto] = []
@@ -171,7 +175,7 @@ def _names(source: Path, count: int) -> list[str]:
     path = source.parent / "list.txt"
     if not path.is_file():
         return [f"photo{n}" for n in range(count)]
-    found = [line.split()[0] for line in text_lines(path, Faults("")) if line.strip()]
+    found = [_NAME.match(line.strip())[1] for line in text_lines(path, Faults("")) if line.strip()]  # type: ignore[index]
     return [found[n] if n < len(found) else f"photo{n}" for n in range(count)]
 
 

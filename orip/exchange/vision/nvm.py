@@ -29,7 +29,7 @@ from orip.records.exchanged import (
 READING = PoseReading("y_down", "to_camera", "quaternion", "radian", "centre")
 
 _HEAD = "NVM_V3"
-_CENTRE = ImageAxes("pixel", "frame_centre", "down")
+CENTRE = ImageAxes("pixel", "frame_centre", "down")
 _FIELDS_OF_CAMERA, _FIELDS_OF_RAY, _FIXED_OF_POINT = 11, 4, 7
 
 
@@ -76,14 +76,14 @@ def read_nvm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     for number in range(lines.count("points")):
         _add_point(lines, number, len(values), points, rays)
     found = rays.rays()
-    axes = PIXELS if _is_from_corner(found) else _CENTRE
+    axes = PIXELS if _is_from_corner(found) else CENTRE
     photos, cameras = [], []
     for number, (name, numbers) in enumerate(item for item in values if item is not None):
         focal, *pose, k, _ = numbers
         parameters = {"f": focal, "cx": 0.0, "cy": 0.0, "k1": k / focal**2}
         cameras.append(
             ExchangedCamera(
-                f"camera{number}", 0, 0, "measured", parameters, "VisualSFM", lens_axes=_CENTRE, ray_axes=axes
+                f"camera{number}", 0, 0, "measured", parameters, "VisualSFM", lens_axes=CENTRE, ray_axes=axes
             )
         )
         photos.append(ExchangedPhoto(name, number, tuple(pose[:4]), tuple(pose[4:7]), key=number))

@@ -44,7 +44,7 @@ class ControlForm:
     errors : tuple of str
         Keys of a-priori errors.
     texts : tuple of str
-        Keys of fields after the identity that are no numbers.
+        Keys of fields after the identity that are not numbers.
     optional : tuple of tuples of str
         Groups of the last keys; any number of groups may be missing from the end.
     dashes : tuple of str

@@ -49,6 +49,7 @@ _SIGNED_CODES = ("X", "Y", "Z")
 _AXES = ("X", "Y", "Z")
 
 Record = TypeVar("Record")
+Content = TypeVar("Content")
 
 
 class _RecordList(Generic[Record]):
@@ -80,17 +81,11 @@ def _read(
     return Parsed(tuple(found.records), (*text.complaints, *found.complaints))
 
 
-def read_points(path: Path, shown: str) -> Parsed[tuple[ControlPoint, ...]]:
+def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
     """Read control points: ``name X Y Z aX aY aZ [x]``, ground units.
 
-    A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point. A file that is
-    absent has no records.
+    A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point.
     """
-    return parse_points(read_lines(path, shown, may_be_absent=True), shown)
-
-
-def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
-    """Read a text as `read_points` reads a file."""
     parsed = _read(text, shown, _read_point)
     lines = {point.name: point.line for point in parsed.value}
     warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
@@ -142,16 +137,8 @@ def _check_dashes(reader: FieldReader, axis: int, dashes: list[bool]) -> None:
     reader.complain(message, 1 + axis if dashes[axis] else 4 + axis)
 
 
-def read_elements(path: Path, shown: str) -> Parsed[tuple[ControlElement, ...]]:
-    """Read control elements: ``name GROUP KIND value a``; angles in degrees, see `ELEMENT_KINDS`.
-
-    A file that is absent has no records.
-    """
-    return parse_elements(read_lines(path, shown, may_be_absent=True), shown)
-
-
 def parse_elements(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlElement, ...]]:
-    """Read a text as `read_elements` reads a file."""
+    """Read control elements: ``name GROUP KIND value a``; angles in degrees, see `ELEMENT_KINDS`."""
     return _read(text, shown, _read_element)
 
 
@@ -178,16 +165,8 @@ def _error_limits(group: ElementGroup, kind: str) -> ErrorLimits:
     return GROUND_ERRORS if kind in {"X0", "Y0", "Z0", *_AXES} else ANGLE_ERRORS
 
 
-def read_distances(path: Path, shown: str) -> Parsed[tuple[ControlDistance, ...]]:
-    """Read distances: ``name from to CODE distance a``, ground units; X, Y and Z are signed (to minus from).
-
-    A file that is absent has no records.
-    """
-    return parse_distances(read_lines(path, shown, may_be_absent=True), shown)
-
-
 def parse_distances(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDistance, ...]]:
-    """Read a text as `read_distances` reads a file."""
+    """Read distances: ``name from to CODE distance a``, ground units; X, Y and Z are signed (to minus from)."""
     return _read(text, shown, _read_distance)
 
 
@@ -216,17 +195,11 @@ def _read_distance(reader: FieldReader, found: _RecordList[ControlDistance]) -> 
     found.add((name, start, end, code), title, record, reader)
 
 
-def read_directions(path: Path, shown: str) -> Parsed[tuple[ControlDirection, ...]]:
+def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
     """Read theodolite directions: ``set station target direction a [zenith a]``, degrees.
 
-    All directions of a set are of one station, because a set has one zero direction. A file that is absent has no
-    records.
+    All directions of a set are of one station, because a set has one zero direction.
     """
-    return parse_directions(read_lines(path, shown, may_be_absent=True), shown)
-
-
-def parse_directions(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlDirection, ...]]:
-    """Read a text as `read_directions` reads a file."""
     parsed = _read(text, shown, _read_direction)
     return Parsed(parsed.value, (*parsed.complaints, *_moved_sets(parsed.value, shown)))
 
@@ -266,6 +239,13 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
     found.add((name, station, target), title, record, reader)
 
 
+def read_control_file(
+    parse: Callable[[Parsed[list[str]], str], Parsed[Content]], folder: Path, name: str
+) -> Parsed[Content]:
+    """Read a file with the function that parses its kind; a file that is absent has no records."""
+    return parse(read_lines(folder / name, name, may_be_absent=True), name)
+
+
 def read_control(folder: Path, base: str) -> Parsed[Control]:
     """Read the control files of a project; those that are absent are empty.
 
@@ -276,13 +256,11 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     base : str
         File name without extension, the project's `control_files`.
     """
-    names = {extension: f"{base}.{extension}" for extension in CONTROL_EXTENSIONS}
-    points = read_points(folder / names["PNT"], names["PNT"])
-    elements = read_elements(folder / names["ELE"], names["ELE"])
-    distances = read_distances(folder / names["LEN"], names["LEN"])
-    directions = read_directions(folder / names["DIR"], names["DIR"])
-    text = read_lines(folder / names["STA"], names["STA"], may_be_absent=True)
-    stations = parse_stations_and_reference(text, names["STA"])
+    points = read_control_file(parse_points, folder, f"{base}.PNT")
+    elements = read_control_file(parse_elements, folder, f"{base}.ELE")
+    distances = read_control_file(parse_distances, folder, f"{base}.LEN")
+    directions = read_control_file(parse_directions, folder, f"{base}.DIR")
+    stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
     texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
     return Parsed(
         Control(points.value, elements.value, distances.value, directions.value, *stations.value),

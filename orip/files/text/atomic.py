@@ -116,7 +116,7 @@ def _replace(path: Path, pieces: Iterable[bytes]) -> None:
 
 
 def _mode_of(path: Path) -> int | None:
-    """Return the permissions of an existing file, None of a new one; refuse what is no file."""
+    """Return the permissions of an existing file, None of a new one; refuse what is not a file."""
     try:
         kind = kind_of_no_file(path.stat())
         if kind is not None:

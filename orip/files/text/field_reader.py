@@ -88,7 +88,7 @@ class FieldReader:
         return text
 
     def decimal(self, index: int) -> float:
-        """Return a field that is a number; NaN, and a complaint kept, if it is none."""
+        """Return a field that is a number; NaN, and a complaint kept, if it is not one."""
         try:
             return parse_number(self.text(index))
         except ValueError as fault:

@@ -35,7 +35,7 @@ class ExchangeSettings:
     frame : tuple of 2 int, or None
         Columns and rows of cameras whose size no file says.
     corrects_distortion : bool
-        Measurements are corrected for what orip's camera does not hold.
+        Measurements are corrected for what orip's camera cannot represent.
     holds_cameras : bool
         Cameras are not adjusted.
     precision : float or None
@@ -62,7 +62,7 @@ class ImportedBlock:
         Of the rays, as orip counts them.
     found : Reprojection
     notes : tuple of str
-        What was lost or taken for granted, a sentence each.
+        What was lost or assumed, a sentence each.
     """
 
     project: ExchangedProject
@@ -195,8 +195,8 @@ def _pixels(
 
 def _coarse(found: Reprojection) -> str:
     return (
-        f"Half of the residuals exceed {found.typical:.0f} px: photos, points and measurements are not of one adjusted "
-        "state, or many of them are wrong."
+        f"Half of the residuals exceed {found.typical:.0f} px: photos, points and measurements do not belong to "
+        "the same adjustment, or many of them are wrong."
     )
 
 
@@ -206,8 +206,8 @@ def _misfit(found: Reprojection) -> str:
     return (
         f"photos and points do not fit the measurements in any reading of the rotations: half of the residuals exceed "
         f"{typical}, where {MOST_COARSE_PX:.0f} px are allowed, and {int(found.is_behind.sum())} of "
-        f"{len(found.is_behind)} rays have their point behind the camera; check whether all files are of one state of "
-        "the project, and of the same images"
+        f"{len(found.is_behind)} rays have their point behind the camera; check that all files belong to the same "
+        "state of the project and to the same images"
     )
 
 
@@ -216,12 +216,12 @@ def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
         if converted.worst_px >= _VISIBLE_PX:
             yield (
                 f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
-                f"the frame it differs by up to {converted.worst_px:.3f} px, in the mean by "
+                f"the frame it differs by up to {converted.worst_px:.3f} px, RMS "
                 f"{converted.rms_px:.3f} px."
             )
     assumed = [converted.camera.name for converted in cameras if converted.size_is_assumed]
     if assumed:
         yield (
-            f"The size of the sensor is not known ({counted(len(assumed), 'camera')}): its larger side counts as "
+            f"The size of the sensor is not known ({counted(len(assumed), 'camera')}): its longer side is taken as "
             "36 mm, and millimetres of the camera are relative to that."
         )

@@ -46,7 +46,12 @@ class ExportedResult:
 
 
 def export(
-    bundle: BundleState, format_name: str | None, target: Path | None, original: Path | None = None
+    bundle: BundleState,
+    format_name: str | None,
+    target: Path | None,
+    original: Path | None = None,
+    *,
+    corrects_distortion: bool = False,
 ) -> ExportedResult:
     """Return the last solution of a bundle in the format of another program; nothing is written.
 
@@ -60,11 +65,14 @@ def export(
         None: named after the format, in the project's folder.
     original : Path or None
         None: where the project was imported from, if it is still there.
+    corrects_distortion : bool
+        Measurements are corrected for what the cameras of the format do not hold; the original, which has others, is
+        not copied.
 
     Raises
     ------
     UsageError
-        If the format is not known, or is read only.
+        If the format is not known, or is read only, or measurements are corrected in a copy of an original.
     InputError
         If the bundle has not been adjusted, or the original is damaged.
     """
@@ -74,12 +82,18 @@ def export(
     if found.write is None or found.conventions is None:
         message = f"the format '{found.name}' is read, not written; 'orip export --list' shows those that are written"
         raise UsageError(message)
-    if original is None and imported is not None and imported.format == found.name and imported.path.exists():
+    if original is not None and corrects_distortion:
+        message = "--original and --exact-distortion exclude each other: the original has the measurements as they were"
+        raise UsageError(message)
+    is_own = imported is not None and imported.format == found.name and not corrects_distortion
+    if original is None and imported is not None and is_own and imported.path.exists():
         original = imported.path
-    project = exchanged_result(bundle, read_names(folder), found.conventions)
+    project = exchanged_result(bundle, read_names(folder), found.conventions, corrects_distortion=corrects_distortion)
     notes = list(project.notes)
-    if original is None and imported is not None and imported.format == found.name:
+    if original is None and imported is not None and is_own:
         notes.append(f"The original ({imported.path}) is not there; what is written has the result alone.")
+    if found.conventions.is_drawn and project.crs is None:
+        notes.append("The project has no crs: coordinates are its own, not longitude and latitude or those of a map.")
     files = found.write(project, original)
     default = folder / (next(iter(files)) if found.is_file else f"{found.name}_adjusted")
     return ExportedResult(found, project, files, target or default, original, tuple(notes))

@@ -8,6 +8,8 @@ from pathlib import Path
 from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import format_named, guessed_format
+from orip.exchange.names_table import SOURCE_FILE, place_from
+from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.new_folder import write_new_folder
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
@@ -36,6 +38,12 @@ class ImportedProject:
     block: ImportedBlock
     content: ImportedTexts
     title: str
+
+    @property
+    def file_names(self) -> tuple[str, ...]:
+        """Return the names of the files of the project folder, orip.toml last."""
+        *names, definition = self.content.texts
+        return (*names, SOURCE_FILE, definition)
 
 
 def read_source(format_name: str | None, source: Path, settings: ExchangeSettings) -> ImportedProject:
@@ -68,7 +76,7 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         raise InputError(parsed.complaints)
     block = imported_block(parsed.value, str(source), settings)
     title = parsed.value.name or _title(source)
-    origin = ImportSource(found.name, str(source.absolute()), title)
+    origin = ImportSource(found.name, source.absolute().name, title)
     return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
 
 
@@ -88,7 +96,15 @@ def write_project(imported: ImportedProject, folder: Path) -> None:
         )
         raise UsageError(message)
     with reporting_failure(str(folder), "name another folder"):
-        write_new_folder(folder, imported.content.texts)
+        write_new_folder(folder, texts_with_source(imported, folder))
+
+
+def texts_with_source(imported: ImportedProject, folder: Path) -> dict[str, str]:
+    """Return the texts of a project folder by their names, orip.toml last, with the place of the original."""
+    texts = dict(imported.content.texts)
+    definition = texts.popitem()
+    original = {"format": imported.format.name, "path": place_from(folder, imported.source)}
+    return {**texts, SOURCE_FILE: toml_table("[source]", original), **dict([definition])}
 
 
 def _title(source: Path) -> str:

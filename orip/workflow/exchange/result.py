@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.conversion.cameras import ExportedCamera, export_camera
+from orip.conversion.cameras import ExportedCamera, UnsuitableCameraError, export_camera
 from orip.conversion.error_ellipses import error_ellipses
-from orip.conversion.image_axes import axes_from_pixels
+from orip.conversion.footprints import footprint
 from orip.conversion.poses import exchanged_poses
 from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
@@ -23,7 +23,7 @@ from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
-from orip.wording import counted
+from orip.wording import counted, counted_names
 from orip.workflow.project.bundle_state import BundleState
 
 _LARGE_MISFIT_PX = 0.001
@@ -47,7 +47,9 @@ class _Adjusted:
     camera_of_photo: Mapping[str, str]
 
 
-def exchanged_result(bundle: BundleState, names: NamesTable, conventions: Conventions) -> ExchangedProject:
+def exchanged_result(
+    bundle: BundleState, names: NamesTable, conventions: Conventions, *, corrects_distortion: bool = False
+) -> ExchangedProject:
     """Return the last solution of a bundle as another program has it; its notes say what is lost.
 
     Parameters
@@ -56,29 +58,40 @@ def exchanged_result(bundle: BundleState, names: NamesTable, conventions: Conven
         With definitions, observations and solutions.
     names : NamesTable
     conventions : Conventions
+    corrects_distortion : bool
+        Measurements are corrected for what the cameras of the format do not hold.
 
     Raises
     ------
     InputError
         If the bundle has not been adjusted.
     UnsuitableCameraError
-        If a camera has no sensor.
+        If a camera has no sensor, or the format has none that comes near enough.
     """
     adjusted = _adjusted(bundle)
-    exported = _cameras(adjusted, names, conventions)
-    notes = [*_notes_on_cameras(exported), *_notes_on_staleness(bundle)]
+    exported = _cameras(adjusted, names, conventions, accepts_any_fit=corrects_distortion)
+    notes = [
+        *_notes_on_cameras(exported, conventions, corrects_distortion=corrects_distortion),
+        *_notes_on_staleness(bundle),
+    ]
     frame = _local_frame(bundle, adjusted.solution) if conventions.is_cartesian else None
     if frame is not None:
         place = ", ".join(f"{value:.3f}" for value in frame.origin)
         notes.append(f"Coordinates are east, north and up at {place} of {bundle.project.definition.crs}.")
-    rays, left_out = _rays(bundle, adjusted, list(exported), conventions)
+    rays, left_out = _rays(bundle, adjusted, exported, conventions, corrects_distortion=corrects_distortion)
     if left_out:
         notes.append(f"{counted(left_out, 'measurement')} left out, as photo or point was not adjusted.")
     definition = bundle.project.definition
+    photos = _photos(adjusted, names, list(exported), conventions, frame)
+    if conventions.is_drawn:
+        photos = _with_footprints(photos, adjusted, rays)
     return ExchangedProject(
         definition.name,
-        tuple(one.camera for one in exported.values()),
-        _photos(adjusted, names, list(exported), conventions, frame),
+        tuple(
+            one.about_principal_point() if conventions.counts_from_principal_point else one.camera
+            for one in exported.values()
+        ),
+        photos,
         _points(adjusted, names, frame),
         rays,
         (conventions.reading,),
@@ -105,25 +118,45 @@ def _adjusted(bundle: BundleState) -> _Adjusted:
     return _Adjusted(solution, cameras, of_photo)
 
 
-def _cameras(adjusted: _Adjusted, names: NamesTable, conventions: Conventions) -> dict[str, ExportedCamera]:
+def _cameras(
+    adjusted: _Adjusted, names: NamesTable, conventions: Conventions, *, accepts_any_fit: bool
+) -> dict[str, ExportedCamera]:
     found = {}
     for key, camera in adjusted.cameras.items():
         name = names.cameras.get(key, camera.name)
         is_fisheye = camera.projection == "equidistant" and conventions.fisheye_lens is not None
         lens = conventions.fisheye_lens if is_fisheye else conventions.lens
         if lens is None:
-            found[key] = ExportedCamera(ExchangedCamera(name, 0, 0, "unsupported", {}), 0.0, 0.0)
+            found[key] = ExportedCamera(camera, ExchangedCamera(name, 0, 0, "unsupported", {}))
         else:
-            found[key] = export_camera(camera, name, lens, conventions.lens_axes, conventions.ray_axes)
+            found[key] = export_camera(
+                camera,
+                name,
+                lens,
+                conventions.lens_axes,
+                conventions.ray_axes,
+                terms=None if is_fisheye else conventions.terms,
+                accepts_any_fit=accepts_any_fit,
+            )
     return found
 
 
-def _notes_on_cameras(exported: Mapping[str, ExportedCamera]) -> list[str]:
-    return [
-        f"Camera {one.camera.name} is fitted to the model of the format: it differs by up to {one.worst_px:.3f} px."
+def _notes_on_cameras(
+    exported: Mapping[str, ExportedCamera], conventions: Conventions, *, corrects_distortion: bool
+) -> list[str]:
+    done = "; measurements are corrected for that" if corrects_distortion else ""
+    found = [
+        f"Camera {one.camera.name} is fitted to the model of the format: it differs by up to {one.worst_px:.3f} px"
+        f"{done}."
         for one in exported.values()
         if one.worst_px > _LARGE_MISFIT_PX
     ]
+    moved = [one.camera.name for one in exported.values() if one.principal_point.any()]
+    if conventions.counts_from_principal_point and moved:
+        found.append(
+            f"The format has no principal point: measurements of {counted_names('camera', moved)} count from it."
+        )
+    return found
 
 
 def _notes_on_staleness(bundle: BundleState) -> list[str]:
@@ -168,6 +201,28 @@ def _photos(
                 (x, y, z) if is_known else None,
             )
         )
+    return tuple(found)
+
+
+def _with_footprints(
+    photos: Sequence[ExchangedPhoto], adjusted: _Adjusted, rays: ExchangedRays
+) -> tuple[ExchangedPhoto, ...]:
+    """Return photos with the corners of what they show of a level ground, at the height of what they see of it."""
+    solution = adjusted.solution
+    rotations = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
+    heights = solution.points.values[:, 2]
+    order = np.argsort(rays.photo, kind="stable")
+    of_photo = np.split(rays.point[order], np.searchsorted(rays.photo[order], np.arange(1, len(photos))))
+    found = []
+    for number, photo in enumerate(photos):
+        camera = adjusted.cameras[adjusted.camera_of_photo[record_key(solution.photos.names[number])]]
+        seen = heights[of_photo[number]]
+        corners = (
+            footprint(camera, rotations[number], solution.photos.values[number, :3], float(np.median(seen)))
+            if len(seen) and camera.sensor is not None
+            else None
+        )
+        found.append(photo if corners is None else replace(photo, footprint=tuple(map(tuple, corners.tolist()))))
     return tuple(found)
 
 
@@ -226,7 +281,12 @@ def _pixel_size(camera: Camera) -> tuple[float, float]:
 
 
 def _rays(
-    bundle: BundleState, adjusted: _Adjusted, cameras: Sequence[str], conventions: Conventions
+    bundle: BundleState,
+    adjusted: _Adjusted,
+    exported: Mapping[str, ExportedCamera],
+    conventions: Conventions,
+    *,
+    corrects_distortion: bool,
 ) -> tuple[ExchangedRays, int]:
     """Return the measurements of what was adjusted, and how many others there are."""
     observed = bundle.observations
@@ -240,12 +300,18 @@ def _rays(
     image = observed.measured[kept].copy()
     camera_of_photo = [adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names]
     of_ray = np.array(camera_of_photo, dtype=object)[photo] if len(photo) else np.zeros(0, dtype=object)
-    for key in cameras:
-        sensor = adjusted.cameras[key].sensor
+    for key, camera in exported.items():
         rows = np.flatnonzero(of_ray == key)
-        if sensor is not None:
-            frame, size = (sensor.columns, sensor.rows), (sensor.width, sensor.height)
-            image[rows] = axes_from_pixels(image[rows], conventions.ray_axes, frame, size)
+        image[rows] = camera.rays_of_pixels(image[rows], corrects_distortion=corrects_distortion)
+        if conventions.counts_from_principal_point:
+            image[rows] -= camera.principal_point
+    lost = int((~np.isfinite(image).all(axis=1)).sum())
+    if lost:
+        message = (
+            f"{counted(lost, 'measurement')} cannot be corrected for the distortion: the camera has no direction "
+            "there; disregard these measurements"
+        )
+        raise UnsuitableCameraError(message)
     rays = ExchangedRays(photo, point, image, np.full(len(photo), np.nan), ~observed.disregarded[kept])
     return rays, int((~kept).sum())
 

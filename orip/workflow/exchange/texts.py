@@ -10,13 +10,12 @@ import numpy as np
 
 from orip.arrays import BoolArray
 from orip.conversion.poses import described_reading
-from orip.exchange.names_table import NAMES_FILE, SOURCE_FILE, TRACK_MARK, names_text
+from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, names_text
 from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.log.points_text import points_blocks
 from orip.files.project.text import project_document, project_text
-from orip.files.project.toml_text import toml_table
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
@@ -34,16 +33,19 @@ _CONTROL_ERROR = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ImportSource:
-    """Where a project was imported from: name of the format, path as given, title of the new project."""
+    """What a project was imported from: name of the format, name of the file or folder, title of the new project."""
 
     format: str
-    path: str
+    name: str
     title: str
 
 
 @dataclass(frozen=True, slots=True)
 class ImportedTexts:
-    """Texts of a project folder by their names, orip.toml last, and sentences about what was left out."""
+    """Texts of a project folder by their names, orip.toml last, and sentences about what was left out.
+
+    The place of the original is not among them, as it depends on the folder.
+    """
 
     texts: dict[str, str]
     notes: tuple[str, ...]
@@ -72,7 +74,6 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
         texts[f"{base}.LEN"] = distances_text(_renamed_distances(block))
     texts |= _stations(block, base, notes)
     texts[NAMES_FILE] = _names(block)
-    texts[SOURCE_FILE] = toml_table("[source]", {"format": source.format, "path": source.path})
     all_notes = (*block.notes, *notes)
     texts[README_FILE] = _readme(block, source, all_notes)
     texts["orip.toml"] = project_text(project_document(definition))
@@ -172,11 +173,11 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
     order = np.flatnonzero(kept)
     order = order[np.argsort(rays.photo[order], kind="stable")]
     bounds = np.searchsorted(rays.photo[order], np.arange(len(block.photos) + 1))
-    pieces = [f"! imported from {source.format}: {source.path}\n"]
+    pieces = [f"! imported from {source.format}: {source.name}\n"]
     if _is_corrected(block):
         pieces.append(
-            "! The measurements are corrected for distortion that the camera of orip does not hold: these are not the "
-            "pixels that were measured.\n"
+            "! The measurements are corrected for distortion that the camera of orip cannot represent: these are not "
+            "the pixels that were measured.\n"
         )
     for number, photo in enumerate(block.photos):
         rows = order[bounds[number] : bounds[number + 1]]
@@ -284,7 +285,7 @@ def _stated(block: ImportedBlock) -> str:
 
 
 def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) -> str:
-    lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.path}`.", ""]
+    lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.name}`.", ""]
     lines += [f"- {line}" for line in summary_lines(block)]
     lines += ["", "Adjust it with `orip run`; write the result back with "]
     lines[-1] += f"`orip export {source.format} DIR`."
@@ -294,7 +295,7 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
         lines.append(f"- {converted.camera.name}: {converted.source.model or converted.source.lens}, {size}; {kind}")
-    lines += ["", "## What was lost, and what was taken for granted", ""]
+    lines += ["", "## What was lost, and what was assumed", ""]
     lines += [f"- {note}" for note in notes] or ["- Nothing."]
     lines += ["", f"Names that are not the original ones are in `{NAMES_FILE}`; tie point {TRACK_MARK}17 is track 17."]
     return "\n".join(lines) + "\n"

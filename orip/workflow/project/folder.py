@@ -217,7 +217,7 @@ def open_project(folder: Path) -> ProjectFolder:
         message = f"the folder '{folder}' {found}"
         raise NoFolderError(message)
     if not path.exists():
-        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is no orip project"
+        message = f"there is no {PROJECT_FILE} in {folder.resolve()}: this is not an orip project"
         raise NoProjectError.single(message)
     parsed = read_project(path, PROJECT_FILE)
     if parsed.complaints or parsed.value is None:

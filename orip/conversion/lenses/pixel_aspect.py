@@ -1,0 +1,47 @@
+"""Lenses whose affinity follows distortion, by pixels that are not square.
+
+Unequal focal lengths of OpenCV and b1 of Metashape stretch the distorted image along x. Orip's B1 stretches the ideal
+one. Measured in square pixels, columns being multiplied by fy / fx, the image of these lenses has no such affinity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from orip.conversion.lenses.formulas import Parameters
+from orip.records.exchanged import Lens
+
+_FX: frozenset[Lens] = frozenset(("opencv", "equidistant"))
+_B1: frozenset[Lens] = frozenset(("agisoft", "agisoft_fisheye"))
+
+
+def has_aspect(lens: Lens) -> bool:
+    """Return whether a lens has an affinity along x that follows its distortion."""
+    return lens in _FX or lens in _B1
+
+
+def pixel_aspect(lens: Lens, p: Parameters) -> float:
+    """Return the width of a lens' pixels in their heights; 1 where this is no property of the lens."""
+    if lens in _FX:
+        return p["fy"] / p["fx"]
+    wide = p["f"] + p["b1"] if lens in _B1 else 0.0
+    return p["f"] / wide if wide else 1.0
+
+
+def in_square_pixels(lens: Lens, p: Mapping[str, float], middle: float) -> dict[str, float]:
+    """Return the parameters of a lens for columns that are multiplied by its `pixel_aspect` from a middle column."""
+    aspect = pixel_aspect(lens, p)
+    found = {**p, "cx": middle + (p["cx"] - middle) * aspect}
+    if lens in _FX:
+        return {**found, "fx": p["fy"]}
+    return {**found, "b1": 0.0, "b2": p["b2"] * aspect} if lens in _B1 else dict(p)
+
+
+def in_given_pixels(lens: Lens, p: Mapping[str, float], aspect: float, middle: float) -> dict[str, float]:
+    """Return the parameters of a lens for columns divided by an aspect, the inverse of `in_square_pixels`."""
+    found = {**p, "cx": middle + (p["cx"] - middle) / aspect}
+    if lens in _FX:
+        return {**found, "fx": p["fx"] / aspect}
+    if lens in _B1:
+        return {**found, "b1": (p["f"] + p["b1"]) / aspect - p["f"], "b2": p["b2"] / aspect}
+    return dict(p)

@@ -1,0 +1,169 @@
+"""Projects of Metashape and PhotoScan: `.psz`, one zip file, and `.psx` with a folder of zip files beside it.
+
+The document of a project has its chunks, a chunk has frames, and a frame has its tie points, each in the document or in
+another zip file that it names by a path from its own folder. All of them are joined here to one chunk, as exported
+XML has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.xml_tree import XmlElement, XmlFields, read_xml, xml_of
+from orip.exchange.sources.zip_members import ZipMembers, is_inside, open_zip
+from orip.files.text.regular_file import beginning
+from orip.files.text.shown import shown_token
+
+_DOCUMENT = "doc.xml"
+_PROJECT_NAME = "{projectname}"
+_TIE_POINTS = ("point_cloud", "tie_points")
+_NEWEST = 2
+"""Major version of the documents; their layout differs by version."""
+
+_ZIP = b"PK"
+_BEGINNING = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class _Node:
+    """An element, the document that it is in, and the zip file and the folder that its paths refer to."""
+
+    element: XmlElement
+    fields: XmlFields
+    members: ZipMembers
+    folder: Path
+
+
+@dataclass(frozen=True, slots=True)
+class TieCloud:
+    """The tie points of a frame: the element that lists its files, and the zip file that has them."""
+
+    element: XmlElement
+    fields: XmlFields
+    members: ZipMembers
+
+
+@dataclass(frozen=True, slots=True)
+class ProjectChunk:
+    """The chunk of a project.
+
+    Parameters
+    ----------
+    element : XmlElement
+    fields : XmlFields
+    frame : tuple of (XmlElement, XmlFields), or None
+        The first frame, and the document that it is in.
+    ties : TieCloud or None
+    notes : tuple of str
+    """
+
+    element: XmlElement
+    fields: XmlFields
+    frame: tuple[XmlElement, XmlFields] | None
+    ties: TieCloud | None
+    notes: tuple[str, ...]
+
+
+def is_project(path: Path) -> bool:
+    """Return whether a file is a project of Metashape: by its name, and by how it begins."""
+    if path.suffix.lower() == ".psz":
+        return path.is_file() and beginning(path, 2).encode(errors="replace") == _ZIP
+    return path.suffix.lower() == ".psx" and "<document" in beginning(path, _BEGINNING)
+
+
+def read_project_chunk(path: Path, faults: Faults) -> ProjectChunk | None:
+    """Read the active chunk of a project; None, and complaints kept, if it cannot be read."""
+    root = _packed(path, faults) if path.suffix.lower() == ".psz" else _beside(path, faults)
+    if root is None:
+        return None
+    notes: list[str] = []
+    chunk = _active_chunk(root, notes)
+    if chunk is None:
+        return None
+    frames = list(chunk.element.within("frame"))
+    if len(frames) > 1:
+        notes.append(f"Of {len(frames)} frames the first was taken.")
+    frame = _opened(frames[0], chunk) if frames else None
+    if frame is None:
+        return ProjectChunk(chunk.element, chunk.fields, None, None, tuple(notes))
+    listed = next((child for child in frame.element.children if child.tag in _TIE_POINTS), None)
+    cloud = None if listed is None else _opened(listed, frame)
+    ties = None if cloud is None else TieCloud(cloud.element, cloud.fields, cloud.members)
+    return ProjectChunk(chunk.element, chunk.fields, (frame.element, frame.fields), ties, tuple(notes))
+
+
+def _packed(path: Path, faults: Faults) -> _Node | None:
+    return _document(path, faults)
+
+
+def _beside(path: Path, faults: Faults) -> _Node | None:
+    """Return the document of the zip file that a `.psx` names."""
+    root = read_xml(path, faults)
+    if root is None:
+        return None
+    named = root.attributes.get("path")
+    if root.tag != "document" or named is None:
+        faults.complain("this is no project of Metashape: a <document> with a path should be here", root.line)
+        return None
+    return _document_at(named.replace(_PROJECT_NAME, path.stem), root, path.parent, XmlFields(faults))
+
+
+def _active_chunk(root: _Node, notes: list[str]) -> _Node | None:
+    if not _is_known(root):
+        return None
+    chunks = list(root.element.within("chunk"))
+    if not chunks:
+        root.fields.faults.complain("there is no chunk in the project", root.element.line)
+        return None
+    active = next(root.element.within("chunks"), root.element).attributes.get("active_id")
+    chosen = next((chunk for chunk in chunks if chunk.attributes.get("id") == active), chunks[0])
+    if len(chunks) > 1:
+        notes.append(f"Of {len(chunks)} chunks the active one was taken.")
+    return _opened(chosen, root)
+
+
+def _is_known(root: _Node) -> bool:
+    version = root.element.attributes.get("version", "")
+    major = version.partition(".")[0]
+    if major.isascii() and major.isdigit() and len(major) < 4 and int(major) <= _NEWEST:
+        return True
+    root.fields.faults.complain(
+        f"documents of version '{shown_token(version)}' are not known, those up to {_NEWEST} are; export the cameras "
+        "as XML, or Blocks Exchange XML",
+        root.element.line,
+    )
+    return False
+
+
+def _opened(element: XmlElement, owner: _Node) -> _Node | None:
+    """Return the document that an element names by its path; the element itself where it names none."""
+    named = element.attributes.get("path")
+    if named is None or element.children:
+        return _Node(element, owner.fields, owner.members, owner.folder)
+    return _document_at(named, element, owner.folder, owner.fields)
+
+
+def _document_at(named: str, element: XmlElement, folder: Path, fields: XmlFields) -> _Node | None:
+    """Return the document of a zip file that is named by a path from a folder, and is in that folder."""
+    target = folder / named.replace("\\", "/")
+    if not is_inside(named) or not target.resolve().is_relative_to(folder.resolve()):
+        fields.faults.complain(
+            f"the path '{shown_token(named)}' leads out of the project; it is not read", element.line
+        )
+        return None
+    beside = PurePosixPath(fields.faults.shown)
+    beside = beside.parent if beside.name != _DOCUMENT else beside.parent.parent
+    shown = (beside / PurePosixPath(named.replace("\\", "/"))).as_posix()
+    return _document(target, Faults(shown, fields.faults.complaints))
+
+
+def _document(path: Path, faults: Faults) -> _Node | None:
+    members = open_zip(path, faults)
+    data = None if members is None else members.read(_DOCUMENT)
+    if members is None or data is None:
+        return None
+    inside = members.of_member(_DOCUMENT)
+    root = xml_of(data, inside)
+    return None if root is None else _Node(root, XmlFields(inside), members, path.parent)

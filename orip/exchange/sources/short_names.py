@@ -1,0 +1,66 @@
+"""Names for formats that have only short ones, or numbers: kept where they suit, else numbers, told in a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from orip.exchange.names_table import NAMES_FILE, read_names
+from orip.records.exchanged import ExchangedProject
+from orip.records.names import record_key
+
+_HEADING = ("kind", "file", "original")
+
+
+def short_names(names: Sequence[str], suits: Callable[[str], bool]) -> list[str]:
+    """Return names, different from one another: those that suit, and numbers for the others and for repeated ones."""
+    taken: set[str] = set()
+    kept = []
+    for name in names:
+        is_kept = suits(name) and name not in taken
+        taken.update([name] if is_kept else [])
+        kept.append(is_kept)
+    number = 0
+    found = []
+    for name, is_kept in zip(names, kept, strict=True):
+        while not is_kept and (number == 0 or str(number) in taken):
+            number += 1
+        found.append(name if is_kept else str(number))
+        taken.add(found[-1])
+    return found
+
+
+def with_original_names(project: ExchangedProject, folder: Path) -> ExchangedProject:
+    """Return a project with the names that the table of a folder tells; a folder without one keeps its names."""
+    table = read_names(folder)
+    cameras = tuple(
+        replace(camera, name=table.cameras.get(record_key(camera.name), camera.name)) for camera in project.cameras
+    )
+    photos = tuple(
+        replace(photo, name=table.photos.get(record_key(photo.name), photo.name)) for photo in project.photos
+    )
+    names = tuple(table.points.get(name, name) for name in project.points.names)
+    if len(set(names)) < len(names):
+        names = project.points.names
+    control = tuple(replace(point, name=table.points.get(point.name, point.name)) for point in project.control)
+    return replace(
+        project, cameras=cameras, photos=photos, points=replace(project.points, names=names), control=control
+    )
+
+
+def names_file(kinds: Iterable[tuple[str, Sequence[str], Sequence[str]]]) -> dict[str, bytes]:
+    """Return a table of names that are not the original ones, of (kind, names, original names); nothing if all are."""
+    stream = io.StringIO()
+    rows = csv.writer(stream, lineterminator="\n")
+    rows.writerow(_HEADING)
+    changed = [
+        (kind, name, original)
+        for kind, names, originals in kinds
+        for name, original in zip(names, originals, strict=True)
+        if name != original
+    ]
+    rows.writerows(changed)
+    return {NAMES_FILE: stream.getvalue().encode()} if changed else {}

@@ -1,0 +1,45 @@
+"""Files of other programs with some bytes changed: whatever is in them, they are read or complained of."""
+
+from __future__ import annotations
+
+import random
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from hostile.fuzzing import mutated, require_words
+
+from orip.errors import OripError
+from orip.files.text.parsed import Parsed
+from orip.records.exchanged import ExchangedProject
+
+
+def use_mutated_files(
+    sound: Sequence[tuple[Path, bytes]], count: int, seed: int, use: Callable[[Path], object]
+) -> None:
+    """Use a file that often, each time with other changes of what it holds; fail on any exception but complaints."""
+    chance = random.Random(seed)
+    for _ in range(count):
+        path, data = chance.choice(sound)
+        changed = mutated(data, chance)
+        path.write_bytes(changed)
+        try:
+            with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
+                warnings.simplefilter("error")
+                use(path)
+        except OripError as error:
+            require_words(str(error))
+        except Exception as error:
+            message = f"{path.name} of {changed[:3000]!r} ended in {type(error).__name__}: {error}"
+            raise AssertionError(message) from error
+        finally:
+            path.write_bytes(data)
+
+
+def project_or_complaints(parsed: Parsed[ExchangedProject | None]) -> ExchangedProject | None:
+    """Return what was read; None where there are complaints, and then there are words."""
+    assert (parsed.value is None) == bool(parsed.complaints)
+    for complaint in parsed.complaints:
+        require_words(str(complaint))
+    return parsed.value
