@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from mistakes.edits import SAMPLES
 from scipy.spatial.transform import Rotation
+from workflow.small_projects import replace_in
 
 DRONE = SAMPLES / "drone_rtk"
 COLUMNS, ROWS, PIXEL_MM = 5472, 3648, 13.2 / 5472
@@ -38,6 +39,18 @@ def drone(folder: Path) -> Path:
         return moved(words, -off)
 
     in_lines(folder / "DRONE.STA", mended)
+    return folder
+
+
+def calibrated_drone(folder: Path) -> Path:
+    """Write the same project with a camera that is known: in a self-calibration it takes up what stations are off."""
+    drone(folder)
+    c = truth()["camera"]
+    distortion = f"distortion = {{ A3 = {c['A3']}, A5 = {c['A5']} }}"
+    replace_in(
+        folder / "orip.toml", "c = 8.8\n", f"c = {c['C']}\nprincipal_point = [{c['DX']}, {c['DY']}]\n{distortion}\n"
+    )
+    replace_in(folder / "orip.toml", 'unknown = ["C", "DX", "DY", "A3", "A5"]\n', "")
     return folder
 
 

@@ -8,7 +8,18 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from mistakes.data.drone import COLUMNS, ROWS, Line, drone, image, in_lines, in_measurements, moved, truth
+from mistakes.data.drone import (
+    COLUMNS,
+    ROWS,
+    Line,
+    calibrated_drone,
+    drone,
+    image,
+    in_lines,
+    in_measurements,
+    moved,
+    truth,
+)
 from mistakes.data.simulated_projects import scale_bar_project, two_camera_project
 from workflow.small_projects import replace_in
 
@@ -66,7 +77,7 @@ def mistake(
     return enter
 
 
-@mistake("Stations of the antenna in place of the camera", ("lever arm",), ("exposure stations",), 0)
+@mistake("Stations of the antenna in place of the camera", ("lever arm",), ("exposure stations",), 0, calibrated_drone)
 def antenna_offset(folder: Path) -> None:
     kappa = {name: np.radians(values[5]) for name, values in truth()["photos"].items()}
 
