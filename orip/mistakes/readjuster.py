@@ -17,7 +17,7 @@ _MOST_PHOTO_POINTS = 20_000
 
 EXPLAINING_WARNINGS = {
     "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
-    "ground-system",
+    "ground-system", "resolution",
 }  # fmt: skip
 """Codes of warnings that already explain a misfit."""
 

@@ -13,7 +13,7 @@ from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.solve import SolvedBlock
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes.before_adjustment import free_datum, ground_systems, spelling
+from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
@@ -23,7 +23,7 @@ from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 
-FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, UNREAD_FILE}
+FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
 
 PLAIN = Method()

@@ -11,6 +11,7 @@ from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.names import name_warnings
 from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
+from orip.mistakes.before_adjustment.reduced_pictures import reduced_pictures
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
 from orip.records.observations.control import Control
@@ -40,8 +41,15 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in coordinates_in_other_units(definitions, observations)
     )
+    reduced = (
+        warning
+        for observations in measured.observations.values()
+        for warning in reduced_pictures(definitions, observations)
+    )
     # photos of several bundles are checked once for each bundle
-    return tuple(dict.fromkeys((*cameras, *units, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
+    return tuple(
+        dict.fromkeys((*cameras, *units, *reduced, *misnamed_marks(interior.adjustments), *interior.warnings, *outside))
+    )
 
 
 def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:
