@@ -16,6 +16,9 @@ INTERRUPTED = 130
 UNREAD_FILE = "unread-file"
 """Code of the warning about a file of data that is not read."""
 
+_MOST_OF_A_KIND, _FIRST_OF_MANY = 8, 3
+"""Most different warnings of one code that are all printed, and how many are of more."""
+
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
 
@@ -79,7 +82,21 @@ def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
     kinds: dict[tuple[str, str, str], list[ProjectWarning]] = {}
     for warning in dict.fromkeys(warnings):
         kinds.setdefault((warning.code, warning.where.rpartition(" ")[0], warning.text), []).append(warning)
-    return [_as_one(noun, alike) for (_, noun, _), alike in kinds.items()]
+    told = [_as_one(noun, alike) for (_, noun, _), alike in kinds.items()]
+    number = Counter(warning.code for warning in told)
+    codes: Counter[str] = Counter()
+    shortened: list[ProjectWarning] = []
+    for warning in told:
+        codes[warning.code] += 1
+        more = number[warning.code] - _FIRST_OF_MANY
+        if number[warning.code] <= _MOST_OF_A_KIND or codes[warning.code] <= _FIRST_OF_MANY:
+            shortened.append(warning)
+        elif codes[warning.code] == _FIRST_OF_MANY + 1:
+            text = (
+                f"{more} more warnings of the kind '{warning.code}': BUNDLE_ERROR.OUT and result.json have all of them"
+            )
+            shortened.append(ProjectWarning(warning.code, "", text))
+    return shortened
 
 
 def _as_one(noun: str, alike: Sequence[ProjectWarning]) -> ProjectWarning:

@@ -47,9 +47,8 @@ def measurement_warnings(
         for warning in reduced_pictures(definitions, observations)
     )
     # photos of several bundles are checked once for each bundle
-    return tuple(
-        dict.fromkeys((*cameras, *units, *reduced, *misnamed_marks(interior.adjustments), *interior.warnings, *outside))
-    )
+    marks = (*misnamed_marks(interior.adjustments), *interior.warnings)
+    return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
 
 
 def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:

@@ -27,8 +27,8 @@ def moved_stations(block: Block) -> Iterator[Hypothesis]:
     photos = [station.photo for station in stations]
     for moved, names in ((stations[:-1], photos[1:]), (stations[1:], photos[:-1])):
         text = (
-            f"they fit when they are moved by one photo: the position under {moved[0].photo} is that of {names[0]}, and "
-            "so on; correct the names in the .STA file, or match events and photos again"
+            f"they fit when they are moved by one photo: the position under {moved[0].photo} is that of {names[0]}, "
+            "and so on; correct the names in the .STA file, or match events and photos again"
         )
         renamed = tuple(replace(station, photo=name) for station, name in zip(moved, names, strict=True))
         yield Hypothesis(_with_stations(block, renamed), finding("moved-stations", "exposure stations", text))

@@ -47,9 +47,8 @@ def calibrated_drone(folder: Path) -> Path:
     drone(folder)
     c = truth()["camera"]
     distortion = f"distortion = {{ A3 = {c['A3']}, A5 = {c['A5']} }}"
-    replace_in(
-        folder / "orip.toml", "c = 8.8\n", f"c = {c['C']}\nprincipal_point = [{c['DX']}, {c['DY']}]\n{distortion}\n"
-    )
+    known = f"c = {c['C']}\nprincipal_point = [{c['DX']}, {c['DY']}]\n{distortion}\n"
+    replace_in(folder / "orip.toml", "c = 8.8\n", known)
     replace_in(folder / "orip.toml", 'unknown = ["C", "DX", "DY", "A3", "A5"]\n', "")
     return folder
 
