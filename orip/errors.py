@@ -92,9 +92,7 @@ def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
         if number[warning.code] <= _MOST_OF_A_KIND or codes[warning.code] <= _FIRST_OF_MANY:
             shortened.append(warning)
         elif codes[warning.code] == _FIRST_OF_MANY + 1:
-            text = (
-                f"{more} more warnings of the kind '{warning.code}': BUNDLE_ERROR.OUT and result.json have all of them"
-            )
+            text = f"{more} more warnings of the kind '{warning.code}'; BUNDLE_ERROR.OUT and result.json have all"
             shortened.append(ProjectWarning(warning.code, "", text))
     return shortened
 
