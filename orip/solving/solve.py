@@ -16,6 +16,7 @@ from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
+from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import IterationPass, Solution
@@ -105,7 +106,8 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
         adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
         causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
-        causes += [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
+        if not (adjuster.is_misread or adjuster.lacks_only_control):
+            causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
@@ -162,6 +164,11 @@ class _Adjuster:
     def is_misread(self) -> bool:
         """Return whether the control fits only if read differently: no other cause need be sought."""
         return self.values is not None and self.values.reading is not None
+
+    @property
+    def lacks_only_control(self) -> bool:
+        """Return whether the photos fit each other, and there is no control at all: no other cause need be sought."""
+        return self.values is not None and all(photo.how.endswith(NO_CONTROL) for photo in self.values.photos)
 
     def from_given(self) -> _Adjusted:
         """Adjust from the given values, and from those of the chain where some are missing."""
