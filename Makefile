@@ -12,21 +12,25 @@
 
 VENV := .venv
 BIN := $(VENV)/bin
-# Written last: says for which folder, and for which text of pyproject.toml, setup.py, Makefile and C sources, .venv is complete.
+# Written last: say for which folder, and for which text of pyproject.toml, setup.py, Makefile and C sources, .venv has
+# what orip needs to run, and all that its development needs.
+RUNS := $(VENV)/orip-runs
 READY := $(VENV)/orip-ready
 # There while .venv is being made or changed; still there, the run was interrupted and .venv is not to be trusted.
 UNFINISHED := $(VENV)/orip-unfinished
 
-SAMPLE := zurich_city_hall
+SAMPLE := drone_rtk
+SECOND_SAMPLE := zurich_city_hall
 DOCS := build/docs
 build_docs = $(BIN)/sphinx-build --fail-on-warning --keep-going --nitpicky --fresh-env --quiet -b
 
-state_wanted := $(shell pwd -P; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum)
-state_found := $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(READY) 2>/dev/null)
+state := { pwd -P; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum; }
+state_wanted := $(shell $(state))
+state_found = $(shell [ ! -e $(UNFINISHED) ] && $(BIN)/python -c pass 2>/dev/null && cat $(1) 2>/dev/null)
 
 .PHONY: help
 help:
-	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results'
+	@echo 'make demo      run the sample project $(SAMPLE) from its measurements to the results; SAMPLE=... another one'
 	@echo 'make test      run the tests (a few minutes)'
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make test-kernels  run the numerical tests and the samples as other processors calculate (some minutes)'
@@ -37,11 +41,23 @@ help:
 	@echo 'make bench     compare the speed with that of pycolmap and SciPy, which it installs in .venv-bench (some minutes)'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
+define shift_of_strip
+
+[[antenna]]
+name = "RTK"
+shift = "strip"
+strips = ["S3"]
+endef
+export shift_of_strip
+
 .PHONY: demo
-demo: $(READY)
+demo: $(RUNS)
 	@rm -rf 'demo/$(SAMPLE)'
 	@echo 'orip init --sample $(SAMPLE) demo/$(SAMPLE)'
 	@$(BIN)/orip init --sample '$(SAMPLE)' 'demo/$(SAMPLE)'
+	@[ '$(SAMPLE)' != drone_rtk ] || { \
+	  echo 'The GNSS positions of strip S3 are shifted as a whole, which orip run says by itself; the setting that it advises:'; \
+	  printf '%s\n' "$$shift_of_strip" | tee -a 'demo/$(SAMPLE)/orip.toml'; }
 	@echo 'orip -C demo/$(SAMPLE) run'
 	@$(BIN)/orip -C 'demo/$(SAMPLE)' run
 	@echo
@@ -50,7 +66,11 @@ demo: $(READY)
 	@echo '  BUNDLE_RESULT.OUT   orientations and ground points with their standard deviations'
 	@echo '  BUNDLE_ERROR.OUT    observations that do not fit'
 	@echo '  result.json         the same figures for programs; residuals.csv: every residual'
-	@echo '  README.md           where the data come from, and what is wrong with them'
+	@echo '  README.md           where the data come from, and what is to be seen in them'
+	@echo
+	@echo "The report: file://$$(pwd -P | sed 's/ /%20/g')/demo/$(SAMPLE)/report.html"
+	@[ '$(SAMPLE)' = '$(SECOND_SAMPLE)' ] || { echo; \
+	  echo 'Next: make SAMPLE=$(SECOND_SAMPLE) demo     real photos with control points that are wrong, which orip names'; }
 
 .PHONY: test
 test: $(READY)
@@ -135,20 +155,19 @@ else \
 fi
 endef
 
-# .venv is made again when it is missing, broken, left half-made, or made for another folder (its programs name the
-# folder they are in); otherwise, and when it is somebody's own, it is only completed.
-$(READY):
+# .venv is made again from nothing when it is missing, broken, left half-made, or made for another folder (its programs
+# name the folder they are in); otherwise, and when it is somebody's own, it is only completed.
+$(RUNS):
 	@set -e; \
-	place=$$(pwd -P); \
 	if [ -e $(UNFINISHED) ] || ! $(BIN)/python -m pip --version >/dev/null 2>&1 \
-	    || { [ -e $(READY) ] && [ "$$(head -n 1 $(READY))" != "$$place" ]; }; then \
+	    || { [ -e $(RUNS) ] && [ "$$(head -n 1 $(RUNS))" != "$$(pwd -P)" ]; }; then \
 	  $(find_python); \
 	  if [ -z "$$python" ]; then \
 	    echo 'orip needs Python 3.11 or newer with venv and ensurepip, and $(if $(PYTHON),$(PYTHON) is not that,none is on PATH);' \
 	      'install it (Debian, Ubuntu: apt install python3 python3-venv) or name it: make PYTHON=/path/to/python3 ...' >&2; \
 	    exit 1; \
 	  fi; \
-	  echo "Making $(VENV) with $$("$$python" --version) ($$python): once, about a minute ..."; \
+	  echo "Making $(VENV) with $$("$$python" --version) ($$python): once, about half a minute ..."; \
 	  rm -rf $(BIN); rm -rf $(VENV); \
 	  mkdir $(VENV); \
 	  : >$(UNFINISHED); \
@@ -157,17 +176,39 @@ $(READY):
 	  echo 'Bringing $(VENV) up to date with pyproject.toml ...'; \
 	  : >$(UNFINISHED); \
 	fi; \
+	rm -f $(RUNS) $(READY); \
+	$(pip_install) -e . || { $(not_installed); }; \
+	$(state) >$(RUNS); \
+	rm -f $(UNFINISHED); \
+	echo '$(VENV) has what orip needs.'
+
+# not `-e .[dev]`, which would compile the extensions a second time
+$(READY): $(RUNS)
+	@set -e; \
+	echo 'Completing $(VENV) with what the tests and checks need ...'; \
+	: >$(UNFINISHED); \
 	rm -f $(READY); \
-	$(BIN)/python -m pip install -qq --disable-pip-version-check --no-input -e '.[dev]' || { \
-	  echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; \
-	  exit 1; \
-	}; \
-	{ printf '%s\n' "$$place"; cat pyproject.toml setup.py Makefile orip/*.h orip/*/*/*.[ch] | cksum; } >$(READY); \
+	$(BIN)/python -c "$$print_dev_packages" >$(VENV)/dev-packages; \
+	$(pip_install) -r $(VENV)/dev-packages || { $(not_installed); }; \
+	$(state) >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 
-ifneq ($(state_found),$(state_wanted))
+pip_install := $(BIN)/python -m pip install -qq --disable-pip-version-check --no-input
+define not_installed
+echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; exit 1
+endef
+define print_dev_packages
+import tomllib
+print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["dev"], sep="\n")
+endef
+export print_dev_packages
+
+ifneq ($(call state_found,$(RUNS)),$(state_wanted))
+$(RUNS): always
+endif
+ifneq ($(call state_found,$(READY)),$(state_wanted))
 $(READY): always
+endif
 .PHONY: always
 always:
-endif

@@ -1,12 +1,15 @@
-"""Import of a simulated COLMAP model of 2000 photos and 1.2 million rays: time and memory.
+"""Import of a simulated block of 2000 photos and 1.2 million rays: time and memory.
 
-    python benchmarks/import_large_model.py [bin|txt] [PHOTOS]
+    python benchmarks/import_large_model.py [bin|txt|opensfm] [PHOTOS]
+
+It is a model of COLMAP, binary or text, or a reconstruction of OpenSfM with its tracks.
 
 Photos look down from 100 m in strips; each shows 600 of the points below it. A quarter of the keypoints has no point.
 """
 
 from __future__ import annotations
 
+import json
 import resource
 import sys
 import tempfile
@@ -68,7 +71,7 @@ def simulated_model(photos: int, seed: int = 1) -> ColmapModel:
 
 def main() -> None:
     """Simulate a model, import it, and print time and memory."""
-    form = "txt" if "txt" in sys.argv[1:] else "bin"
+    form = next((word for word in sys.argv[1:] if word in ("txt", "opensfm")), "bin")
     photos = next((int(word) for word in sys.argv[1:] if word.isdigit()), 2000)
     with tempfile.TemporaryDirectory() as name:
         source = Path(name) / "model"
@@ -78,8 +81,30 @@ def main() -> None:
 
 
 def _write(folder: Path, model: ColmapModel, form: str) -> None:
+    if form == "opensfm":
+        _write_opensfm(folder, model)
+        return
     for name, data in model_files(model, "txt" if form == "txt" else "bin").items():
         (folder / name).write_bytes(data)
+
+
+def _write_opensfm(folder: Path, model: ColmapModel) -> None:
+    camera = {"projection_type": "perspective", "width": COLUMNS, "height": ROWS, "focal": FOCAL / COLUMNS}
+    shots, lines = {}, ["OPENSFM_TRACKS_VERSION_v2"]
+    for image in model.images:
+        *_, x, y, z = image.pose
+        shots[image.name] = {"rotation": [np.pi, 0.0, 0.0], "translation": [x, y, z], "camera": "c"}
+        places = (image.keypoints - [COLUMNS / 2, ROWS / 2]) / COLUMNS
+        rows = zip(image.points.tolist(), places.tolist(), strict=True)
+        lines += [
+            f"{image.name}\t{point if point >= 0 else f'9{image.id:06}{n}'}\t{n}\t{u!r}\t{v!r}\t0.001\t1\t2\t3\t-1\t-1"
+            for n, (point, (u, v)) in enumerate(rows)
+        ]
+    coordinates = zip(model.points.ids.tolist(), model.points.coordinates.tolist(), strict=True)
+    points = {str(name): {"coordinates": place, "color": [1.0, 2.0, 3.0]} for name, place in coordinates}
+    part = {"cameras": {"c": camera | {"k1": 0.0, "k2": 0.0}}, "shots": shots, "points": points}
+    (folder / "reconstruction.json").write_text(json.dumps([part]))
+    (folder / "tracks.csv").write_text("\n".join(lines) + "\n")
 
 
 def _import(source: Path, target: Path) -> None:

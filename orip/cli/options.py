@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import typer
 
+from orip.cli.completion import bundles
 from orip.cli.exits import exit_on_error
 from orip.cli.terminal import ColorChoice, Terminal
 
@@ -23,12 +24,14 @@ Color = Annotated[
 Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
 
 BundleArgument = Annotated[
-    str | None, typer.Argument(metavar="BUNDLE", help="Needed only where the project has several.")
+    str | None,
+    typer.Argument(metavar="BUNDLE", autocompletion=bundles, help="Needed only where the project has several."),
 ]
 """Which bundle, of the commands whose argument it is."""
 
 BundleOption = Annotated[
-    str | None, typer.Option("--bundle", help="Needed only where the project has several bundles.")
+    str | None,
+    typer.Option("--bundle", autocompletion=bundles, help="Needed only where the project has several bundles."),
 ]
 """Which bundle, of the commands whose arguments are other names."""
 

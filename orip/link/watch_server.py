@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 import secrets
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -50,27 +51,34 @@ class WatchServer(ThreadingTCPServer):
     Parameters
     ----------
     watch : Watch
-    port : int
-        0: any that is free.
+    address : tuple (host, port)
+        An address of this machine that no other one reaches; port 0: any that is free.
 
     Raises
     ------
     OSError
-        If the port is taken.
+        If the address is taken.
     """
 
     allow_reuse_address = True
     daemon_threads = True
     request_queue_size = 64
 
-    def __init__(self, watch: Watch, port: int = 0) -> None:
+    def __init__(self, watch: Watch, address: tuple[str, int] = (HOST, 0)) -> None:
         self.watch = watch
         self.token = secrets.token_urlsafe(16)
         self.page = files("orip.link").joinpath("page", "watch.html").read_bytes()
         self.scene = _json(watch.scene)
         self.ending = threading.Event()
         self.streams = threading.BoundedSemaphore(MOST_STREAMS)
-        super().__init__((HOST, port), _Handler)
+        self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
+        super().__init__(address, _Handler)
+
+    @property
+    def host(self) -> str:
+        """Return the host as it stands in a URL."""
+        host = str(self.server_address[0])
+        return f"[{host}]" if ":" in host else host
 
     @property
     def port(self) -> int:
@@ -80,7 +88,7 @@ class WatchServer(ThreadingTCPServer):
     @property
     def url(self) -> str:
         """Return the address of the page."""
-        return f"http://{HOST}:{self.port}/{self.token}/"
+        return f"http://{self.host}:{self.port}/{self.token}/"
 
     def server_close(self) -> None:
         """End: streams too."""
@@ -146,7 +154,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _asked_for(self) -> str | None:
         """Return the path after the token; None: the request is not for here, and that has been said."""
-        here = {f"{name}:{self.server.port}" for name in (HOST, "localhost")}
+        here = {f"{name}:{self.server.port}" for name in (self.server.host, "localhost")}
         origin = self.headers.get("Origin")
         if self.headers.get("Host") not in here or (origin is not None and origin not in {f"http://{n}" for n in here}):
             self._refuse(HTTPStatus.FORBIDDEN, "this page is for the browser of this machine")

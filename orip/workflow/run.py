@@ -6,17 +6,50 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from orip.bundle.methods import Method
 from orip.errors import InputError
-from orip.solving.solve import SolveWatcher
+from orip.solving.solve import PLAIN, SolveWatcher
 from orip.workflow.adjust.gates import project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.observations.measure import MEASURED_FROM, MeasureOutcome, measure
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Committed, carry_out, commit
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
+
+
+@dataclass(frozen=True, slots=True)
+class RunSettings:
+    """What is adjusted and how.
+
+    Parameters
+    ----------
+    bundle : str or None
+        The only bundle to adjust; None: all.
+    method : Method
+    gates : tuple of str
+        Gates besides those of orip.toml, for each bundle.
+    """
+
+    bundle: str | None = None
+    method: Method = PLAIN
+    gates: tuple[str, ...] = ()
+
+    def bundles(self, project: ProjectFolder) -> tuple[str, ...]:
+        """Return the names of the bundles to adjust.
+
+        Raises
+        ------
+        UsageError
+            If there is no such bundle.
+        """
+        return project.bundle_names if self.bundle is None else (project.bundle_name(self.bundle),)
+
+
+EVERYTHING = RunSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +64,10 @@ class RunWatcher:
     not_tabled: Callable[[InputError], None]
 
 
-def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tuple[SolveOutcome, ...]:
-    """Initialise, measure and solve all bundles, check the gates of each solution, and write drive tables.
+def run(
+    state: ProjectState, prefer: Prefer | None, watcher: RunWatcher, settings: RunSettings = EVERYTHING
+) -> tuple[SolveOutcome, ...]:
+    """Initialise, measure and solve the bundles, check the gates of each solution, and write drive tables.
 
     Every step is committed before the next one begins, which reads what it has left in the stores. Every text file is
     read once, and checked before any store is touched.
@@ -44,15 +79,16 @@ def run(state: ProjectState, prefer: Prefer | None, watcher: RunWatcher) -> tupl
 
     Raises
     ------
-    InputError, NotSolvableError, LockedError
+    InputError, NotSolvableError, UsageError, LockedError
     """
-    project_gates(state.project)  # malformed ones are refused before anything is written
+    bundles = settings.bundles(state.project)
+    project_gates(state.project, settings.gates)  # malformed ones are refused before anything is written
     watcher.initialised(carry_out(state, partial(initialise, prefer=prefer)).outcome)
     watcher.measured(commit(measure(state.read_again(*MEASURED_FROM))))
     outcomes: list[SolveOutcome] = []
-    for name in state.project.bundle_names:
+    for name in bundles:
         bundle = BundleState(state.read_again(*ADJUSTED_FROM, bundles=[name]), name)
-        solved = commit(solve(bundle, watcher.solving))
+        solved = commit(solve(bundle, watcher.solving, settings.method, settings.gates))
         outcomes.append(solved.outcome)
         watcher.solved(solved)
         status = solved.outcome.solution.status

@@ -98,11 +98,11 @@ def test_files_and_names_of_a_project_are_those_of_the_first_menu(tmp_path: Path
         assert [line.split(maxsplit=1)[1] for line in head[2:4]] == ["CLIFF", "K. Dueholm"]
 
 
-_DIGITISE, _NEW = "workflow/test_digitise.py", "workflow/test_new_points.py"
-_PRELIM, _PANEL, _LINK = "cli/test_prelim.py", "cli/test_drive_panel.py", "cli/test_drive_link.py"
-_BY_COMMANDS = "cli/test_projects_by_commands.py"
+_DIGITISE, _NEW = "workflow/digitise/test_digitise.py", "workflow/digitise/test_new_points.py"
+_PRELIM, _PANEL, _LINK = "cli/adjust/test_prelim.py", "cli/drive/test_drive_panel.py", "cli/drive/test_drive_link.py"
+_BY_COMMANDS = "cli/records/test_projects_by_commands.py"
 _HERE = "cli/test_keys_of_the_manual.py"
-_COMMANDS, _UPDATE, _OBSERVATIONS = "cli/test_commands.py", "cli/test_update.py", "cli/test_observations.py"
+_COMMANDS, _UPDATE, _OBSERVATIONS = "cli/test_commands.py", "cli/adjust/test_update.py", "cli/test_observations.py"
 _WHOLE = "cli/test_digitise_commands.py::test_a_project_is_measured_through_the_plate_processor_from_nothing"
 _FILES = f"{_HERE}::test_files_and_names_of_a_project_are_those_of_the_first_menu"
 _DONE = f"{_HERE}::test_a_key_does_what_the_manual_says"
@@ -126,7 +126,8 @@ _MARK_KEYS = {
     "Insert Point": _ONE_MARK, "Add Point": _ONE_MARK, "Re-Measure Point": _ONE_MARK, "Edit Point": _OLD_MARKS,
     "Re-Measure All": _OLD_MARKS, "Transformation": _OLD_MARKS,
 }  # fmt: skip
-_FITTED = "cli/test_camera_plot.py::test_numbers_are_those_of_the_polynomial_and_the_residuals_of_a_least_squares_fit"
+_CURVES = "cli/records/test_camera_plot.py"
+_FITTED = f"{_CURVES}::test_numbers_are_those_of_the_polynomial_and_the_residuals_of_a_least_squares_fit"
 
 ELSEWHERE: dict[str, dict[str, str]] = {
     "1": {
@@ -144,9 +145,9 @@ ELSEWHERE: dict[str, dict[str, str]] = {
     "1.4": dict.fromkeys(MENUS["1.4"], _DONE),
     "1.4.1": {"Fiducial Marks": _DONE},
     "1.4.1.1": {"Transform Coordinates": f"{_NEW}::test_fiducial_marks_of_a_camera"},
-    "1.4.1.2": {"Compute Parameters": "cli/test_camera_plot.py::test_isp_form_is_shown_beside_its_polynomial"},
+    "1.4.1.2": {"Compute Parameters": f"{_CURVES}::test_isp_form_is_shown_beside_its_polynomial"},
     "1.4.1.3": {"Compute Parameters": _FITTED},
-    "1.4.5": {"Observation File Name": "cli/test_record_commands.py::test_rename_a_bundle_its_files_follow"},
+    "1.4.5": {"Observation File Name": "cli/records/test_record_commands.py::test_rename_a_bundle_its_files_follow"},
     "1.5": {
         "Template Orientation": _BETTER, "Photo Orientation": _WHOLE, "Template Photos": _PHOTOS_OF_A_TEMPLATE,
         "Bundle Mono": _MONO, "Bundle Stereo": _STEREO,

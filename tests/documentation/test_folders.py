@@ -11,6 +11,7 @@ import pytest
 from documentation.pages import REPOSITORY
 
 PACKAGE = REPOSITORY / "orip"
+TESTS = REPOSITORY / "tests"
 FOLDERS = sorted(path.parent for path in PACKAGE.rglob("__init__.py"))
 
 MOST_MODULES = 22
@@ -42,6 +43,12 @@ def test_a_folder_can_be_surveyed(folder: Path) -> None:
     said = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8")))
     assert said, "nothing says what is in this folder"
     assert all(len(path.read_text(encoding="utf-8").splitlines()) < MOST_LINES for path in modules(folder))
+
+
+def test_a_folder_of_tests_can_be_surveyed() -> None:
+    folders = {path.parent for path in TESTS.rglob("*.py")}
+    crowded = [folder.relative_to(TESTS) for folder in folders if len(modules(folder)) > MOST_MODULES]
+    assert not crowded
 
 
 def test_a_folder_with_an_order_has_a_contract() -> None:

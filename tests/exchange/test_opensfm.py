@@ -186,3 +186,12 @@ def test_all_faulty_lines_of_tracks_are_told(tmp_path: Path) -> None:
     written(path, "\n".join(lines))
     parsed = read_opensfm(tmp_path, str(tmp_path))
     assert [complaint.line for complaint in parsed.complaints] == [4, 6, 8]
+
+
+def test_whole_numbers_of_any_size_are_told(tmp_path: Path) -> None:
+    path = project_folder(tmp_path) / "reconstruction.json"
+    document = json.loads(path.read_text())
+    document[1]["points"]["3"]["coordinates"] = [1, 10**400, 3]
+    written(path, json.dumps(document))
+    complaint = read_opensfm(tmp_path, "berlin").complaints[0]
+    assert "points/3/coordinates: 3 finite numbers should be here" in complaint.message

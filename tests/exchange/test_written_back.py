@@ -19,8 +19,11 @@ from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.errors import InputError
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named
+from orip.exchange.micmac.source import read_micmac
+from orip.exchange.micmac.writer import write_micmac
 from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.opensfm.writer import write_opensfm
+from orip.exchange.sources.xml_edit import XmlEdit
 from orip.exchange.vision.bundler import read_bal
 from orip.exchange.vision.bundler_writer import write_bal
 from orip.records.exchanged import ExchangedCamera, ExchangedProject, ExchangedRays, PoseReading
@@ -276,3 +279,65 @@ def test_terms_without_a_place_are_refused() -> None:
 def test_formats_that_are_written_say_how() -> None:
     for found in FORMATS:
         assert (found.write is None) == (found.conventions is None), found.name
+
+
+MICMAC = (("Saisies-MMV1", "Ori-Ground_mm3d"), ("Ori-MMV1",))
+
+
+def _as_micmac(project: ExchangedProject) -> ExchangedProject:
+    """Return a project as an export has it that nothing was adjusted in: through orip's cameras and poses and back."""
+    found = format_named("micmac").conventions
+    assert found is not None
+    assert found.lens is not None
+    cameras = [convert_camera(camera, "C").camera for camera in project.cameras]
+    exported = [
+        export_camera(camera, source.name, found.lens, found.lens_axes, found.ray_axes).camera
+        for camera, source in zip(cameras, project.cameras, strict=True)
+    ]
+    numbers, positions = exchanged_poses(*orip_poses(project.photos, project.readings[0]), found.reading)
+    photos = [
+        replace(photo, rotation=tuple(numbers[n].tolist()), position=tuple(positions[n].tolist()))
+        for n, photo in enumerate(project.photos)
+    ]
+    return replace(project, cameras=tuple(exported), photos=tuple(photos))
+
+
+@pytest.mark.parametrize("names", MICMAC)
+def test_the_samples_of_micmac_come_back_byte_by_byte(names: tuple[str, ...]) -> None:
+    folder = sample("micmac", "MMVII-TestDir", "Input", *names)
+    files = write_micmac(_as_micmac(read_well(read_micmac, folder)), folder)
+    assert files == {path.name: path.read_bytes() for path in folder.glob("*.xml")}
+
+
+def test_a_copy_of_micmac_changes_the_numbers_alone() -> None:
+    folder = sample("micmac", "MMVII-TestDir", "Input", "Saisies-MMV1", "Ori-Ground_mm3d")
+    project = _as_micmac(read_well(read_micmac, folder))
+    moved = replace(project.photos[0], position=(1.0, 2.0, 3.0), position_deviation=(0.1, 0.2, 0.3))
+    files = write_micmac(replace(project, photos=(moved, *project.photos[1:])), folder)
+    name = "Orientation-IMGP4167.JPG.xml"
+    before = (folder / name).read_text()
+    begin, end = before.index("<Verif>"), before.index("</Verif>") + len("</Verif>")
+    old = before.replace(before[begin:end], "")
+    for tag, text in (("Centre", "1.0 2.0 3.0"), ("IncCentre", "0.1 0.2 0.3")):
+        begin, end = old.index(f"<{tag}>"), old.index(f"</{tag}>")
+        old = f"{old[:begin]}<{tag}>{text}{old[end:]}"
+    assert files[name].decode() == old
+    assert {other for other in files if files[other] != (folder / other).read_bytes()} == {name}
+    wider = replace(project.cameras[0], parameters={**project.cameras[0].parameters, "p1": 1e-7})
+    files = write_micmac(replace(project, cameras=(wider,)), folder)
+    # radial model has no place for it: the camera is a new file of the same name, without pairs in the orientations
+    assert b"ModPhgrStd" in files["AutoCal_Foc-28000_Cam-PENTAX_K5.xml"]
+    assert not any(b"<Verif>" in data for data in files.values())
+
+
+def test_only_what_is_changed_in_xml_changes() -> None:
+    data = "<?xml version='1.0'?>\n<a x='>'><b>1 2</b><c/><b y=\"/>\"> 3.0 4 </b>ä</a>\n".encode()
+    edit = XmlEdit(data)
+    first, second = edit.root.all("a/b")
+    assert (edit.numbers(first), edit.numbers(second)) == ((1.0, 2.0), (3.0, 4.0))
+    assert not edit.replace(first, (1.0, 2.0 + 1e-12))
+    assert edit.result() == data
+    assert edit.replace(second, (3.0, 5.0))
+    edit.remove(next(edit.root.all("a/c")))
+    edit.insert(next(edit.root.all("a")), "<d/>")
+    assert edit.result().decode() == "<?xml version='1.0'?>\n<a x='>'><b>1 2</b><b y=\"/>\">3.0 5.0</b>ä<d/></a>\n"

@@ -79,7 +79,7 @@ def test_with_a_link_it_shows_the_plate_processor_there(folder):
 def test_what_stops_it(folder, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        said = orip(folder, "drive", "watch", "--no-open", "--port", str(port))
+        said = orip(folder, "drive", "watch", "--no-open", "--listen", f"127.0.0.1:{port}")
         assert said.code == 1
         assert f"port {port} of 127.0.0.1 cannot be taken" in said.err
     said = orip(folder, "drive", "watch", "--no-open", "--link", f"tcp://127.0.0.1:{port}")

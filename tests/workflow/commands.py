@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from orip.workflow.adjust import report as _report
+from orip.workflow.adjust import undo_update as _undo_update
 from orip.workflow.adjust import update as _update
 from orip.workflow.adjust.report import WrittenReport
+from orip.workflow.adjust.undo_update import UndoOutcome
 from orip.workflow.adjust.update import UpdateOutcome, What
 from orip.workflow.control import edits as control
 from orip.workflow.control.edits import ControlOutcome
@@ -58,6 +60,10 @@ def project_status(folder: Path) -> ProjectStatus:
 def update(folder: Path, what: What, names: Sequence[str] = ()) -> UpdateOutcome:
     bundle = read_bundle(folder, None, *_update.UPDATED_FROM)
     return carry_out(bundle, partial(_update.update, what=what, names=names)).outcome
+
+
+def undo_update(folder: Path) -> UndoOutcome:
+    return carry_out(read_project(folder, *_undo_update.UNDONE_FROM), _undo_update.undo_update).outcome
 
 
 def report(folder: Path, bundle: str | None, output: Path | None) -> WrittenReport:

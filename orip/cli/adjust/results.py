@@ -6,13 +6,17 @@ from typing import Annotated, Literal
 
 import typer
 
+from orip.cli.completion import of_results
 from orip.cli.options import BundleOption, Invocation, command
 
 What = Annotated[
     Literal["cameras", "photos", "points", "theodolites", "residuals"],
     typer.Argument(metavar="WHAT", help="cameras, photos, points, theodolites or residuals of the last adjustment."),
 ]
-Names = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Only these cameras, photos, points or sets.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points or sets."),
+]
 
 
 def register(app: typer.Typer) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
+from orip.cli.completion import cameras, photos, points, templates
 from orip.cli.late_groups import add_group
 from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, command
 from orip.errors import UsageError
@@ -124,7 +125,7 @@ def _register_commands(group: typer.Typer) -> None:
 
 def template_command(
     invocation: Invocation,
-    template: Annotated[str, typer.Argument(metavar="TEMPLATE")],
+    template: Annotated[str, typer.Argument(metavar="TEMPLATE", autocompletion=templates)],
     instrument: Instrument,
     orienting: Orienting,
     stage: Annotated[Literal["UPPER", "LOWER"] | None, typer.Option("--stage", help="Where it is mounted.")] = None,
@@ -152,7 +153,7 @@ def photo_command(
     invocation: Invocation,
     instrument: Instrument,
     orienting: Orienting,
-    photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...")] = None,
+    photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...", autocompletion=photos)] = None,
     template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
     start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
     dry_run: DryRunOption = False,
@@ -180,8 +181,22 @@ def points_command(
     invocation: Invocation,
     instrument: Instrument,
     bundle: BundleArgument = None,
-    photo: Annotated[list[str] | None, typer.Option("--photo", help="In that photo; may be repeated.")] = None,
-    point: Annotated[list[str] | None, typer.Option("--point", help="That point; may be repeated.")] = None,
+    photo: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--photo",
+            autocompletion=photos,
+            help="In that photo; may be repeated.",
+        ),
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--point",
+            autocompletion=points,
+            help="That point; may be repeated.",
+        ),
+    ] = None,
     model: Annotated[str | None, typer.Option("--model", help="In the photos of that model.")] = None,
     stereo: Annotated[
         bool | None, typer.Option("--stereo/--mono", help="Two photos at once; default where there are models.")
@@ -227,7 +242,7 @@ def _refuse_with_new(options: dict[str, object]) -> None:
 
 def fiducials_command(
     invocation: Invocation,
-    camera: Annotated[str, typer.Argument(metavar="CAMERA")],
+    camera: Annotated[str, typer.Argument(metavar="CAMERA", autocompletion=cameras)],
     instrument: Instrument,
     marks: RecordMarks,
     names: NamesArgument = None,
@@ -270,7 +285,14 @@ def ground_command(
     invocation: Invocation,
     instrument: Instrument,
     model: Annotated[str, typer.Option("--model", help="The oriented model that is used.")],
-    names: Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Points to set the mark on.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME...",
+            autocompletion=points,
+            help="Points to set the mark on.",
+        ),
+    ] = None,
     target: Annotated[
         Literal["PNT", "PRE"], typer.Option("--to", help="Control points or preliminary coordinates.")
     ] = "PRE",

@@ -25,7 +25,13 @@ Link = Annotated[
         help="Show this plate processor, for example tcp://127.0.0.1:4788.",
     ),
 ]
-Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="Port of the page (0: any that is free).")]
+Listen = Annotated[
+    str,
+    typer.Option(
+        "--listen", metavar="HOST:PORT", help="Where the page is served, on this machine. Port 0: any that is free."
+    ),
+]
+ANY_PORT = "127.0.0.1:0"
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
 
 
@@ -35,7 +41,11 @@ def register(_app: typer.Typer) -> None:
 
 
 def watch_command(
-    invocation: Invocation, bundle: BundleArgument = None, link: Link = None, port: Port = 0, browser: Open = True
+    invocation: Invocation,
+    bundle: BundleArgument = None,
+    link: Link = None,
+    listen: Listen = ANY_PORT,
+    browser: Open = True,
 ) -> None:
     """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
 
@@ -44,12 +54,14 @@ def watch_command(
 
     Example: orip drive watch
     """
+    from orip.workflow.drive.listening import listening_address
     from orip.workflow.drive.watch import open_watch, watch_warnings
 
+    address = listening_address(listen, ", which is where the page can be seen")
     watch = open_watch(invocation.folder, bundle, link)
     try:
         invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
-        with _server(watch, port) as server:
+        with _server(watch, address) as server:
             invocation.terminal.answer({"command": "drive watch", "url": server.url}, server.url)
             invocation.terminal.flush()
             invocation.terminal.say("Ctrl-C ends it")
@@ -58,13 +70,17 @@ def watch_command(
         watch.close()
 
 
-def _server(watch: Watch, port: int) -> WatchServer:
-    from orip.link.watch_server import HOST, WatchServer
+def _server(watch: Watch, address: tuple[str, int]) -> WatchServer:
+    from orip.link.watch_server import WatchServer
 
     try:
-        return WatchServer(watch, port)
+        return WatchServer(watch, address)
     except OSError as error:
-        message = f"port {port} of {HOST} cannot be taken ({error.strerror or error}); choose another, or --port 0"
+        host, port = address
+        why = error.strerror or error
+        message = (
+            f"port {port} of {host} cannot be taken ({why}); choose another; any that is free: --listen {ANY_PORT}"
+        )
         raise OripError(message) from error
 
 

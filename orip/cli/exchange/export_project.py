@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.completion import formats_written
 from orip.cli.exchange.import_project import tell_formats
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
@@ -23,7 +24,10 @@ def register(app: typer.Typer) -> None:
     def export_command(
         invocation: Invocation,
         format_name: Annotated[
-            str | None, typer.Argument(metavar="FORMAT", help="Default: that of the imported project.")
+            str | None,
+            typer.Argument(
+                metavar="FORMAT", autocompletion=formats_written, help="Default: that of the imported project."
+            ),
         ] = None,
         target: Annotated[Path | None, typer.Argument(metavar="DEST", help="New folder, or file.")] = None,
         bundle: BundleOption = None,

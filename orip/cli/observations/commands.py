@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from orip.cli.completion import photos, points
 from orip.cli.confirm import require_confirmation
 from orip.cli.editing import DryRunOption, EditOptions, YesOption
 from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
@@ -19,8 +20,13 @@ if TYPE_CHECKING:
 
 Verb = Literal["disregard", "include", "kill"]
 What = Annotated[Literal["point", "mark", "tick"], typer.Argument(metavar="point|mark|tick", show_default=False)]
-Owner = Annotated[str, typer.Argument(metavar="PHOTO", help="A photo (of a tick: template); '*' in quotes: all.")]
-Names = Annotated[list[str], typer.Argument(metavar="NAME", help="Points, marks or ticks; '*' in quotes: all.")]
+Owner = Annotated[
+    str,
+    typer.Argument(metavar="PHOTO", autocompletion=photos, help="A photo (of a tick: template); '*' in quotes: all."),
+]
+Names = Annotated[
+    list[str], typer.Argument(metavar="NAME", autocompletion=points, help="Points, marks or ticks; '*' in quotes: all.")
+]
 
 _ABOUT = """Photo observations: list, disregard, include, kill, measure again.
 
@@ -50,8 +56,8 @@ def _register_list(group: typer.Typer) -> None:
     def list_command(
         invocation: Invocation,
         bundle: BundleOption = None,
-        photo: Annotated[str | None, typer.Option("--photo", help="Only that photo.")] = None,
-        point: Annotated[str | None, typer.Option("--point", help="Only that point.")] = None,
+        photo: Annotated[str | None, typer.Option("--photo", autocompletion=photos, help="Only that photo.")] = None,
+        point: Annotated[str | None, typer.Option("--point", autocompletion=points, help="Only that point.")] = None,
         every: Annotated[bool, typer.Option("--all", help="All that is measured.")] = False,
         partners: Annotated[bool, typer.Option("--partners", help="Also the photos that show these points.")] = False,
     ) -> None:
@@ -108,7 +114,9 @@ def _register_rename(group: typer.Typer) -> None:
     def rename_command(
         invocation: Invocation,
         what: Annotated[Literal["point"], typer.Argument(metavar="point", show_default=False)],  # noqa: ARG001
-        owner: Annotated[str, typer.Argument(metavar="PHOTO", help="A photo; '*' in quotes: all.")],
+        owner: Annotated[
+            str, typer.Argument(metavar="PHOTO", autocompletion=photos, help="A photo; '*' in quotes: all.")
+        ],
         name: Annotated[str, typer.Argument(metavar="NAME")],
         new_name: Annotated[str, typer.Argument(metavar="NEW_NAME")],
         options: EditOptions,

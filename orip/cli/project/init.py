@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from orip.cli.completion import samples
 from orip.cli.options import Invocation, command
 from orip.cli.project.samples import list_samples, tell_made, tell_sample
 from orip.cli.terminal import Terminal, warning_rows
@@ -26,7 +27,10 @@ SampleOption = Annotated[
     bool, typer.Option("--sample", help="Write the sample project NAME into DIR; without a name, list them.")
 ]
 SampleName = Annotated[
-    str | None, typer.Argument(metavar="NAME", help="Make a project of that name; with --sample: which one.")
+    str | None,
+    typer.Argument(
+        metavar="NAME", autocompletion=samples, help="Make a project of that name; with --sample: which one."
+    ),
 ]
 SampleFolder = Annotated[
     Path | None, typer.Argument(metavar="DIR", help="The folder of the project that is made; default ./NAME.")

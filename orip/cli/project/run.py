@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.adjust.method import MethodOptions
 from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
+from orip.cli.completion import bundles
 from orip.cli.drive.commands import tell_no_table, tell_table
 from orip.cli.observations import measure
 from orip.cli.options import Invocation, command
@@ -19,6 +21,11 @@ from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
     from orip.workflow.records.reconcile import Prefer
+    from orip.workflow.run import RunSettings
+
+OneBundle = Annotated[
+    str | None, typer.Argument(metavar="BUNDLE", autocompletion=bundles, help="Adjust this bundle only; default: all.")
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -26,7 +33,12 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "run")
     def run_command(
-        invocation: Invocation, prefer: init.PreferOption = None, all_photos: AllPhotos = False, report: Report = True
+        invocation: Invocation,
+        options: MethodOptions,
+        bundle: OneBundle = None,
+        prefer: init.PreferOption = None,
+        all_photos: AllPhotos = False,
+        report: Report = True,
     ) -> None:
         """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
 
@@ -34,12 +46,21 @@ def register(app: typer.Typer) -> None:
 
         Example: orip -C zurich_city_hall run
         """
-        code = run_project(invocation.terminal, invocation.folder, prefer, all_photos=all_photos, report=report)
-        raise typer.Exit(code)
+        from orip.workflow.run import RunSettings
+
+        settings = RunSettings(bundle, options.method(), tuple(options.check or ()))
+        terminal, folder = invocation.terminal, invocation.folder
+        raise typer.Exit(run_project(terminal, folder, settings, prefer, all_photos=all_photos, report=report))
 
 
 def run_project(
-    terminal: Terminal, folder: Path, prefer: Prefer | None = None, *, all_photos: bool = False, report: bool = True
+    terminal: Terminal,
+    folder: Path,
+    settings: RunSettings | None = None,
+    prefer: Prefer | None = None,
+    *,
+    all_photos: bool = False,
+    report: bool = True,
 ) -> int:
     """Do all that `orip run` does in a folder, and return the exit code."""
     from orip.files.result.json_text import result_document, result_text
@@ -47,7 +68,7 @@ def run_project(
     from orip.workflow.project.commit import commit
     from orip.workflow.project.state import read_checked_project
     from orip.workflow.records.initialise import INITIALISED_FROM
-    from orip.workflow.run import RunWatcher, run
+    from orip.workflow.run import EVERYTHING, RunWatcher, run
 
     watcher = RunWatcher(
         initialised=partial(init.tell, terminal),
@@ -59,7 +80,7 @@ def run_project(
     )
     with limited_threads(terminal):
         state = read_checked_project(folder, *INITIALISED_FROM)
-        outcomes = run(state, prefer, watcher)
+        outcomes = run(state, prefer, watcher, settings or EVERYTHING)
     if report and outcomes:
         state = state.read_again("definitions")
         for outcome in outcomes:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from orip.cli.completion import cameras
 from orip.cli.options import Invocation, command
 
 if TYPE_CHECKING:
     from orip.workflow.records.distortion_curve import DistortionCurve
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="A camera.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=cameras, help="A camera.")]
 Radius = Annotated[float | None, typer.Option("--radius", min=1e-6, help="Plot up to this radius (mm).")]
 Ascii = Annotated[bool, typer.Option("--ascii", help="Draw with plain characters.")]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.completion import of_group
 from orip.cli.confirm import require_confirmation
 from orip.cli.editing import BundleOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from orip.workflow.records.edits import RecordName
     from orip.workflow.records.references import RecordKind
 
-Name = Annotated[str, typer.Argument(metavar="NAME")]
+Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=of_group)]
 NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
 Values = Annotated[
     list[str] | None,

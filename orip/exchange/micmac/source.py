@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 
 from orip.errors import Complaint
 from orip.exchange.micmac import mmvii, version1
+from orip.exchange.micmac.multiple_ties import multiple_tie_files, read_multiple_ties
 from orip.exchange.micmac.ties import TrackJoiner, pair_files, read_pairs
 from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation, PhotoMark
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -221,11 +222,14 @@ def _add_ties(
 ) -> None:
     photos = {item.photo: place for place, item in enumerate(orientations)}
     joiner = TrackJoiner()
-    for first, second, path in pair_files(homol):
+    pairs, multiple = pair_files(homol), multiple_tie_files(homol)
+    for first, second, path in pairs:
         if first in photos and second in photos:
             read_pairs(path, (photos[first], photos[second]), joiner, reading.of(path))
-    if not joiner and any(homol.glob("Pastis*/*.dat")):
-        reading.notes.append("Tie points in binary files (.dat) are not read; let Tapioca write texts (ExpTxt=1).")
+    if pairs and multiple:
+        reading.notes.append(f"{counted(len(multiple), 'file')} PMul not read: the pairs in Homol have the tie points.")
+    for path in () if pairs else multiple:
+        read_multiple_ties(path, photos, joiner, reading.of(path))
     left_out = 0
     for number, track in enumerate(joiner.tracks(), start=1):
         if len({photo for photo, _, _ in track}) < len(track):

@@ -1,15 +1,18 @@
-"""Tie points of MicMac: files of pairs (``Homol/PastisPHOTO1/PHOTO2.txt``), joined to tracks.
+"""Tie points of MicMac: files of pairs (``Homol/PastisPHOTO1/PHOTO2.dat`` or ``.txt``), joined to tracks.
 
-A line has column and row in the first photo and in the second one. The same feature has the same coordinates in all
-files of its photo.
+A pair has column and row in the first photo and in the second one: a line of a text; in a binary file (little endian)
+after the number 2 (4 bytes) and a weight (8 bytes), and after a head of 8 bytes, 2 and the number of pairs. The same
+feature has the same coordinates in all files of its photo.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from orip.exchange.sources.faults import Faults
-from orip.files.text.lines import read_lines
+from orip.files.text.lines import read_bytes, read_lines
 
 _FOLDER = "Pastis"
 _STEPS_PER_PIXEL = 100
@@ -19,13 +22,22 @@ Feature = tuple[int, int, int]
 """Photo, and column and row in hundredths of a pixel."""
 
 
+_IN_PAIR = 2
+_FARTHEST = 1e7
+"""Pixels that no photo has."""
+
+_BINARY_HEAD = np.dtype([("dimension", "<i4"), ("count", "<i4")])
+_BINARY_PAIR = np.dtype([("photos", "<i4"), ("weight", "<f8"), ("pixels", "<f8", (4,))])
+
+
 def pair_files(homol: Path) -> list[tuple[str, str, Path]]:
-    """Return the text files of pairs in a folder ``Homol``: first photo, second photo, path."""
-    found = []
+    """Return the files of pairs in a folder ``Homol``: first photo, second photo, path; binary where there are two."""
+    found: dict[tuple[str, str], Path] = {}
     for folder in sorted(path for path in homol.glob(f"{_FOLDER}*") if path.is_dir()):
         first = folder.name.removeprefix(_FOLDER)
-        found += [(first, path.name.removesuffix(".txt"), path) for path in sorted(folder.glob("*.txt"))]
-    return found
+        for suffix in (".txt", ".dat"):
+            found |= {(first, path.name.removesuffix(suffix)): path for path in sorted(folder.glob(f"*{suffix}"))}
+    return [(first, second, path) for (first, second), path in found.items()]
 
 
 class TrackJoiner:
@@ -67,6 +79,9 @@ class TrackJoiner:
 
 def read_pairs(path: Path, photos: tuple[int, int], joiner: TrackJoiner, faults: Faults) -> None:
     """Read a file of pairs and join them."""
+    if path.suffix.lower() == ".dat":
+        _read_binary(path, photos, joiner, faults)
+        return
     lines = read_lines(path, faults.shown)
     faults.complaints += lines.complaints
     for number, line in enumerate(lines.value, start=1):
@@ -75,3 +90,29 @@ def read_pairs(path: Path, photos: tuple[int, int], joiner: TrackJoiner, faults:
         values = faults.decimals(line, 4, "column and row in both photos", number)
         if values is not None:
             joiner.join(joiner.feature(photos[0], *values[:2]), joiner.feature(photos[1], *values[2:]))
+
+
+def _read_binary(path: Path, photos: tuple[int, int], joiner: TrackJoiner, faults: Faults) -> None:
+    data, complaints = read_bytes(path, faults.shown)
+    faults.complaints += complaints
+    if data is None:
+        return
+    if len(data) < _BINARY_HEAD.itemsize:
+        faults.complain("the file ends before byte 8; write it again")
+        return
+    dimension, count = (int(value) for value in np.frombuffer(data, dtype=_BINARY_HEAD, count=1)[0])
+    room = (len(data) - _BINARY_HEAD.itemsize) // _BINARY_PAIR.itemsize
+    if dimension != _IN_PAIR or not 0 <= count <= room:
+        faults.complain(
+            f"{count} points in {dimension} photos are announced (bytes 0 to 7), and there is room for {room} pairs; "
+            "write the file again"
+        )
+        return
+    pairs = np.frombuffer(data, dtype=_BINARY_PAIR, count=count, offset=_BINARY_HEAD.itemsize)
+    is_sound = (pairs["photos"] == _IN_PAIR) & (np.abs(pairs["pixels"]) < _FARTHEST).all(axis=1)
+    if not is_sound.all():
+        byte = _BINARY_HEAD.itemsize + _BINARY_PAIR.itemsize * int(np.flatnonzero(~is_sound)[0])
+        faults.complain(f"byte {byte}: this is no pair of pixels; write the file again")
+        return
+    for first_x, first_y, second_x, second_y in pairs["pixels"].tolist():
+        joiner.join(joiner.feature(photos[0], first_x, first_y), joiner.feature(photos[1], second_x, second_y))

@@ -98,10 +98,8 @@ class PhotoMark:
 
 def read_calibration(path: Path, faults: Faults) -> Calibration | None:
     """Read a camera; None, and complaints kept, if it cannot be represented."""
-    root = read_xml(path, faults)
-    camera = None if root is None else _named(root, "CalibrationInternConique")
+    camera = _element(path, "CalibrationInternConique", "a camera", faults)
     if camera is None:
-        _no_such_file(root, faults, "a camera (CalibrationInternConique)")
         return None
     fields = XmlFields(faults)
     convention = fields.text(camera, "KnownConv")
@@ -172,10 +170,8 @@ def _radial(part: XmlElement, model: XmlElement, fields: XmlFields) -> _Distorti
 
 def read_orientation(path: Path, faults: Faults) -> Orientation | None:
     """Read the orientation of a photo, whose name is that of the file."""
-    root = read_xml(path, faults)
-    external = None if root is None else _named(root, "OrientationConique")
+    external = _element(path, "OrientationConique", "an orientation", faults)
     if external is None:
-        _no_such_file(root, faults, "an orientation (OrientationConique)")
         return None
     fields = XmlFields(faults)
     centre = fields.decimals(external, "Externe/Centre", 3)
@@ -238,10 +234,13 @@ def photo_marks(root: XmlElement, faults: Faults) -> tuple[PhotoMark, ...]:
     return tuple(found)
 
 
-def _named(root: XmlElement, tag: str) -> XmlElement | None:
-    return root if root.tag == tag else next(root.within(tag), None)
-
-
-def _no_such_file(root: XmlElement | None, faults: Faults, kind: str) -> None:
-    if root is not None:
-        faults.complain(f"this is not {kind} of MicMac, but <{shown_token(root.tag)}>; name another file", root.line)
+def _element(path: Path, tag: str, kind: str, faults: Faults) -> XmlElement | None:
+    """Return the element of a tag in a file; None, and complaints kept, if there is none."""
+    root = read_xml(path, faults)
+    if root is None or root.tag == tag:
+        return root
+    found = next(root.within(tag), None)
+    if found is None:
+        message = f"this is not {kind} ({tag}) of MicMac, but <{shown_token(root.tag)}>; name another file"
+        faults.complain(message, root.line)
+    return found

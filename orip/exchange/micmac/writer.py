@@ -1,4 +1,7 @@
-"""A project as a folder of orientations of MicMac (first version): a file for each photo, and one for each camera."""
+"""A project as a folder of orientations of MicMac (first version): a file for each photo, and one for each camera.
+
+It is a copy of the folder that the project was imported from, where that is of the first version, too.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +9,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from orip.exchange.micmac.copy import ORIENTATION, copied_files
+from orip.exchange.micmac.source import find_orientations
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _HEAD = '<?xml version="1.0" ?>\n<ExportAPERO>\n'
 _RADIAL = ("c1", "c2", "c3", "c4")
 
 
-def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:  # noqa: ARG001  # new files
-    """Return the files of a folder ``Ori-NAME``; distances of photos from the ground are not known and are left out."""
-    names = [f"{_calibration(camera.name)}.xml" for camera in project.cameras]
+def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
+    """Return the files of a folder ``Ori-NAME``; distances of photos from the ground are not known and are left out.
+
+    Raises
+    ------
+    InputError
+        If a file of the original cannot be read.
+    """
+    folders = [] if original is None or not original.is_dir() else find_orientations(original)
+    copied = copied_files(project, folders[0]) if len(folders) == 1 else {}
+    names = [f"{camera.name}.xml" if copied else f"{_calibration(camera.name)}.xml" for camera in project.cameras]
     files = {name: _camera_text(camera) for name, camera in zip(names, project.cameras, strict=True)}
     for photo in project.photos:
         if photo.rotation:
             file = photo.name.replace("\\", "/").rsplit("/", 1)[-1]
-            files[f"Orientation-{file}.xml"] = _orientation_text(photo, names[photo.camera])
-    return {name: text.encode() for name, text in files.items()}
+            files[ORIENTATION.format(file)] = _orientation_text(photo, names[photo.camera])
+    return {name: text.encode() for name, text in files.items()} | copied
 
 
 def _calibration(name: str) -> str:

@@ -9,9 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import chain
 from types import MappingProxyType
+from typing import Any
 
 from orip.exchange.sources.json_tree import JsonValue
+from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, GroundFrame, Lens, PoseReading
 from orip.records.observations.station import Station
@@ -166,12 +169,31 @@ def _station(name: str, shot: JsonValue) -> Station | None:
 
 def _points(part: JsonValue) -> dict[str, tuple[float, ...]]:
     points = part.get("points")
+    sound = {} if points is None else _sound_points(points.value)
+    if sound:
+        return sound
     found = {}
     for name, point in points.entries() if points is not None else ():
         coordinates = point.numbers("coordinates", 3)
         if coordinates is not None:
             found[name] = coordinates
     return found
+
+
+def _sound_points(points: Any) -> dict[str, tuple[float, ...]]:
+    """Return the coordinates of points where all of them are sound, which is quickly seen; else nothing."""
+    values = list(points.values()) if isinstance(points, dict) else []
+    if not all(isinstance(value, dict) for value in values):
+        return {}
+    places = [value.get("coordinates") for value in values]
+    if not all(isinstance(place, list) and len(place) == 3 for place in places):
+        return {}
+    numbers = list(chain.from_iterable(places))
+    if not set(map(type, numbers)) <= {int, float} or not all(abs(number) <= LARGEST_NUMBER for number in numbers):
+        return {}
+    decimals = list(map(float, numbers))
+    decimals = list(map(float, numbers))
+    return dict(zip(points, zip(decimals[::3], decimals[1::3], decimals[2::3], strict=True), strict=True))
 
 
 def _frame(part: JsonValue) -> GroundFrame:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,7 +107,7 @@ class JsonValue:
 def _is_number(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value) and abs(value) <= LARGEST_NUMBER
+    return abs(value) <= LARGEST_NUMBER  # neither NaN nor infinite; whole numbers may have any size
 
 
 def read_json(path: Path, faults: Faults) -> JsonValue | None:

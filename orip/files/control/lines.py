@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import InputError
-from orip.files.text.lines import TextField, TextLine, decode_lines, read_bytes, split_line
+from orip.files.text.lines import TextField, TextLine, decode_lines, existing_bytes, split_line
 from orip.files.text.parsed import Parsed
 
 _LINE_ENDS = "\r\n"
@@ -97,10 +97,8 @@ def read_control_lines(path: Path, shown: str) -> ControlLines:
     InputError
         If it cannot be read or is not UTF-8.
     """
-    data, complaints = read_bytes(path, shown, may_be_absent=True)
+    data = existing_bytes(path, shown)
     if data is None:
-        if complaints:
-            raise InputError(complaints)
         return ControlLines()
     decoded = decode_lines(data, shown)
     if decoded.complaints:

@@ -11,7 +11,7 @@ from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
 from orip.errors import InputError
 from orip.files.text.atomic import replace_text
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import existing_bytes
 
 SCHEMA = "orip.plate-processor/1"
 
@@ -63,9 +63,7 @@ def read_processor_state(path: Path, shown: str) -> SavedProcessorState | None:
     InputError
         If the file cannot be read or holds no state.
     """
-    data, complaints = read_bytes(path, shown, may_be_absent=True)
-    if complaints:
-        raise InputError(complaints)
+    data = existing_bytes(path, shown)
     if data is None:
         return None
     try:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from orip.errors import InputError
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import existing_text
 from orip.records.observations.measurement import EditRecord
 
 HEADING = "! Edits and repeated measurements; replayed after all other measurement files."
@@ -68,14 +67,7 @@ def read_edits(path: Path, shown: str) -> EditsText:
     InputError
         If it cannot be read or is not UTF-8.
     """
-    data, complaints = read_bytes(path, shown, may_be_absent=True)
-    if complaints:
-        raise InputError(complaints)
-    try:
-        return EditsText(path, shown, None if data is None else data.decode("utf-8"))
-    except UnicodeDecodeError:
-        message = "the file is not UTF-8; save it as UTF-8"
-        raise InputError.single(message, shown) from None
+    return EditsText(path, shown, existing_text(path, shown))
 
 
 def edit_line(record: EditRecord) -> str:

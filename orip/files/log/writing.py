@@ -11,9 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Literal, Protocol
 
-from orip.errors import InputError
 from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
-from orip.files.text.lines import read_bytes
+from orip.files.text.lines import existing_text
 from orip.records.observations.measurement import TransformationKind
 from orip.records.project.photo import Stage
 
@@ -119,14 +118,7 @@ class LogFile:
         self._written = text
 
     def _read(self) -> str:
-        data, complaints = read_bytes(self._path, self._shown, may_be_absent=True)
-        if complaints:
-            raise InputError(complaints)
-        try:
-            return (data or b"").decode("utf-8")
-        except UnicodeDecodeError:
-            message = "the file is not UTF-8; save it as UTF-8"
-            raise InputError.single(message, self._shown) from None
+        return existing_text(self._path, self._shown) or ""
 
 
 def template_header(template: str, kind: TransformationKind, stage: Stage) -> str:

@@ -15,8 +15,10 @@ from orip.arrays import FloatArray
 from orip.number_text import shortest_texts
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.group_test import GroupTest
 from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 from orip.records.results.station_residuals import station_residuals
+from orip.records.results.variance_component import VarianceComponent
 
 SCHEMA = "orip.result/1"
 SINGULAR = "singular"
@@ -270,13 +272,14 @@ def _blunders(solution: Solution) -> list[dict[str, object]]:
     ]
 
 
+def _group(row: GroupTest | VarianceComponent) -> dict[str, object]:
+    return {"kind": row.kind, "of": row.of, "component": row.component, "number": int(row.number)}
+
+
 def _groups(solution: Solution) -> list[dict[str, object]]:
     return [
         {
-            "kind": row.kind,
-            "of": row.of,
-            "component": row.component,
-            "number": int(row.number),
+            **_group(row),
             "down_weighted": int(row.down_weighted),
             "redundancy": _number(row.redundancy),
             "sigma0": _number(row.sigma0),
@@ -296,10 +299,7 @@ def _groups(solution: Solution) -> list[dict[str, object]]:
 def _variance_components(solution: Solution) -> list[dict[str, object]]:
     return [
         {
-            "kind": row.kind,
-            "of": row.of,
-            "component": row.component,
-            "number": int(row.number),
+            **_group(row),
             "redundancy": _number(row.redundancy),
             "factor": _estimate(row.factor, row.sd),
             "p": _number(row.p),

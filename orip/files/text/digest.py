@@ -8,6 +8,11 @@ from pathlib import Path
 from orip.files.text.regular_file import open_regular
 
 
+def text_digest(text: str) -> str:
+    """Return the digest that a file with a text has."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
 def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's bytes as 64 hexadecimal digits.
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.errors import Complaint
+from orip.errors import Complaint, InputError
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import NoRegularFileError, regular_bytes
 from orip.files.text.shown import shown_token
@@ -60,6 +60,36 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
         reason = getattr(fault, "strerror", None) or str(fault)
         message = f"the file cannot be read ({reason}); check the name and the disk"
     return None, (Complaint(message, shown),)
+
+
+def existing_bytes(path: Path, shown: str) -> bytes | None:
+    """Return the bytes of a file; None if it is absent.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    data, complaints = read_bytes(path, shown, may_be_absent=True)
+    if complaints:
+        raise InputError(complaints)
+    return data
+
+
+def existing_text(path: Path, shown: str) -> str | None:
+    """Return a text as it stands; None if it is absent.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not UTF-8.
+    """
+    data = existing_bytes(path, shown)
+    try:
+        return None if data is None else data.decode("utf-8")
+    except UnicodeDecodeError:
+        message = "the file is not UTF-8; save it as UTF-8"
+        raise InputError.single(message, shown) from None
 
 
 def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:

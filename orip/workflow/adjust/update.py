@@ -16,6 +16,7 @@ from orip.records.project.antenna import ANTENNA_KEYS, ANTENNA_PARAMETERS
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.project.shared_lens import lens_key
+from orip.records.results.before_update import BeforeUpdate, RecordBefore
 from orip.records.results.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
@@ -28,6 +29,7 @@ from orip.solving.updated_values import (
     updated_points,
 )
 from orip.wording import first_names
+from orip.workflow.adjust.undo_update import before_update_file, record_before, text_before
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
@@ -171,7 +173,19 @@ def _updated_records(
         others=0,
         warnings=warnings,
     )  # fmt: skip
-    return Change(bundle.state, outcome, StoredParts(new), project.record_stores)
+    before = BeforeUpdate(what, solution.bundle, solution.run, _before(old, new))
+    kept = (before_update_file(project, before),) if before.records else ()
+    return Change(bundle.state, outcome, StoredParts(new), project.record_stores, edited_texts=kept)
+
+
+def _before(old: StoredDefinitions, new: StoredDefinitions) -> tuple[RecordBefore, ...]:
+    """Return the cameras and photos that an update changes, as they were."""
+    of_cameras = zip(old.cameras, new.cameras, strict=True)
+    of_photos = zip(old.photos, new.photos, strict=True)
+    return (
+        *(record_before(was.record, now.record) for was, now in of_cameras if was != now),
+        *(record_before(was.record, now.record) for was, now in of_photos if was != now),
+    )
 
 
 def _with_lenses(
@@ -265,8 +279,12 @@ def _updated_points(
         others=0 if names else sum(point.name not in known for point in text.points),
         warnings=warnings,
     )  # fmt: skip
-    edited = (text.edited(found.points, solution.ground_unit),) if found.changed else ()
-    return Change(bundle.state, outcome, locks=project.record_stores, edited_texts=edited)
+    if not found.changed:
+        return Change(bundle.state, outcome, locks=project.record_stores)
+    edited = text.edited(found.points, solution.ground_unit)
+    before = BeforeUpdate("points", solution.bundle, solution.run, text=text_before(text.path, edited))
+    texts = (before_update_file(project, before), edited)
+    return Change(bundle.state, outcome, locks=project.record_stores, edited_texts=texts)
 
 
 # what both need

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
-import ipaddress
 import signal
-import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +22,7 @@ from orip.link.emulator import Emulator
 from orip.link.station import DSR_STAGES, MeasuringMark, Stages, Station, bare_stages
 from orip.link.travel import Pace
 from orip.records.drive_table import StageLimits
+from orip.workflow.drive.listening import listening_address
 from orip.workflow.drive.table import load_drive_table
 
 FARTHEST_MM = 10_000.0
@@ -126,24 +125,8 @@ async def _serve_until_signal(emulator: Emulator, host: str, port: int, listenin
 
 
 def _address(settings: EmulatorSettings) -> tuple[str, int]:
-    host, _, port = settings.listen.rpartition(":")
-    host = host.removeprefix("[").removesuffix("]")
-    if not host or not (port.isascii() and port.isdecimal() and int(port) <= 65535):
-        message = f"'{settings.listen}' is not an address to listen on; write HOST:PORT, for example 127.0.0.1:4788"
-        raise UsageError(message)
-    try:
-        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:
-        message = f"the host of '{settings.listen}' is not known; write for example 127.0.0.1:4788"
-        raise UsageError(message) from error
-    address = str(found[0][4][0])
-    if not ipaddress.ip_address(address.partition("%")[0]).is_loopback and not settings.is_remote_allowed:
-        message = (
-            f"{settings.listen} can be reached from other machines; listen on 127.0.0.1, or allow those that have the "
-            "token of this run with --allow-remote"
-        )
-        raise UsageError(message)
-    return address, int(port)
+    otherwise = ", or allow those that have the token of this run with --allow-remote"
+    return listening_address(settings.listen, None if settings.is_remote_allowed else otherwise)
 
 
 def _joined(host: str, port: int) -> str:

@@ -131,6 +131,11 @@ class ProjectFolder:
         return self.cameras, self.temticks, self.photos, self.templates, self.exterior
 
     @property
+    def before_update(self) -> Path:
+        """Return the path of before_update.json."""
+        return self.folder / "before_update.json"
+
+    @property
     def interior_listing(self) -> Path:
         """Return the path of INTERIOR_RESULT.OUT."""
         return self.folder / "INTERIOR_RESULT.OUT"

@@ -29,7 +29,7 @@ from workflow.small_projects import contents, film_project, replace_in
 
 from orip.files.stores.dump import dump
 
-KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
+KILLED_ORIP = Path(__file__).parents[1] / "killed_orip.py"
 MOMENTS = {"init": 1, "measure": 2, "solve": 5}
 """Commits and renames of each command."""
 COMMANDS = {"init": initialise, "measure": measure, "solve": solve_quietly}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from workflow.small_projects import REPOSITORY, contents, first_project, replace
 
 from orip.files.stores.contents import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
+from orip.files.text.atomic import replace_text_in_pieces
 
 KINDS = ("cameras", "photos", "points")
 ZURICH = REPOSITORY / "sample_projects" / "zurich_city_hall"
@@ -285,8 +287,10 @@ def test_a_faulty_text_is_not_overwritten(project: Path) -> None:
 
 
 def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_path: Path, _text: str) -> None:
-        raise OSError(28, "No space left on device")
+    def full(path: Path, pieces: Iterable[str]) -> None:
+        if path.suffix == ".PRE":
+            raise OSError(28, "No space left on device")
+        replace_text_in_pieces(path, pieces)
 
     monkeypatch.setattr("orip.workflow.project.text_output.replace_text_in_pieces", full)
     sentence = "MAIN.PRE cannot be written: No space left on device; the file is unchanged"
@@ -307,3 +311,71 @@ def test_locked_by_another_run(project: Path, what: str, monkeypatch: pytest.Mon
         monkeypatch.setitem(writing.__wrapped__.__kwdefaults__, "timeout", 0.01)  # type: ignore[attr-defined]
         refused(orip(project, "update", what), 6, "locked by another run of orip")
     assert contents(project) == before
+
+
+@pytest.mark.parametrize("what", KINDS)
+def test_the_last_update_is_undone_once(project: Path, what: str) -> None:
+    replace_in(project / "orip.toml", 'name = "C35"', 'name = "C35"\nunknown = ["C"]')
+    (project / "MAIN.PRE").write_bytes(b"! mine\r\nfar 1 2 3\r\nP1 1100 2050 100\r\n")
+    assert orip(project, "run").code == 0
+    before = values_of(project)
+    preview = orip(project, "update", what, "--dry-run", "--json").document
+    assert (preview["dry_run"], preview["unchanged"]) == (True, False)
+    assert values_of(project) == before
+    done = orip(project, "update", what, "--json").document
+    assert done["changes"] == preview["changes"]
+    after = values_of(project)
+    assert after != before
+    assert orip(project, "update", "--undo", "--dry-run").code == 0
+    assert values_of(project) == after
+    said = orip(project, "update", "--undo")
+    assert said.code == 0
+    assert f"has the {what} of before the last update" in said.err
+    assert values_of(project) == before
+    refused(orip(project, "update", "--undo"), 3, "there is no update to undo")
+
+
+def values_of(folder: Path) -> list[object]:
+    """Return all that an update may change: the records of cameras and photos, and the text of the points."""
+    paths = [folder / "CAMERAS.CAM", folder / "FIRST.PHO"]
+    with reading(paths) as stores:
+        return [cameras.read(stores[paths[0]]), photos.read(stores[paths[1]]), (folder / "MAIN.PRE").read_bytes()]
+
+
+def test_points_of_a_file_that_was_not_there_go_again(project: Path) -> None:
+    assert not (project / "MAIN.PRE").exists()
+    assert orip(project, "update", "points").code == 0
+    assert orip(project, "update", "--undo").code == 0
+    assert not (project / "MAIN.PRE").exists()
+
+
+def test_what_was_changed_since_is_not_undone(project: Path) -> None:
+    assert orip(project, "update", "photos").code == 0
+    assert orip(project, "photo", "edit", "left", "X0=1071").code == 0
+    assert orip(project, "photo", "rename", "right", "RIGHT2").code == 0
+    before = contents(project)
+    said = orip(project, "update", "--undo")
+    refused(said, 3, "photo left has been changed since the update")
+    assert "photo right has been changed since the update, or is no longer defined" in said.err
+    assert contents(project) == before
+
+
+def test_points_edited_since_are_not_undone(project: Path) -> None:
+    assert orip(project, "update", "points").code == 0
+    with (project / "MAIN.PRE").open("a") as text:
+        text.write("Q1 1 2 3\n")
+    refused(orip(project, "update", "--undo"), 3, "MAIN.PRE: it has been changed since the update")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[]", '{"schema": "orip.before_update/1", "what": "photos"}', '{"schema": "orip.before_update/2"}'],
+)
+def test_a_damaged_record_of_the_update_is_refused(project: Path, text: str) -> None:
+    (project / "before_update.json").write_text(text)
+    refused(orip(project, "update", "--undo"), 3, "before_update.json: this is not what 'orip update' wrote")
+
+
+def test_undo_takes_no_kind_and_an_update_needs_one(project: Path) -> None:
+    refused(orip(project, "update", "photos", "--undo"), 2, "leave out 'photos'")
+    refused(orip(project, "update"), 2, "say what to update")

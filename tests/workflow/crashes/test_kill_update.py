@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from workflow.commands import update
+from workflow.commands import undo_update, update
 from workflow.killed_here import Killed, killed_at
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, first_project, replace_in
@@ -18,7 +18,7 @@ from workflow.small_projects import contents, first_project, replace_in
 from orip.files.stores.dump import dump
 from orip.workflow.adjust.update import What
 
-KILLED_ORIP = Path(__file__).with_name("killed_orip.py")
+KILLED_ORIP = Path(__file__).parents[1] / "killed_orip.py"
 State = tuple[list[list[str]], str]
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 
@@ -43,10 +43,12 @@ def before(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _check(what: What, folder: Path, states: tuple[State, State]) -> None:
-    """Check what a kill has left, then that the command run again ends as if nothing had happened."""
+    """Check what a kill has left, then that the command run again ends as if nothing had been, and can be undone."""
     assert _state(folder) in states
     update(folder, what)
     assert _state(folder) == states[1]
+    undo_update(folder)
+    assert _state(folder) == states[0]
     run_quietly(folder)
     assert not [name for name in contents(folder) if name.endswith(".tmp")]
 

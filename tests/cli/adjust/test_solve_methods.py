@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
-from workflow.small_projects import REPOSITORY, first_project, replace_in
+from workflow.small_projects import REPOSITORY, contents, first_project, many_bundles, replace_in
 
 
 @pytest.fixture
@@ -129,3 +129,27 @@ def test_a_malformed_gate_is_refused_before_anything_is_done(tmp_path: Path) -> 
     assert said.code == 3
     assert "orip.toml:" in said.err
     assert not list(folder.glob("*.EXT"))
+
+
+def test_run_takes_the_method_of_solve(calibration: Path) -> None:
+    replace_in(calibration / "DCS260.MEA", "947.173913", "987.173913")
+    said = orip(calibration, "run", "--snoop", "--check", "sigma0<=0.001", "--json")
+    assert said.code == 5, "the gate of the command line fails"
+    assert said.document["blunders"][0]["point"] == "14"
+    solved = orip(calibration, "solve", "--snoop", "--json")
+    assert solved.document["run"] == said.document["run"], "the same adjustment"
+    refused = orip(calibration, "run", "--alpha", "0.01")
+    assert refused.code == 2
+    assert "--sigma0 and --alpha need --snoop" in refused.err
+
+
+def test_run_adjusts_one_bundle_of_several(tmp_path: Path) -> None:
+    folder = many_bundles(first_project(tmp_path / "first"), ["ONE", "TWO"])
+    assert orip(folder, "run", "two").code == 0
+    steps = {step["command"]: step["state"] for step in orip(folder, "status", "--json").document["steps"]}
+    assert (steps["orip solve TWO"], steps["orip solve ONE"]) == ("up to date", "missing")
+    before = contents(folder)
+    refused = orip(folder, "run", "THREE")
+    assert refused.code == 2
+    assert "there is no bundle 'THREE'; the project's bundles are: ONE, TWO" in refused.err
+    assert contents(folder) == before

@@ -1,0 +1,105 @@
+"""What completion of the shell offers for names: of bundles, photos, cameras, points, samples and formats.
+
+What cannot be read offers nothing: a shell has no place for messages while it completes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from orip.errors import OripError
+
+if TYPE_CHECKING:
+    from orip.workflow.project.state import ProjectState
+
+
+def samples(incomplete: str) -> list[str]:
+    """Return the names of the sample projects."""
+    from orip.workflow.sample_projects import SAMPLES
+
+    return _that_begin(SAMPLES, incomplete)
+
+
+def formats_read(incomplete: str) -> list[str]:
+    """Return the formats that can be imported."""
+    from orip.exchange.formats import FORMATS
+
+    return _that_begin((form.name for form in FORMATS if form.read is not None), incomplete)
+
+
+def formats_written(incomplete: str) -> list[str]:
+    """Return the formats that can be exported."""
+    from orip.exchange.formats import FORMATS
+
+    return _that_begin((form.name for form in FORMATS if form.write is not None), incomplete)
+
+
+def bundles(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the project's bundles."""
+    state = _state(context)
+    return _that_begin(state.project.bundle_names if state else (), incomplete)
+
+
+def photos(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the project's photos."""
+    return _records(context, "photos", incomplete)
+
+
+def cameras(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the project's cameras."""
+    return _records(context, "cameras", incomplete)
+
+
+def templates(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the project's templates."""
+    return _records(context, "templates", incomplete)
+
+
+def points(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the points that are measured in photos."""
+    state = _state(context, with_points=True)
+    observations = state.measured.observations.values() if state else ()
+    return _that_begin((point for bundle in observations for point in bundle.points), incomplete)
+
+
+def of_results(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the cameras, photos or points, whichever the argument before asks for."""
+    named = {"cameras": cameras, "photos": photos, "points": points, "residuals": photos}
+    offered = named.get(str(context.params.get("what")))
+    return [] if offered is None else offered(context, incomplete)
+
+
+def of_group(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names of the records that a group of commands is about: `orip photo`, `orip camera`."""
+    group = str(context.parent.info_name) if context.parent else ""
+    if group == "bundle":
+        return bundles(context, incomplete)
+    return _records(context, f"{group}s", incomplete) if group in {"camera", "photo", "template"} else []
+
+
+def _records(context: typer.Context, kind: str, incomplete: str) -> list[str]:
+    state = _state(context)
+    if state is None:
+        return []
+    stored = [stored.record.name for stored in getattr(state.definitions, kind)]
+    return _that_begin([*(record.name for record in getattr(state.project.definition, kind)), *stored], incomplete)
+
+
+def _state(context: typer.Context, *, with_points: bool = False) -> ProjectState | None:
+    """Return the project that the command line is about; None if it cannot be read."""
+    from orip.workflow.project.state import read_project
+
+    folder = context.find_root().params.get("folder") or Path()
+    parts = ("definitions", "marks", "observations") if with_points else ("definitions",)
+    try:
+        return read_project(Path(folder), *parts)
+    except (OripError, OSError):
+        return None
+
+
+def _that_begin(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]

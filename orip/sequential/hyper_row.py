@@ -1,0 +1,151 @@
+"""A point as the rows of R that it has to itself, and what its observations say about the reduced unknowns alone.
+
+The equations of a point touch its three coordinates and some reduced unknowns: [A_p A_e | l]. An orthogonal
+factorisation of the columns A_p gives as many rows as the point has determined coordinates, its hyper-row, which tells
+where the point is once the reduced unknowns are known. All further rows have no coordinate of the point any more: they
+are equations of the reduced unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from scipy.linalg import qr, solve_triangular
+
+from orip.arrays import FloatArray, IntArray
+from orip.sequential.reduced_rows import ReducedRows
+
+_ZERO_PIVOT = 1e-8
+"""Part of a point's largest column below which a pivot is rounding: its rays are parallel in that coordinate."""
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationRows:
+    """The k linearised equations of one observation, divided by the a-priori errors.
+
+    Parameters
+    ----------
+    point : str or None
+        The point whose coordinates it touches; None: only reduced unknowns.
+    by_point : array (k, 3)
+        Partials by these coordinates, zero where one is constant.
+    columns : array (c,) of int
+        Reduced unknowns that it touches, ascending.
+    by_reduced : array (k, c)
+    right : array (k,)
+        Observed minus computed at the origin of the unknowns.
+    exact : bool
+        An exact constraint, which has no part in sigma0.
+    """
+
+    point: str | None
+    by_point: FloatArray
+    columns: IntArray
+    by_reduced: FloatArray
+    right: FloatArray
+    exact: bool = False
+
+    @property
+    def reduced(self) -> ReducedRows:
+        """Return the equations of an observation that touches no point."""
+        return ReducedRows(self.columns, self.by_reduced, self.right)
+
+    def rows(self) -> list[ObservationRows]:
+        """Return the equations one by one."""
+        return [
+            ObservationRows(
+                self.point, self.by_point[[row]], self.columns, self.by_reduced[[row]], self.right[[row]], self.exact
+            )
+            for row in range(len(self.right))
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class HyperRow:
+    """The r rows of R of one point.
+
+    Parameters
+    ----------
+    coordinates : array (r,) of int
+        Those that are determined, in the order of the factorisation; the others are held.
+    factor : array (r, r)
+        Upper triangle.
+    columns : array (c,) of int
+        Reduced unknowns, ascending.
+    coupling : array (r, c)
+    right : array (r,)
+    free : int
+        Coordinates of the point that are unknowns.
+    """
+
+    coordinates: IntArray
+    factor: FloatArray
+    columns: IntArray
+    coupling: FloatArray
+    right: FloatArray
+    free: int
+
+    @property
+    def is_complete(self) -> bool:
+        """Return whether all coordinates are determined: more observations only tell of reduced unknowns then."""
+        return len(self.coordinates) == self.free
+
+    def with_row(self, row: ObservationRows) -> tuple[HyperRow, ReducedRows]:
+        """Return a complete hyper-row with one more equation, and what that says about the reduced unknowns."""
+        count = len(self.coordinates)
+        columns = np.union1d(self.columns, row.columns)
+        by_reduced = np.zeros((count + 1, len(columns)))
+        by_reduced[:count, np.searchsorted(columns, self.columns)] = self.coupling
+        by_reduced[count:, np.searchsorted(columns, row.columns)] = row.by_reduced
+        rest = np.column_stack([by_reduced, np.concatenate([self.right, row.right])])
+        rotation, factor = np.linalg.qr(np.vstack([self.factor, row.by_point[:, self.coordinates]]), mode="complete")
+        rest = rotation.T @ rest
+        changed = HyperRow(self.coordinates, factor[:count], columns, rest[:count, :-1], rest[:count, -1], self.free)
+        return changed, ReducedRows(columns, rest[count:, :-1], rest[count:, -1])
+
+    def coordinates_at(self, reduced: FloatArray) -> FloatArray:
+        """Return the corrections (3,) of the point for corrections of the reduced unknowns; 0 where one is held."""
+        found = np.zeros(3)
+        found[self.coordinates] = solve_triangular(self.factor, self.right - self.coupling @ reduced[self.columns])
+        return found
+
+    def whitened(self, rows: ObservationRows) -> tuple[FloatArray, ReducedRows]:
+        """Return R^-T a^T (r, k) of the point's part of rows, and what is left of them.
+
+        The right-hand sides of what is left are those of the rows less what the hyper-row explains.
+        """
+        inner = solve_triangular(self.factor, rows.by_point[:, self.coordinates].T, trans="T")
+        columns = np.union1d(self.columns, rows.columns)
+        left = np.zeros((len(rows.right), len(columns)))
+        left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced
+        left[:, np.searchsorted(columns, self.columns)] -= inner.T @ self.coupling
+        return inner, ReducedRows(columns, left, rows.right - inner.T @ self.right)
+
+
+def factored(observations: Sequence[ObservationRows]) -> tuple[HyperRow, ReducedRows]:
+    """Return the hyper-row of the observations of one point, and their equations of the reduced unknowns alone."""
+    columns = reduce(np.union1d, (rows.columns for rows in observations)).astype(np.int64)
+    by_point = np.vstack([rows.by_point for rows in observations])
+    count = sum(len(rows.right) for rows in observations)
+    rest, first = np.zeros((count, len(columns) + 1)), 0
+    for rows in observations:
+        part = slice(first, first + len(rows.right))
+        rest[part, np.searchsorted(columns, rows.columns)] = rows.by_reduced
+        rest[part, -1] = rows.right
+        first = part.stop
+    rotation, factor, order = qr(by_point, pivoting=True, check_finite=False)
+    pivots = np.abs(np.diagonal(factor))
+    rank = int(np.count_nonzero(pivots > _ZERO_PIVOT * max(float(pivots[0]), 0.0))) if len(pivots) else 0
+    rest = rotation.T @ rest
+    own = HyperRow(
+        np.asarray(order[:rank], dtype=np.int64),
+        factor[:rank, :rank],
+        columns,
+        rest[:rank, :-1],
+        rest[:rank, -1],
+        int(np.count_nonzero(by_point.any(axis=0))),
+    )
+    return own, ReducedRows(columns, rest[rank:, :-1], rest[rank:, -1])

@@ -1,0 +1,302 @@
+"""The observations that are in, and the triangle that they give: taken in, tested, taken out, built again.
+
+Points are hyper-rows, so that only what their observations say about the reduced unknowns is in the triangle. A further
+observation of a point that is determined is rotated against its hyper-row and then into the triangle. After any other
+change of a point its remaining observations are factored alone; their equations of the reduced unknowns are taken in
+before the old ones are taken out, so that the triangle keeps its rank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from typing import Generic, NamedTuple, TypeVar
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray
+from orip.sequential.hyper_row import HyperRow, ObservationRows, factored
+from orip.sequential.reduced_rows import ReducedRows
+from orip.sequential.triangle import Triangle
+
+Key = TypeVar("Key", bound=Hashable)
+
+LEAST_REDUNDANCY = 1e-4
+"""Below this redundancy number an observation is not taken out of the triangle, which would lose more than four digits
+(of sixteen, as -log10 r are lost): it is built again."""
+
+_MOST_DOWNDATES = 1000
+"""Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
+
+
+class _Point(NamedTuple):
+    """A point as it is in the triangle."""
+
+    hyper_row: HyperRow
+    reduced: tuple[ReducedRows, ...]
+
+
+class Standing(NamedTuple):
+    """How k equations of an observation fit, all others being in; or as they would fit if they were in.
+
+    Attributes
+    ----------
+    residual : array (k,)
+        Computed minus observed, divided by the a-priori errors.
+    cofactor : array (k, k)
+        Of the residuals; its diagonal has the redundancy numbers.
+    """
+
+    residual: FloatArray
+    cofactor: FloatArray
+
+    @property
+    def redundancy(self) -> FloatArray:
+        """Return the redundancy numbers (k,), from 0 to 1."""
+        return np.clip(np.diagonal(self.cofactor), 0.0, 1.0)
+
+    def normalised(self, least_redundancy: float = LEAST_REDUNDANCY) -> FloatArray:
+        """Return Baarda's w (k,) with sigma0 = 1; NaN where nothing checks an equation."""
+        checked = self.redundancy > least_redundancy
+        return np.where(checked, self.residual / np.sqrt(np.where(checked, self.redundancy, 1.0)), np.nan)
+
+    def square(self, least_redundancy: float = LEAST_REDUNDANCY) -> tuple[float, int]:
+        """Return by how much the square sum falls without the observation, and how many equations are checked."""
+        values, vectors = np.linalg.eigh(self.cofactor)
+        checked = values > least_redundancy
+        parts = (vectors.T @ self.residual)[checked]
+        return float(np.sum(parts**2 / values[checked])), int(np.count_nonzero(checked))
+
+
+class SequentialBlock(Generic[Key]):
+    """Observations by their keys, and the triangle of all their equations."""
+
+    def __init__(self) -> None:
+        self.triangle = Triangle()
+        self._included: dict[Key, ObservationRows] = {}
+        self._of_points: dict[str, list[Key]] = {}
+        self._points: dict[str, _Point] = {}
+        self._downdates = 0
+        self.rebuilt = 0
+
+    @property
+    def included(self) -> Mapping[Key, ObservationRows]:
+        """Return the observations that are in."""
+        return self._included
+
+    @property
+    def square_sum(self) -> float:
+        """Return the square sum of the residuals of all equations."""
+        return self.triangle.residual_square_sum
+
+    @property
+    def redundancy(self) -> int:
+        """Return the number of equations less that of the unknowns that they determine."""
+        equations = sum(len(rows.right) for rows in self._included.values())
+        of_points = sum(len(point.hyper_row.coordinates) for point in self._points.values())
+        return equations - of_points - self.triangle.rank
+
+    def append(self, count: int) -> None:
+        """Append reduced unknowns: a new photo."""
+        self.triangle.append(count)
+
+    def include(self, key: Key, rows: ObservationRows) -> FloatArray:
+        """Take an observation in.
+
+        Returns
+        -------
+        array (k,)
+            What is left of its equations, one after the other: w without sign, 0 where nothing checks the equation yet.
+
+        Raises
+        ------
+        KeyError
+            If an observation with this key is in already.
+        """
+        if key in self._included:
+            raise KeyError(key)
+        if rows.point is None:
+            self._included[key] = rows
+            return self.triangle.update(rows.reduced)
+        leftovers = self._include_rows(rows.point, rows)
+        self._included[key] = rows
+        self._of_points.setdefault(rows.point, []).append(key)
+        count = len(rows.right) - len(leftovers)
+        if count:
+            square_sum = self.square_sum
+            self._point_changed(rows.point)
+            leftovers += [0.0] * (count - 1) + [float(np.sqrt(max(self.square_sum - square_sum, 0.0)))]
+        return np.array(leftovers)
+
+    def _include_rows(self, name: str, rows: ObservationRows) -> list[float]:
+        """Take equations of a point in, one after the other, and return what is left of them.
+
+        They end before one of a point whose rays are parallel: it turns the others' equations of the reduced unknowns.
+        """
+        so_far = [self._included[other] for other in self._of_points.get(name, ())]
+        leftovers = []
+        for row in rows.rows():
+            so_far.append(row)
+            before = self._points.get(name)
+            if before is not None and before.hyper_row.is_complete:
+                hyper_row, reduced = before.hyper_row.with_row(row)
+                self._points[name] = _Point(hyper_row, (*before.reduced, reduced))
+                leftovers.append(float(self.triangle.update(reduced)[0]))
+            elif before is None or not before.reduced:
+                self._points[name] = after = _factored_point(so_far)
+                leftovers.append(float(sum(np.sum(self.triangle.update(of_all)) for of_all in after.reduced)))
+            else:
+                break
+        return leftovers
+
+    def exclude(self, key: Key) -> None:
+        """Take an observation out."""
+        rows = self._included.pop(key)
+        if rows.point is None:
+            self._replace((rows.reduced,), ())
+        else:
+            self._of_points[rows.point].remove(key)
+            self._point_changed(rows.point)
+
+    def replace(self, key: Key, rows: ObservationRows) -> None:
+        """Replace the equations of an observation: measured again, or linearised again."""
+        before = self._included[key]
+        if rows.point != before.point:
+            self.exclude(key)
+            self.include(key, rows)
+            return
+        self._included[key] = rows
+        if rows.point is None:
+            self._replace((before.reduced,), (rows.reduced,))
+        else:
+            self._point_changed(rows.point)
+
+    def exclude_all(self, keys: Iterable[Key]) -> None:
+        """Take many observations out, those of a photo, and build the triangle again."""
+        for key in keys:
+            rows = self._included.pop(key)
+            if rows.point is not None:
+                self._of_points[rows.point].remove(key)
+        self.rebuild()
+
+    def relinearise(self, rows: Mapping[Key, ObservationRows]) -> None:
+        """Replace all observations by the given ones, and build the triangle again."""
+        self._included = dict(rows)
+        self.rebuild()
+
+    def rebuild(self) -> None:
+        """Build the triangle from the equations of all observations that are in."""
+        self._of_points = {}
+        for key, rows in self._included.items():
+            if rows.point is not None:
+                self._of_points.setdefault(rows.point, []).append(key)
+        self._points = {name: self._factored(name) for name in self._of_points}
+        of_points = [reduced for point in self._points.values() for reduced in point.reduced]
+        of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
+        self.triangle.build([*of_points, *of_none])
+        self._downdates = 0
+        self.rebuilt += 1
+
+    def trial(self, key: Key, rows: ObservationRows) -> Standing:
+        """Return how an observation, not in yet, would fit if it were; nothing changes.
+
+        Equations in unknowns that nothing else determines are met by these, and have no redundancy.
+        """
+        name = rows.point
+        point = None if name is None else self._points.get(name)
+        if name is not None and (point is None or not point.hyper_row.is_complete):
+            return self._tried(key, rows)
+        own, spread, innovation, is_open = self._whitened(rows)
+        if is_open.any():
+            return self._tried(key, rows)
+        cofactor = np.asarray(np.linalg.inv(np.eye(len(innovation)) + own.T @ own + spread.T @ spread), np.float64)
+        return Standing(-cofactor @ innovation, cofactor)
+
+    def _tried(self, key: Key, rows: ObservationRows) -> Standing:
+        """Return how an observation fits that is taken in and out again."""
+        name = rows.point
+        point = None if name is None else self._points.get(name)
+        columns = [rows.columns, *([] if point is None else [point.hyper_row.columns])]
+        # a point with equations in the triangle that is not determined may have it built again
+        all_of_it = point is not None and bool(point.reduced)
+        saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
+        points, downdates = dict(self._points), self._downdates
+        self.include(key, rows)
+        standing = self.standing(key)
+        del self._included[key]
+        if name is not None:
+            self._of_points[name].remove(key)
+        self._points, self._downdates = points, downdates
+        self.triangle.restore(saved)
+        return standing
+
+    def standing(self, key: Key) -> Standing:
+        """Return how an observation that is in fits."""
+        own, spread, innovation, _ = self._whitened(self._included[key])
+        return Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
+
+    def correlations(self, key: Key, others: Sequence[Key]) -> list[FloatArray]:
+        """Return the correlations (k, k') of the residuals of an observation with those of others that are in.
+
+        Where it is near 1 or -1, an error of one cannot be told from an error of the other. 0 where nothing checks one.
+        """
+        rows = self._included[key]
+        own, spread, _, _ = self._whitened(rows)
+        scale = _scale(np.sum(own**2, axis=0) + np.sum(spread**2, axis=0))
+        found = []
+        for other in others:
+            their_rows = self._included[other]
+            theirs, their_spread, _, _ = self._whitened(their_rows)
+            product = spread.T @ their_spread
+            if rows.point is not None and rows.point == their_rows.point:
+                product = product + own.T @ theirs
+            their_scale = _scale(np.sum(theirs**2, axis=0) + np.sum(their_spread**2, axis=0))
+            found.append(-scale[:, None] * product * their_scale)
+        return found
+
+    def solution(self) -> tuple[FloatArray, dict[str, FloatArray]]:
+        """Return the corrections of the reduced unknowns (n,) and of points (3,); 0 where nothing determines one."""
+        reduced = self.triangle.solution()
+        return reduced, {name: point.hyper_row.coordinates_at(reduced) for name, point in self._points.items()}
+
+    def _whitened(self, rows: ObservationRows) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return R^-T a^T of an observation in its hyper-row and in the triangle, l - a x, and which rows are open."""
+        own: FloatArray = np.zeros((0, len(rows.right)))
+        reduced = rows.reduced
+        if rows.point is not None:
+            own, reduced = self._points[rows.point].hyper_row.whitened(rows)
+        spread, is_open = self.triangle.whitened(reduced.columns, reduced.rows)
+        return own, spread, np.asarray(reduced.right - spread.T @ self.triangle.right), is_open
+
+    def _factored(self, name: str) -> _Point:
+        return _factored_point([self._included[key] for key in self._of_points[name]])
+
+    def _point_changed(self, name: str) -> None:
+        """Bring what the observations of a point say about the reduced unknowns up to date."""
+        before = self._points.pop(name)
+        if not self._of_points[name]:
+            del self._of_points[name]
+            self._replace(before.reduced, ())
+            return
+        self._points[name] = after = self._factored(name)
+        self._replace(before.reduced, after.reduced)
+
+    def _replace(self, before: Sequence[ReducedRows], after: Sequence[ReducedRows]) -> None:
+        """Take equations of the reduced unknowns in and others out, in this order."""
+        for rows in after:
+            self.triangle.update_at_once(rows)
+        self._downdates += sum(len(rows.right) for rows in before)
+        in_time = self._downdates <= _MOST_DOWNDATES
+        if not (in_time and all(self.triangle.downdate(rows, LEAST_REDUNDANCY) for rows in before)):
+            self.rebuild()
+
+
+def _factored_point(observations: Sequence[ObservationRows]) -> _Point:
+    hyper_row, reduced = factored(observations)
+    return _Point(hyper_row, (reduced,) if len(reduced.right) else ())
+
+
+def _scale(leverage: FloatArray) -> FloatArray:
+    """Return 1 / sqrt(r) of equations (k,), 0 where nothing checks one."""
+    redundancy = 1.0 - leverage
+    checked = redundancy > LEAST_REDUNDANCY
+    return np.where(checked, 1.0 / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)

@@ -1,0 +1,140 @@
+"""Random sessions of measuring: the triangle is that of a factorisation of all equations, whatever came before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from orip.sequential.hyper_row import ObservationRows
+from orip.sequential.sequential_block import SequentialBlock
+
+# a condition of some 1e3 (random partials) leaves 1e-13; steps that are undone leave more
+_TRIANGLE = 1e-10
+_LEFTOVER = 1e-9
+
+
+class _Session:
+    """Random observations of photos and points, and the equations that are in, densely."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = np.random.default_rng(seed)
+        self.block: SequentialBlock[int] = SequentialBlock()
+        self.photos, self.points, self.next_key = 0, [], 0
+        for _ in range(3):
+            self.new_photo()
+        for _ in range(4):
+            self.new_point()
+
+    def new_photo(self) -> None:
+        self.block.append(6)
+        self.photos += 1
+
+    def new_point(self) -> None:
+        self.points.append(f"p{len(self.points)}")
+
+    def observation(self) -> ObservationRows:
+        """Return a random observation: mostly a photo point, else control, an element of a photo, or two photos'."""
+        random, kind = self.random, self.random.uniform()
+        point = self.points[random.integers(len(self.points))]
+        if kind < 0.75:
+            # photos near the last one are measured most
+            photo = max(0, self.photos - 1 - int(random.exponential(3.0)))
+            columns = 6 * photo + np.arange(6)
+            return self.rows(point, columns, 2)
+        if kind < 0.85:
+            return self.rows(point, np.zeros(0, dtype=np.int64), 3)
+        count = 1 if kind < 0.95 else 12
+        columns = np.sort(random.choice(6 * self.photos, size=count, replace=False))
+        return self.rows(None, columns, 1)
+
+    def rows(self, point: str | None, columns: np.ndarray, count: int) -> ObservationRows:
+        random = self.random
+        by_point = random.normal(size=(count, 3)) if point else np.zeros((count, 3))
+        return ObservationRows(
+            point, by_point, columns, random.normal(size=(count, len(columns))), random.normal(size=count)
+        )
+
+    def dense(self, observations: list[ObservationRows]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the design matrix, the points' columns first, and the right-hand side."""
+        size, place = self.block.triangle.size, {name: 3 * row for row, name in enumerate(self.points)}
+        rows = []
+        for observation in observations:
+            part = np.zeros((len(observation.right), 3 * len(self.points) + size))
+            if observation.point:
+                part[:, place[observation.point] : place[observation.point] + 3] = observation.by_point
+            part[:, 3 * len(self.points) + observation.columns] = observation.by_reduced
+            rows.append(part)
+        return np.vstack(rows), np.concatenate([observation.right for observation in observations])
+
+    def step(self) -> None:
+        kind, keys = self.random.uniform(), list(self.block.included)
+        if kind < 0.02 and self.photos < 16:
+            self.new_photo()
+        elif kind < 0.06 and len(self.points) < 40:
+            self.new_point()
+        elif kind < 0.60 or len(keys) < 30:
+            self.include()
+        elif kind < 0.85:
+            self.block.exclude(keys[self.random.integers(len(keys))])
+        else:
+            key = keys[self.random.integers(len(keys))]
+            old = self.block.included[key]
+            self.block.replace(key, self.rows(old.point, old.columns, len(old.right)))
+
+    def include(self) -> None:
+        rows, before = self.observation(), list(self.block.included.values())
+        trial = self.block.trial(-1, rows)
+        leftovers = self.block.include(self.next_key, rows)
+        square, _ = trial.square()
+        assert square == pytest.approx(float(np.sum(leftovers**2)), abs=_LEFTOVER * (1.0 + square))
+        self.check_leftovers(before, rows, leftovers)
+        self.next_key += 1
+
+    def check_leftovers(self, before: list[ObservationRows], rows: ObservationRows, leftovers: np.ndarray) -> None:
+        """Compare with w of each equation as the last one, from the singular values of all equations."""
+        for row in range(len(rows.right)):
+            design, right = self.dense([*before, *rows.rows()[: row + 1]])
+            left, values, _ = np.linalg.svd(design, full_matrices=False)
+            rank = int(np.count_nonzero(values > 1e-9 * values[0]))
+            redundancy = 1.0 - float(np.sum(left[-1, :rank] ** 2))
+            residual = float(left[-1, :rank] @ (left[:, :rank].T @ right)) - right[-1]
+            w = abs(residual) / np.sqrt(redundancy) if redundancy > 1e-9 else 0.0
+            # 1 - r from orthonormal columns has an error of 1e-15, and w that of sqrt(r)
+            assert abs(leftovers[row]) == pytest.approx(w, abs=_LEFTOVER * (1.0 + w) / max(redundancy, 1e-3))
+
+    def check_triangle(self) -> None:
+        design, right = self.dense(list(self.block.included.values()))
+        points = 3 * len(self.points)
+        own = design[:, :points]
+        left, values, _ = np.linalg.svd(own, full_matrices=False)
+        basis = left[:, values > 1e-9 * values[0]]
+        free = np.column_stack([design[:, points:], right])
+        free = free - basis @ (basis.T @ free)
+        factor = np.linalg.qr(free, mode="r")
+        triangle = self.block.triangle
+        size = triangle.size
+        if np.linalg.matrix_rank(free[:, :size]) < size:
+            return
+        expected = factor[:size] * np.sign(np.diagonal(factor))[:size, None]
+        found = np.column_stack([triangle.factor, triangle.right]) * np.sign(np.diagonal(triangle.factor))[:, None]
+        assert np.abs(found - expected).max() <= _TRIANGLE * np.abs(expected).max()
+        assert self.block.square_sum == pytest.approx(float(factor[size, size] ** 2), rel=_TRIANGLE)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_triangle_and_leftovers_of_a_random_session(seed: int) -> None:
+    session = _Session(seed)
+    for step in range(120):
+        session.step()
+        if step % 3 == 0:
+            session.check_triangle()
+    session.check_triangle()
+
+
+@pytest.mark.long
+def test_triangle_and_leftovers_of_ten_thousand_steps() -> None:
+    session = _Session(7)
+    for step in range(10_000):
+        session.step()
+        if step % 10 == 0:
+            session.check_triangle()
