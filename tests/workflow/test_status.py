@@ -101,11 +101,8 @@ def test_each_step_makes_the_next_one_due(project: Path) -> None:
 
 
 def test_an_adjustment_that_did_not_converge_is_not_up_to_date(project: Path) -> None:
-    replace_in(
-        project / "orip.toml",
-        '[[bundle]]\nname = "MAIN"',
-        '[[bundle]]\nname = "MAIN"\nmax_iterations = 1\nstart_down_weight = 1',
-    )
+    settings = "max_iterations = 2\nenp_stop = 300"
+    replace_in(project / "orip.toml", '[[bundle]]\nname = "MAIN"', f'[[bundle]]\nname = "MAIN"\n{settings}')
     run_quietly(project)
     status = project_status(project)
     assert [(step.command, step.state) for step in status.steps if step.state != "up to date"] == [(SOLVE, "failed")]
