@@ -9,6 +9,8 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_group
 
+from orip.cli.options import group_of_commands
+
 Registration = Callable[[typer.Typer], None]
 
 
@@ -40,9 +42,9 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
 
         def _put_together(self) -> None:
             if not self.complete:
-                group = typer.Typer()
+                group = group_of_commands(name, text)
                 register(group)
                 self.commands = {**get_group(group).commands, **self.commands}
                 self.complete = True
 
-    app.add_typer(typer.Typer(name=name, help=text, cls=Group, no_args_is_help=True))
+    app.add_typer(group_of_commands(name, text, cls=Group, no_args_is_help=True))

@@ -89,10 +89,20 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
                 function(invocation, **given)
 
         _give_signature(run, own)
-        app.command(name, **settings)(run)
+        app.command(name, short_help=_first_paragraph(inspect.getdoc(function) or ""), **settings)(run)
         return run
 
     return register
+
+
+def group_of_commands(name: str, text: str, **settings: Any) -> typer.Typer:
+    """Return a group of commands, with the text that `--help` says of it. Settings are those of typer's groups."""
+    return typer.Typer(name=name, help=text, short_help=_first_paragraph(text), rich_markup_mode=None, **settings)
+
+
+def _first_paragraph(text: str) -> str:
+    """Return the first paragraph of a help text: given by itself, lists of commands have it in full."""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -38,6 +38,9 @@ _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fish
 _LARGEST_ASPECT = 2.0
 """Of pixels that are not square; more is a damaged file."""
 
+_SQUARE = 1e-12
+"""By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
+
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
 
@@ -328,7 +331,7 @@ def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
 def _aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
     """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
     width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
-    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel"
+    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel" and abs(width / height - 1.0) > _SQUARE
     return (width / height, height) if is_aspect_of_lens else (1.0, width)
 
 

@@ -40,6 +40,9 @@ class Conventions:
         Image coordinates have the principal point as their origin, which the format has no place for.
     is_drawn : bool
         What is written is drawn: photos have footprints.
+    returns_to : function of a path, or None
+        Tells whether an original can be copied. The original is then read, as its copy has its ground frame and the
+        cameras that have not changed. None: originals are copied where the writer does so, in the project's frame.
     """
 
     lens: Lens | None
@@ -51,6 +54,7 @@ class Conventions:
     terms: tuple[str, ...] | None = None
     counts_from_principal_point: bool = False
     is_drawn: bool = False
+    returns_to: Callable[[Path], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,7 +25,11 @@ from orip.exchange.gis.layers import READING as DRAWN
 from orip.exchange.gis.tables import write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
+from orip.exchange.images import is_images, read_images_project
+from orip.exchange.metashape.copy import is_copied
+from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.metashape.source import is_metashape, read_metashape
+from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
 from orip.exchange.micmac.writer import write_micmac
@@ -38,6 +42,7 @@ from orip.exchange.patb import is_patb, read_patb
 from orip.exchange.patb_writer import PATB_TERMS, write_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
+from orip.exchange.tables.project import is_tables, read_tables
 from orip.exchange.vision.bundler import AXES as BUNDLER_AXES
 from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler
 from orip.exchange.vision.bundler_writer import BUNDLER_TERMS, write_bal, write_bundler
@@ -61,13 +66,15 @@ FORMATS: tuple[Format, ...] = (
         read_opensfm,
         is_opensfm,
         write_opensfm,
-        Conventions("opencv", OPENSFM),
+        Conventions("opencv", OPENSFM, fisheye_lens="equidistant"),
     ),
     Format(
         "metashape",
         "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
         read_metashape,
         is_metashape,
+        write_metashape,
+        Conventions("agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", returns_to=is_copied),
     ),
     Format(
         "blocks",
@@ -143,6 +150,7 @@ FORMATS: tuple[Format, ...] = (
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
+    Format("images", "Folder of image files: cameras, photos and positions from EXIF", read_images_project, is_images),
     Format(
         "geopackage",
         "GeoPackage for GIS: points, photos, footprints, error ellipses, residual vectors, rays",
@@ -166,7 +174,9 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "csv",
-        "CSV: points and photos with all digits and their standard deviations",
+        "CSV: tables of observations, cameras and more are read; adjusted points and photos are written",
+        read_tables,
+        is_tables,
         write=write_tables,
         conventions=Conventions(None, DRAWN, is_cartesian=False),
     ),

@@ -124,6 +124,10 @@ class ExchangedPhoto:
         As the reading says.
     position_deviation : tuple of 3 float, or None
         Standard deviations of the adjusted projection centre.
+    position_covariance : tuple of 9 float, or None
+        Its covariances, by rows.
+    angle_deviation : tuple of 3 float, or None
+        Standard deviations of the adjusted omega, phi and kappa, degrees.
     key : int
         Number in the file that the photo is found by when a result is written back.
     footprint : tuple of tuple of 3 float
@@ -135,6 +139,8 @@ class ExchangedPhoto:
     rotation: tuple[float, ...] = ()
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
+    position_covariance: tuple[float, ...] | None = None
+    angle_deviation: tuple[float, float, float] | None = None
     key: int = 0
     footprint: tuple[tuple[float, float, float], ...] = ()
 

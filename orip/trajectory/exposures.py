@@ -27,6 +27,8 @@ MOST_WARNINGS = 20
 _LEAST_JUMPED = 3
 """Photos that fit together at another offset of the clock: it has jumped."""
 
+_SECONDS_PER_DAY = 86_400.0
+
 _ORDER: Sequence[Quality] = ("code", "", "float", "fixed")
 _NAMED = {
     "code": "from code measurements alone",
@@ -286,7 +288,10 @@ def _interpolated_places(
     place = moved(found.place, events.to_camera[row], is_geographic=trajectory.is_geographic)
     missing: BoolArray = np.asarray(np.isnan(place).any(axis=1))
     warnings = [
-        _warning("outside-trajectory", events, int(row[index]), f"is not within the time of {trajectory.shown}")
+        _warning(
+            "outside-trajectory", events, int(row[index]),
+            f"is not within the time of {trajectory.shown}{_day_hint(trajectory.time, time[index])}",
+        )
         if np.isnan(found.gap[index])
         else _warning(
             "gap", events, int(row[index]),
@@ -299,6 +304,18 @@ def _interpolated_places(
     pairs = [(trajectory.quality[one], trajectory.quality[min(one + 1, last)]) for one in found.before.tolist()]
     quality: list[Quality] = [min(pair, key=_ORDER.index) for pair in pairs]
     return replace(found, place=place), quality, missing, [*said, *_first(warnings)]
+
+
+def _day_hint(trajectory: FloatArray, time: float) -> str:
+    """Return what to do where a trajectory has seconds of the day, and an event those of the week."""
+    in_day = time % _SECONDS_PER_DAY
+    first, last = float(np.min(trajectory, initial=np.inf)), float(np.max(trajectory, initial=-np.inf))
+    if time == in_day or not 0.0 <= first <= in_day <= last <= _SECONDS_PER_DAY:
+        return ""
+    return (
+        f", {first:.1f} to {last:.1f} s; within the day it would be, at {in_day:.1f} s: is the trajectory in seconds "
+        "of the day? Export it with GPS seconds of the week (those of a day are mostly UTC, 18 s behind)"
+    )
 
 
 def _with_usual_errors(covariance: FloatArray, quality: Sequence[Quality]) -> FloatArray:

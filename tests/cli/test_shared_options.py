@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer
@@ -62,6 +65,27 @@ def test_program_help_names_every_command(project: Path) -> None:
     assert said.code == 0
     for command in COMMANDS:
         assert f" {command} " in said.out
+
+
+def every_command(tree: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the words of every command and group with it."""
+    yield words, tree
+    context = typer.Context(tree)
+    for name in tree.list_commands(context) if hasattr(tree, "list_commands") else ():
+        yield from every_command(tree.get_command(context, name), (*words, name))
+
+
+@pytest.mark.parametrize("columns", ["40", "80"])
+def test_nothing_is_cut_off_in_any_help(project: Path, monkeypatch: pytest.MonkeyPatch, columns: str) -> None:
+    monkeypatch.setenv("COLUMNS", columns)
+    found = list(every_command(typer.main.get_command(app)))
+    assert len(found) > 60
+    for words, command in found:
+        text = orip(project, *words, "--help").out
+        assert "…" not in text
+        assert not re.search(r"\w\.\.\.$", text, re.MULTILINE), f"orip {' '.join(words)}: a sentence is cut off"
+        for option in (name for parameter in command.params for name in parameter.opts if name.startswith("--")):
+            assert option in text
 
 
 def test_version(project: Path) -> None:

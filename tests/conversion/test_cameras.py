@@ -19,7 +19,7 @@ from orip.conversion.cameras import (
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
-from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
+from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 
 CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (
@@ -318,3 +318,14 @@ def test_a_fisheye_camera_is_exported_exactly() -> None:
     again = convert_camera(exported.camera, "K1")
     assert again.is_exact
     assert again.camera.parameters == pytest.approx(camera.parameters, abs=1e-20)
+
+
+def test_equal_focal_lengths_stay_equal() -> None:
+    """Not only to the last digit: COLMAP's models with one focal length hold cameras with equal ones alone."""
+    source = replace(
+        PINHOLE, columns=2832, rows=2128, parameters={"fx": 2971.1, "fy": 2971.1, "cx": 1416.0, "cy": 1064.0}
+    )
+    camera = convert_camera(source, "C").camera
+    parameters = (camera.parameters[0] * 1.0001, *camera.parameters[1:])
+    found = export_camera(replace(camera, parameters=parameters), "C", "opencv", PIXELS, PIXELS).camera.parameters
+    assert found["fx"] == found["fy"]

@@ -13,10 +13,12 @@ from exchange import (
     test_aerial,
     test_blocks_exchange,
     test_gubaio,
+    test_images,
     test_metashape,
     test_metric,
     test_micmac,
     test_opensfm,
+    test_tables,
     test_vision,
 )
 from exchange.imported import written
@@ -26,9 +28,11 @@ from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
 from orip.exchange.formats import format_named
 from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
+from orip.exchange.tables import project as tables
 from orip.exchange.vision import bundler, nvm
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
+from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 SETTINGS = ExchangeSettings(frame=(4000, 3000), corrects_distortion=True)
 
@@ -50,6 +54,15 @@ def _file(name: str, text: Callable[[ExchangedProject], str], reading: PoseReadi
     return lambda folder: written(folder / name, text(small(reading)))
 
 
+def _tables(folder: Path, project: ExchangedProject) -> Path:
+    written(
+        folder / "control.csv",
+        "point;X;Y;Z;sX;sY;sZ;kind\n1;1,5;2;3;0,01;0,01;0,02;\n2;1;2;3;0,1;0,1;0,1;check\n",
+    )
+    written(folder / "stations.csv", "photo,X,Y,Z,sX,sY,sZ\n0.jpg,1,2,3,0.1,0.1,0.2\n")
+    return test_tables.tables_of(folder, project)
+
+
 def _folder(files: Callable[[Path, ExchangedProject], Path], reading: PoseReading) -> Callable[[Path], Path]:
     return lambda folder: files(folder, small(reading))
 
@@ -68,6 +81,10 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     "ign": _folder(test_metric.ign_files, ign.READING),
     "gubaio": test_gubaio.folder_of,
     "bingo": _folder(test_aerial.bingo_files, bingo.READING),
+    "images": lambda folder: (
+        test_images.image(folder / "a.jpg", (600, 400), test_images.FULL, test_images.DRONE).parent
+    ),
+    "csv": _folder(_tables, tables.READING),
     "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
 }
 """Of each format a project that is read without complaints."""
@@ -84,7 +101,7 @@ def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
     def use(_: Path) -> None:
         project = project_or_complaints(read(source, name))
         if project is not None:
-            imported_block(project, name, SETTINGS)
+            imported_texts(imported_block(project, name, SETTINGS), ImportSource(name, "x", "x"), None)
 
     use_mutated_files([(path, path.read_bytes()) for path in files], count, seed, use)
 

@@ -10,15 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
-from exchange import test_opensfm
+from exchange import test_metashape, test_opensfm
 from exchange.imported import read_well, reprojected, sample, with_frame
 from reference.published_data import data_set
 
 from orip.conversion.cameras import UnsuitableCameraError, convert_camera, export_camera, pixels_of_directions
+from orip.conversion.ground import from_local_ground, in_local_ground, local_ground
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.errors import InputError
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named
+from orip.exchange.metashape.source import read_metashape
+from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.micmac.source import read_micmac
 from orip.exchange.micmac.writer import write_micmac
 from orip.exchange.opensfm.source import read_opensfm
@@ -75,7 +78,11 @@ def in_conventions(conventions: Conventions) -> ExchangedProject:
     )
 
 
-BOTH_WAYS = [found.name for found in FORMATS if found.read is not None and found.write is not None]
+BOTH_WAYS = [
+    found.name
+    for found in FORMATS
+    if found.read is not None and found.conventions is not None and found.conventions.lens is not None
+]
 DIGITS = {"patb": 5e-5}
 """Of orientations, where a format has fixed decimals: five of a projection centre 100 units above."""
 ORIENTATIONS_ALONE = ("micmac", "metashape")
@@ -264,6 +271,114 @@ def test_the_sample_of_opensfm_comes_back_byte_by_byte(tmp_path: Path) -> None:
     project = read_well(read_opensfm, tmp_path)
     written = write_opensfm(project, tmp_path)["reconstruction.json"]
     assert written == (tmp_path / "reconstruction.json").read_bytes()
+
+
+FISHEYE = ExchangedCamera(
+    "Fish 1", 4000, 3000, "equidistant",
+    {"fx": 1503.0, "fy": 1500.0, "cx": 2010.0, "cy": 1490.0, "k1": 0.04, "k2": -0.012, "k3": 0.006, "k4": -0.0014},
+    sensor_mm=(24.0, 18.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["opensfm", "metashape"])
+def test_a_fisheye_is_written_and_read_again(tmp_path: Path, name: str) -> None:
+    found = format_named(name)
+    assert found.write is not None
+    assert found.read is not None
+    assert found.conventions is not None
+    conventions = found.conventions
+    assert conventions.fisheye_lens is not None
+    camera = convert_camera(FISHEYE, "C").camera
+    exported = export_camera(camera, "Fish 1", conventions.fisheye_lens, conventions.lens_axes, conventions.ray_axes)
+    assert exported.worst_px == 0.0
+    given = replace(in_conventions(conventions), cameras=(exported.camera,))
+    for file, data in found.write(given, None).items():
+        (tmp_path / file).write_bytes(data)
+    again = convert_camera(read_well(found.read, tmp_path).cameras[0], "C")
+    assert again.is_exact
+    wide = np.array([[3.0, 1.0], [-1.0, 2.5], [0.0, 0.0], [0.2, -0.1]])
+    assert pixels_of_directions(again.camera, wide) == pytest.approx(pixels_of_directions(camera, wide), abs=1e-8)
+
+
+def test_formats_without_fisheyes_refuse_them_by_name() -> None:
+    camera = convert_camera(FISHEYE, "K1").camera
+    for name in ("micmac", "blocks"):
+        conventions = format_named(name).conventions
+        assert conventions is not None
+        assert conventions.lens is not None
+        assert conventions.fisheye_lens is None
+        with pytest.raises(UnsuitableCameraError, match="camera K1 has a fisheye lens"):
+            export_camera(camera, "1", conventions.lens, conventions.lens_axes, conventions.ray_axes)
+
+
+def test_fisheyes_of_opensfm_stay_what_they_are(tmp_path: Path) -> None:
+    folder = test_opensfm.project_folder(tmp_path)
+    document = json.loads((folder / "reconstruction.json").read_text())
+    fisheye = {"projection_type": "fisheye", "width": 4000, "height": 3000, "focal": 0.4, "k1": 0.02, "k2": -0.01}
+    document[1]["cameras"]["cam"] = fisheye
+    (folder / "reconstruction.json").write_text(json.dumps(document))
+    project = read_well(read_opensfm, folder)
+    assert json.loads(write_opensfm(project, folder)["reconstruction.json"]) == document
+    bent = replace(project.cameras[0], parameters={**project.cameras[0].parameters, "k3": 0.001})
+    written = json.loads(write_opensfm(replace(project, cameras=(bent,)), folder)["reconstruction.json"])
+    assert written[1]["cameras"]["cam"]["projection_type"] == "fisheye_opencv"
+    assert written[1]["cameras"]["cam"]["k3"] == 0.001
+
+
+def test_shots_of_opensfm_have_their_precision(tmp_path: Path) -> None:
+    folder = test_opensfm.project_folder(tmp_path)
+    project = read_well(read_opensfm, folder)
+    covariance = (1.0, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0)
+    precise = replace(project.photos[0], position_covariance=covariance, angle_deviation=(0.1, 0.2, 0.3))
+    for original in (folder, None):
+        files = write_opensfm(replace(project, photos=(precise, *project.photos[1:])), original)
+        shots = json.loads(files["reconstruction.json"])[-1]["shots"]
+        assert shots["0.jpg"]["position_covariance"] == [[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 3.0]]
+        assert shots["0.jpg"]["omega_phi_kappa_sd"] == [0.1, 0.2, 0.3]
+        assert "position_covariance" not in shots["1.jpg"]
+
+
+def test_a_copy_of_metashape_changes_the_numbers_alone(tmp_path: Path) -> None:
+    text = test_metashape.document(block(test_metashape.READING))
+    path = tmp_path / "cameras.xml"
+    path.write_text(text, encoding="utf-8")
+    project = read_well(read_metashape, path)
+    assert write_metashape(project, path) == {"cameras.xml": path.read_bytes()}
+    assert write_metashape(project, tmp_path) == {"cameras.xml": path.read_bytes()}
+    moved = replace(project.photos[1], position=(1.0, 2.0, 3.0), position_covariance=(4.0, 0, 0, 0, 4.0, 0, 0, 0, 4.0))
+    camera = replace(project.cameras[0], parameters={**project.cameras[0].parameters, "f": 3001.0, "k1": 0.25})
+    changed = replace(project, photos=(project.photos[0], moved, *project.photos[2:]), cameras=(camera,))
+    (after,) = write_metashape(changed, path).values()
+    before, lines = text.split("\n"), after.decode().split("\n")
+    assert len(before) == len(lines)
+    # the calibration is on one line and its end on the next, each camera has a line
+    assert [n for n, line in enumerate(lines) if line != before[n]] == [4, 5, 8]
+    assert "<f>3001.0</f>" in lines[4]
+    assert lines[5].startswith("<k1>0.25</k1></calibration>")
+    path.write_bytes(after)
+    again = read_well(read_metashape, path)
+    assert again.photos[1].position == pytest.approx((1.0, 2.0, 3.0), abs=1e-12)
+    assert again.photos[1].position_deviation == pytest.approx((2.0, 2.0, 2.0))
+    assert again.cameras[0].parameters["k1"] == 0.25
+
+
+def test_labels_that_repeat_are_not_written(tmp_path: Path) -> None:
+    text = test_metashape.document(block(test_metashape.READING))
+    path = tmp_path / "cameras.xml"
+    path.write_text(text.replace('label="1.jpg"', 'label="0.jpg"'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"label '0\.jpg' is that of several"):
+        write_metashape(read_well(read_metashape, path), path)
+
+
+def test_the_sample_of_metashape_comes_back_byte_by_byte() -> None:
+    """From the centre of the earth to a local system and back, as an import and an export do."""
+    path = sample("metashape", "geograypher", "camera.xml")
+    project = read_well(read_metashape, path)
+    ground = local_ground(project)
+    assert ground is not None
+    local = in_local_ground(project, ground)
+    assert abs(local.photos[0].position[2]) < 3000.0
+    assert write_metashape(from_local_ground(local, ground), path) == {"camera.xml": path.read_bytes()}
 
 
 def test_terms_without_a_place_are_refused() -> None:

@@ -126,6 +126,13 @@ def test_gaps_the_end_and_floats_are_said_with_their_lines() -> None:
     assert "is float, its ambiguities are not fixed: it is only compared" in said["not-fixed", "e.pos:4"]
 
 
+def test_a_trajectory_of_seconds_of_the_day_is_recognised() -> None:
+    numbered = events(number=np.arange(1, 7), time=TIMES + 3 * 86400.0)
+    _, warnings = find_exposures(Sources(trajectory(), numbered), Matching(names="P{}"))
+    assert all("is the trajectory in seconds of the day?" in warning.text for warning in warnings[:1])
+    assert warnings[0].code == "outside-trajectory"
+
+
 def test_a_trajectory_of_seconds_of_the_week_fits_events_with_weeks() -> None:
     numbered = events(number=np.arange(1, 7), time=TIMES + 2315 * 604800.0)
     flown = replace(trajectory(), has_week=False)

@@ -18,7 +18,7 @@ from orip.cli.adjust.prelim_output import (
     without_absolute,
 )
 from orip.cli.adjust.progress import limited_threads
-from orip.cli.options import BundleOption, Invocation, command, without_command
+from orip.cli.options import BundleOption, Invocation, command, group_of_commands, without_command
 from orip.errors import NotSolvableError, UsageError
 
 if TYPE_CHECKING:
@@ -32,9 +32,8 @@ After = Annotated[
     typer.Option("--after", help="Show the values after this step."),
 ]
 
-prelim_group = typer.Typer(
-    name="prelim",
-    help="Preliminary values of photos and points, from measurements and control only.\n\nExample: orip prelim",
+prelim_group = group_of_commands(
+    "prelim", "Preliminary values of photos and points, from measurements and control only.\n\nExample: orip prelim"
 )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from orip.cli.drive import emulator, link, panel
-from orip.cli.options import BundleArgument, Invocation, command
+from orip.cli.options import BundleArgument, Invocation, command, group_of_commands
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, ProjectWarning
 from orip.wording import counted
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _ABOUT = "Drive in the oriented block: the drive table and the plate processor.\n\nExample: orip drive table"
 
-drive = typer.Typer(name="drive", help=_ABOUT, no_args_is_help=True)
+drive = group_of_commands("drive", _ABOUT, no_args_is_help=True)
 
 
 def register(app: typer.Typer) -> None:

@@ -11,7 +11,7 @@ from orip.cli.completion import photos, points
 from orip.cli.confirm import require_confirmation
 from orip.cli.editing import DryRunOption, EditOptions, YesOption
 from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
-from orip.cli.options import BundleOption, Invocation, command
+from orip.cli.options import BundleOption, Invocation, command, group_of_commands
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ _DOES = {
 
 def register(app: typer.Typer) -> None:
     """Add the group of commands."""
-    group = typer.Typer(name="observations", no_args_is_help=True, help=_ABOUT)
+    group = group_of_commands("observations", _ABOUT, no_args_is_help=True)
     app.add_typer(group)
     _register_list(group)
     _register_edit(group, "disregard")

@@ -127,7 +127,9 @@ class ChunkReader:
         transform = self.transform(camera.attributes.get("component_id"))
         rotation, centre = transform.pose(matrix)
         deviation = self._location_deviation(camera, transform)
-        return ExchangedPhoto(label, sensor, tuple(rotation.ravel().tolist()), tuple(centre.tolist()), deviation, key)
+        return ExchangedPhoto(
+            label, sensor, tuple(rotation.ravel().tolist()), tuple(centre.tolist()), deviation, key=key
+        )
 
     def station(self, camera: XmlElement) -> Station | None:
         """Return the observed position of a photo; None if it has no reference. A negative error: not used."""

@@ -18,6 +18,9 @@ _DECENTRING = ("p1", "p2", "p3", "p4")
 _AFFINE = ("b1", "b2")
 _FISHEYE = "fisheye"
 
+PARAMETERS = ("f", "cx", "cy", *_AFFINE, *_RADIAL, *_DECENTRING)
+"""Of a calibration, in the order of the documents."""
+
 
 def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None:
     """Return a sensor as a camera; None if it has no calibration, or if complaints are kept."""
@@ -99,7 +102,7 @@ def calibrated(
             f"the calibration of '{shown_token(name)}' has no <f>; export it again", calibration.line
         )
         return None
-    value = {tag: fields.optional(calibration, tag) for tag in ("f", "cx", "cy", *_RADIAL, *_DECENTRING, *_AFFINE)}
+    value = {tag: fields.optional(calibration, tag) for tag in PARAMETERS}
     if value["f"] <= 0:
         fields.faults.complain("<f> has to be above 0; correct it", calibration.line)
         return None
@@ -148,8 +151,7 @@ def _estimated(sensor: XmlElement) -> tuple[str, ...]:
     for path in ("covariance/params", "calibration/covariance/params"):
         found = sensor.child(path)
         if found is not None:
-            known = ("f", "cx", "cy", *_RADIAL, *_DECENTRING, *_AFFINE)
-            return tuple(name for name in found.text.split() if name in known)
+            return tuple(name for name in found.text.split() if name in PARAMETERS)
     return ()
 
 

@@ -15,7 +15,7 @@ from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.held_terms import require_without
 from orip.exchange.sources.json_tree import read_json
-from orip.records.exchanged import ExchangedCamera, ExchangedProject
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _NAME = "reconstruction.json"
 _SAME = 1e-11
@@ -23,6 +23,7 @@ _SAME = 1e-11
 
 _RADIAL = ("k1", "k2", "k3")
 _DECENTRING = ("p1", "p2")
+_FISHEYE = ("k1", "k2", "k3", "k4")
 _SCALE = 0.001
 """Size of a feature; it has no part in OpenSfM's adjustment unless it is asked for."""
 
@@ -32,7 +33,8 @@ _GREY = [128.0, 128.0, 128.0]
 def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
     """Return reconstruction.json; without an original also tracks.csv, in which all points are tracks.
 
-    Points have their covariances (m²) as ``covariance``, which OpenSfM passes over.
+    Points have their covariances (m²) as ``covariance``, shots those of the projection centre as
+    ``position_covariance``, and ``omega_phi_kappa_sd`` (degrees). OpenSfM passes over all of them.
 
     Raises
     ------
@@ -62,12 +64,13 @@ def _encoded(document: object, *, is_indented: bool = False) -> bytes:
 
 
 def _new(project: ExchangedProject) -> dict[str, Any]:
-    cameras = {camera.name: _brown(camera) for camera in project.cameras}
+    cameras = {camera.name: _new_camera(camera) for camera in project.cameras}
     shots = {
         photo.name: {
             "rotation": list(photo.rotation),
             "translation": list(photo.position),
             "camera": project.cameras[photo.camera].name,
+            **_precision(photo),
         }
         for photo in project.photos
         if photo.rotation
@@ -108,7 +111,7 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
     """Put poses, cameras and coordinates into a reconstruction; points that the project has not are taken out."""
     for camera in project.cameras:
         old = part["cameras"].get(camera.name)
-        part["cameras"][camera.name] = _brown(camera) if old is None else _updated_camera(old, camera)
+        part["cameras"][camera.name] = _new_camera(camera) if old is None else _updated_camera(old, camera)
     for photo in project.photos:
         shot = part["shots"].get(photo.name)
         if shot is None or not photo.rotation:
@@ -116,6 +119,7 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
         before = _pose(shot)
         for key, values in (("rotation", photo.rotation), ("translation", photo.position)):
             shot[key] = _kept(shot.get(key), values)
+        shot.update(_precision(photo))
         if before != _pose(shot):
             _follow(part.get("rig_instances"), photo.name, before, shot)
     points = {
@@ -126,6 +130,16 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
         coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
         point.update(points[name] | {"coordinates": coordinates})
     part["points"] = kept
+
+
+def _precision(photo: ExchangedPhoto) -> dict[str, Any]:
+    """Return covariances of the projection centre and standard deviations of the angles, where they are known."""
+    found: dict[str, Any] = {}
+    if photo.position_covariance is not None:
+        found["position_covariance"] = [list(photo.position_covariance[n : n + 3]) for n in (0, 3, 6)]
+    if photo.angle_deviation is not None:
+        found["omega_phi_kappa_sd"] = list(photo.angle_deviation)
+    return found
 
 
 def _points(project: ExchangedProject) -> dict[int, dict[str, Any]]:
@@ -170,7 +184,9 @@ def _is_same(old: Any, new: Any) -> bool:
 
 
 def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
-    """Return the camera in its own projection type if that holds it, else as ``brown``."""
+    """Return the camera in its own projection type if that holds it, else as ``brown`` or ``fisheye_opencv``."""
+    if camera.lens == "equidistant":
+        return _updated_fisheye(old, camera)
     brown = _brown(camera)
     own = {key: brown[key] for key in old if key in brown and key not in ("projection_type", "width", "height")}
     if old.get("projection_type") == "perspective":
@@ -184,17 +200,42 @@ def _updated_camera(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, A
     return old | own | same
 
 
+def _new_camera(camera: ExchangedCamera) -> dict[str, Any]:
+    return _fisheye(camera) if camera.lens == "equidistant" else _brown(camera)
+
+
+def _updated_fisheye(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
+    new = _fisheye(camera)
+    if old.get("projection_type") == "fisheye":
+        extra = ("c_x", "c_y", "k3", "k4")
+        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new[key]) > _SAME for key in extra):
+            return new
+        new["focal"] = new["focal_x"]
+    elif old.get("projection_type") != "fisheye_opencv":
+        return new
+    own = {key: new[key] for key in old if key in new and key not in ("projection_type", "width", "height")}
+    return old | {key: value for key, value in own.items() if not _is_same([old.get(key)], [value])}
+
+
+def _fisheye(camera: ExchangedCamera) -> dict[str, Any]:
+    return _plane(camera, "fisheye_opencv") | {name: camera.parameters.get(name, 0.0) for name in _FISHEYE}
+
+
 def _brown(camera: ExchangedCamera) -> dict[str, Any]:
+    require_without(camera, ("k4", "k5", "k6"), "OpenSfM")
+    return _plane(camera, "brown") | {name: camera.parameters.get(name, 0.0) for name in (*_RADIAL, *_DECENTRING)}
+
+
+def _plane(camera: ExchangedCamera, kind: str) -> dict[str, Any]:
+    """Return frame, focal lengths and principal point of a camera."""
     longer = max(camera.columns, camera.rows)
     value = camera.parameters
-    require_without(camera, ("k4", "k5", "k6"), "OpenSfM")
     return {
-        "projection_type": "brown",
+        "projection_type": kind,
         "width": camera.columns,
         "height": camera.rows,
         "focal_x": value["fx"] / longer,
         "focal_y": value["fy"] / longer,
         "c_x": (value["cx"] - camera.columns / 2.0) / longer,
         "c_y": (value["cy"] - camera.rows / 2.0) / longer,
-        **{name: value.get(name, 0.0) for name in (*_RADIAL, *_DECENTRING)},
     }

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 _TAG = re.compile(rb"""<[^"'>]*(?:"[^"]*"[^"'>]*|'[^']*'[^"'>]*)*>""")
 
-_SAME = 1e-11
+SAME = 1e-11
 """Relative to the largest of the numbers; what was written and read again differs by less."""
 
 
@@ -73,12 +73,20 @@ class XmlEdit:
         except ValueError:
             return ()
 
-    def replace(self, element: PlacedElement, values: Sequence[float]) -> bool:
-        """Put numbers in the place of others unless these are equal but for rounding; return whether they are not."""
+    def replace(self, element: PlacedElement, values: Sequence[float], *, size: float | None = None) -> bool:
+        """Put numbers in the place of others unless these are equal but for rounding; return whether they are not.
+
+        Parameters
+        ----------
+        element : PlacedElement
+        values : sequence of float
+        size : float, optional
+            The largest of the numbers, if that is not given.
+        """
         old = self.numbers(element)
-        size = max([1e-300, *map(abs, values)])
+        limit = SAME * (max([1e-300, *map(abs, values)]) if size is None else size)
         if len(old) == len(values) and all(
-            abs(first - second) <= _SAME * size for first, second in zip(old, values, strict=True)
+            abs(first - second) <= limit for first, second in zip(old, values, strict=True)
         ):
             return False
         text = " ".join(repr(float(value)) for value in values)

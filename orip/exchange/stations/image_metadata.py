@@ -29,7 +29,7 @@ _SEARCHED = 1 << 20
 
 MOST_IMAGES = 100_000
 
-_DAMAGED = (
+DAMAGED = (
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, struct.error, OSError,
     RecursionError, MemoryError, RuntimeError, EOFError,
 )  # fmt: skip
@@ -37,7 +37,22 @@ _DAMAGED = (
 
 
 @dataclass(frozen=True, slots=True)
-class _Image:
+class Exposure:
+    """When and where an image was taken; NaN where that is not known.
+
+    Parameters
+    ----------
+    place : tuple of 3 float
+        Longitude, latitude (radians) and height (m).
+    errors : tuple of 3 float
+        Standard deviations east, north, up, m.
+    angles : tuple of 3 float
+        Roll, pitch and yaw of the gimbal, radians.
+    time : float
+        Seconds.
+    quality : Quality
+    """
+
     place: tuple[float, float, float]
     errors: tuple[float, float, float]
     angles: tuple[float, float, float]
@@ -64,8 +79,8 @@ def read_images(paths: list[Path], shown: str) -> Parsed[Epochs]:
     images, complaints = [], []
     for path in paths:
         try:
-            images.append(_read(path))
-        except _DAMAGED as fault:
+            images.append(exposure_of(image_tags(path)))
+        except DAMAGED as fault:
             reason = type(fault).__name__
             complaints.append(Complaint(f"its EXIF data cannot be read ({reason}); take the file out", path.name))
         if fault_of_name := name_fault(path.stem):
@@ -89,7 +104,22 @@ def read_images(paths: list[Path], shown: str) -> Parsed[Epochs]:
     )
 
 
-def _read(path: Path) -> _Image:
+@dataclass(frozen=True, slots=True)
+class ImageTags:
+    """What an image file says of itself: tags of EXIF by name, and numbers of DJI's XMP."""
+
+    exif: Mapping[str, Any]
+    xmp: Mapping[str, float]
+
+
+def image_tags(path: Path) -> ImageTags:
+    """Read the tags of an image file.
+
+    Raises
+    ------
+    InputError
+        If the library that reads EXIF is not installed.
+    """
     try:
         import exifread
     except ImportError:
@@ -100,7 +130,12 @@ def _read(path: Path) -> _Image:
     with open_regular(path) as file:
         tags: Mapping[str, Any] = exifread.process_file(file, details=False)
         file.seek(0)
-        xmp = _xmp(file.read(_SEARCHED))
+        return ImageTags(tags, _xmp(file.read(_SEARCHED)))
+
+
+def exposure_of(found: ImageTags) -> Exposure:
+    """Return when and where an image was taken."""
+    tags, xmp = found.exif, found.xmp
     height = _first(xmp, tags, ("AbsoluteAltitude",), "GPS GPSAltitude", "GPS GPSAltitudeRef")
     longitude = _first(xmp, tags, ("GpsLongitude", "GpsLongtitude"), "GPS GPSLongitude", "GPS GPSLongitudeRef")
     latitude = _first(xmp, tags, ("GpsLatitude",), "GPS GPSLatitude", "GPS GPSLatitudeRef")
@@ -108,7 +143,7 @@ def _read(path: Path) -> _Image:
         longitude = latitude = height = math.nan
     flag = xmp.get("RtkFlag", math.nan)
     quality: Quality = "fixed" if flag == 50 else "float" if 32 <= flag < 50 else "code"
-    return _Image(
+    return Exposure(
         place=(longitude * RADIANS_PER_DEGREE, latitude * RADIANS_PER_DEGREE, height),
         errors=_triple(xmp, "RtkStdLon", "RtkStdLat", "RtkStdHgt"),
         angles=_triple(xmp, "GimbalRollDegree", "GimbalPitchDegree", "GimbalYawDegree", RADIANS_PER_DEGREE),

@@ -26,6 +26,8 @@ STATION_KEYS = (
 
 OPTIONAL_KEYS = (STATION_KEYS[7:13], STATION_KEYS[13:14], STATION_KEYS[14:15], STATION_KEYS[15:])
 
+_DECIMALS, _DECIMALS_OF_DEGREES = 4, 10
+
 _FORM = "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ as far as known"
 _COUNTS = (7, 13, 14, 15, 18)
 _UNKNOWN = "-"
@@ -102,9 +104,12 @@ def _with_heading(reader: FieldReader, reference: StationReference, *, is_late: 
     return replace(reference, navigation=words == _NAVIGATION, line=reader.number)
 
 
-def stations_text(stations: Sequence[Station]) -> str:
-    """Return the lines of stations: coordinates to a tenth of a millimetre, angles to a millionth of a degree."""
-    rows = [_fields(station) for station in stations]
+def stations_text(stations: Sequence[Station], *, is_geographic: bool = False) -> str:
+    """Return the lines of stations: coordinates to a tenth of a millimetre, angles to a millionth of a degree.
+
+    Longitude and latitude have ten decimals of a degree, a hundredth of a millimetre.
+    """
+    rows = [_fields(station, _DECIMALS_OF_DEGREES if is_geographic else _DECIMALS) for station in stations]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:
@@ -115,7 +120,7 @@ def stations_text(stations: Sequence[Station]) -> str:
     return "".join(lines)
 
 
-def _fields(station: Station) -> list[str]:
+def _fields(station: Station, decimals: int) -> list[str]:
     degrees = [angle / RADIANS_PER_DEGREE for angle in (*station.angles, *station.angle_error)]
     correlation = [math.nan] * 3
     if station.covariance is not None:
@@ -123,11 +128,12 @@ def _fields(station: Station) -> list[str]:
         correlation = [xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)]
     return [
         station.photo,
-        *(_fixed(value, 4) for value in (*station.position, *station.position_error)),
+        *(_fixed(value, decimals) for value in station.position[:2]),
+        *(_fixed(value, _DECIMALS) for value in (station.position[2], *station.position_error)),
         *(_fixed(value, 6) for value in degrees),
-        _fixed(station.time, 4),
+        _fixed(station.time, _DECIMALS),
         station.strip or _UNKNOWN,
-        *(_fixed(value, 4) for value in correlation),
+        *(_fixed(value, _DECIMALS) for value in correlation),
     ]
 
 

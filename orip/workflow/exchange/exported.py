@@ -13,6 +13,7 @@ from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.files.text.new_folder import write_new_folder
 from orip.records.exchanged import ExchangedProject
+from orip.workflow.exchange.original import in_terms_of
 from orip.workflow.exchange.result import exchanged_result
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.state import Part
@@ -90,6 +91,13 @@ def export(
         original = imported.path
     project = exchanged_result(bundle, read_names(folder), found.conventions, corrects_distortion=corrects_distortion)
     notes = list(project.notes)
+    returns_to = found.conventions.returns_to
+    if original is not None and returns_to is not None:
+        if returns_to(original):
+            project = in_terms_of(project, found, original)
+        else:
+            notes.append(f"The original ({original}) is read, not written; what is written has the result alone.")
+            original, is_own = None, False
     if original is None and imported is not None and is_own:
         notes.append(f"The original ({imported.path}) is not there; what is written has the result alone.")
     if found.conventions.is_drawn and project.crs is None:

@@ -182,26 +182,35 @@ def _photos(
         rotations = np.swapaxes(frame.axes_at(centres), -1, -2) @ rotations
         centres = frame.to_local(centres)
     numbers, positions = exchanged_poses(rotations, centres, conventions.reading)
+    covariances = _covariances(solution.photos.sd[:, :3], solution.photo_correlations)
+    if frame is not None:
+        axes = frame.axes_at(solution.photos.values[:, :3])
+        covariances = np.swapaxes(axes, -1, -2) @ covariances @ axes
     found = []
-    rows = zip(
-        solution.photos.names, numbers.tolist(), positions.tolist(), solution.photos.sd[:, :3].tolist(), strict=True
-    )
-    for name, rotation, position, deviation in rows:
+    for row, name in enumerate(solution.photos.names):
         key = record_key(name)
         if key not in adjusted.camera_of_photo:
             continue
-        x, y, z = deviation
-        is_known = bool(np.isfinite(deviation).all())
+        deviation = solution.photos.sd[row, :3]
+        angles = solution.photos.sd[row, 3:]
+        is_of_angles = not solution.photo_rotation_sd_about_axes[row] and frame is None
         found.append(
             ExchangedPhoto(
                 names.photos.get(key, name),
                 cameras.index(adjusted.camera_of_photo[key]),
-                tuple(rotation),
-                tuple(position),
-                (x, y, z) if is_known else None,
+                tuple(numbers[row].tolist()),
+                tuple(positions[row].tolist()),
+                _if_known(deviation),
+                tuple(covariances[row].ravel().tolist()) if np.isfinite(covariances[row]).all() else None,
+                _if_known(angles) if is_of_angles else None,
             )
         )
     return tuple(found)
+
+
+def _if_known(deviations: FloatArray) -> tuple[float, float, float] | None:
+    x, y, z = deviations.tolist()
+    return (x, y, z) if np.isfinite(deviations).all() else None
 
 
 def _with_footprints(
@@ -229,7 +238,7 @@ def _with_footprints(
 def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
     solution = adjusted.solution
     original = [names.original_point(name) for name in solution.points.names]
-    covariance = _covariances(solution)
+    covariance = _covariances(solution.points.sd, solution.point_correlations)
     return ExchangedPoints(
         tuple(name for name, _ in original),
         solution.points.values if frame is None else frame.to_local(solution.points.values),
@@ -240,12 +249,12 @@ def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -
     )
 
 
-def _covariances(solution: Solution) -> FloatArray:
-    """Return the covariances (m, 3, 3) of points, NaN where a coordinate has no standard deviation."""
-    deviations = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
+def _covariances(sd: FloatArray, correlations: FloatArray) -> FloatArray:
+    """Return the covariances (m, 3, 3) of places, NaN where a coordinate has no standard deviation."""
+    deviations = np.where(np.isfinite(sd), sd, np.nan)
     correlation = np.broadcast_to(np.eye(3), (len(deviations), 3, 3)).copy()
-    if len(solution.point_correlations):
-        for (i, j), values in zip(((0, 1), (0, 2), (1, 2)), solution.point_correlations.T, strict=True):
+    if len(correlations):
+        for (i, j), values in zip(((0, 1), (0, 2), (1, 2)), correlations.T, strict=True):
             correlation[:, i, j] = correlation[:, j, i] = values
     covariance: FloatArray = deviations[:, :, None] * correlation * deviations[:, None, :]
     return covariance

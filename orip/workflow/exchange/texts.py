@@ -16,6 +16,7 @@ from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.log.points_text import points_blocks
 from orip.files.project.text import project_document, project_text
+from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
@@ -235,8 +236,11 @@ def _stations(block: ImportedBlock, base: str, notes: list[str]) -> dict[str, st
         return {}
     names = {photo.name: name for photo, name in zip(project.photos, block.photos, strict=True)}
     stations = [replace(station, photo=names[station.photo]) for station in project.stations if station.photo in names]
-    head = f"CRS {project.station_reference.crs}\n" if project.station_reference.crs else ""
-    return {f"{base}.STA": head + stations_text(stations)} if stations else {}
+    reference = project.station_reference
+    head = f"CRS {reference.crs}\n" if reference.crs else ""
+    head += "ANGLES ROLL PITCH HEADING\n" if reference.navigation else ""
+    is_geographic = bool(reference.crs) and known_crs(reference.crs).is_geographic
+    return {f"{base}.STA": head + stations_text(stations, is_geographic=is_geographic)} if stations else {}
 
 
 def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
