@@ -142,8 +142,8 @@ def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[Jud
     """Return the gravest contradiction, and of the others those that it does not explain.
 
     A shift makes groups scatter, and one wrong check point moves the mean of all; but further shifts were found after
-    the first had been allowed for. An error of all stations moves the block with all that is on the ground: what else is
-    wrong shows once it is modelled. Of several failed tests of a kind of observation the gravest is enough.
+    the first had been allowed for. An error of all stations moves the whole block: what else is wrong shows once it
+    is modelled. Of several failed tests of a kind of observation the gravest is enough.
     """
     ordered = sorted(candidates)
     if ordered and ordered[0].extent != "strip":
