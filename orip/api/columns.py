@@ -97,6 +97,8 @@ class Columns:
         self.complaints.append(Complaint(printable(message), f"{self.table}{'.' if column else ''}{column}{index}"))
 
     def _listed(self, column: str, given: ArrayLike) -> list[Any] | None:
+        if self._masks(column, given):
+            return None
         found = np.asarray(given, dtype=object)
         if found.ndim != 1:
             self.complain(f"has the shape {found.shape}; a list of names is needed", column)
@@ -106,6 +108,8 @@ class Columns:
     def _shaped(
         self, column: str, given: ArrayLike, dtype: type[Element], width: int | None, *, may_be_one: bool
     ) -> NDArray[Element] | None:
+        if self._masks(column, given):
+            return None
         wanted = "(n,)" if width is None else f"(n, {width})"
         try:
             found = np.asarray(given)
@@ -127,6 +131,14 @@ class Columns:
             self.complain(f"has the shape {found.shape}; {shape} is needed{as_many}", column)
             return None
         return found.astype(dtype).reshape(shape)
+
+    def _masks(self, column: str, given: ArrayLike) -> bool:
+        """Return whether elements are masked; they are complained of, as NumPy would take what is under the mask."""
+        masked = np.argwhere(np.ma.getmaskarray(given)) if isinstance(given, np.ma.MaskedArray) else ()
+        places = [tuple(map(int, index)) for index in masked]
+        message = "is masked; leave out the row, or write a value"
+        self.complain_of(column, [(place if len(place) > 1 else place[0], message) for place in places])
+        return bool(places)
 
     def _has_length(self, column: str, length: int) -> bool:
         if self.count is None:

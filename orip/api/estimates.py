@@ -13,11 +13,15 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import UnknownNameError
 from orip.records.names import record_key
 from orip.records.observations.control import PointKind
+from orip.wording import counted
 
 CovarianceOf = Callable[[str], FloatArray]
 """Gives the covariances (r, r) of a record with itself, by its name with its kind."""
 
 Estimate = TypeVar("Estimate")
+
+_SHOWN = 5
+"""Names that stand for all in what a notebook prints."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +122,10 @@ class _ByName(Mapping[str, Estimate], Generic[Estimate]):
     def __init__(self, names: Sequence[str]) -> None:
         self.names = tuple(names)
         self._rows = {self._key(name): row for row, name in enumerate(self.names)}
+
+    def __repr__(self) -> str:
+        shown = [*self.names[:_SHOWN], *(["..."] if len(self.names) > _SHOWN else [])]
+        return f"<{counted(len(self.names), self._kind)}: {', '.join(shown)}>"
 
     def __getitem__(self, name: str) -> Estimate:
         """Return one of them.

@@ -106,6 +106,13 @@ def _wrong_tables(given: Given) -> Iterator[Complaint]:
     cameras: object = given.cameras
     if not isinstance(cameras, list | tuple):
         yield Complaint(f"is {shown_token(repr(cameras))}; a list of orip.Camera is needed", "cameras")
+    antennas: object = given.antennas
+    if not isinstance(antennas, list | tuple):
+        yield Complaint(f"is {shown_token(repr(antennas))}; a list of dicts is needed", "antennas")
+    else:
+        for row, antenna in enumerate(antennas):
+            if not isinstance(antenna, Mapping):
+                yield Complaint(f"is {shown_token(repr(antenna))}; a dict is needed", f"antennas[{row}]")
     for name, (kind, is_needed) in _KINDS.items():
         table = getattr(given, name)
         if not isinstance(table, kind) and (is_needed or table is not None):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -235,10 +235,13 @@ class Solution:
         )
 
     def _figures(self, names: Names) -> list[Figures]:
-        return [self._figures_of(name) for name in ([names] if isinstance(names, str) else names)]
+        records = names if isinstance(names, Iterable) and not isinstance(names, str) else [names]
+        return [self._figures_of(record) for record in records]
 
-    def _figures_of(self, record: str) -> Figures:
+    def _figures_of(self, record: object) -> Figures:
         assert self._solved is not None
+        if not isinstance(record, str):
+            raise UnknownNameError(record, "record", self.points.names)
         kind, _, name = record.rpartition(" ")
         groups = {
             "camera": (self.cameras.row, camera_figures),

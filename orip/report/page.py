@@ -15,17 +15,21 @@ from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.errors import ProjectWarning, by_kind
 from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, camera_sheets
+from orip.report.control_points import control_table, distance_table
 from orip.report.convergence import convergence_charts, iteration_table
+from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
 from orip.report.drawings.residual_vectors import vector_sheets
+from orip.report.first_page import key_numbers, method_facts, order_facts
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
+from orip.report.photo_residuals import photo_residual_table, residual_histograms
 from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import RUN_NAME
-from orip.report.stations import station_charts, station_table
+from orip.report.stations import station_charts, station_table, strip_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
 from orip.report.variance_components import variance_component_table
@@ -69,14 +73,24 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "run_name": RUN_NAME,
         "solution": solution,
         "warnings": by_kind(ProjectWarning(*row) for row in solution.warnings),
+        "details": given.details,
+        "order": order_facts(given),
+        "method": method_facts(given),
+        "key_numbers": key_numbers(given),
+        "plan": block_plan(given),
+        "most_overlap": MOST_OVERLAP,
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
         "test": test if isinstance(test, GlobalTest) else None,
         "verdict": verdict(given, test),
         "gates": gate_table(given),
         "groups": group_table(solution),
+        "histograms": residual_histograms(solution),
+        "photo_residuals": photo_residual_table(given),
         "variance_components": variance_component_table(solution),
+        "control_points": control_table(solution),
         "check_points": check_point_table(solution),
+        "distances": distance_table(solution),
         "trouble": [
             table
             for table in (make(solution) for make in (blunder_table, suspect_table, singular_table, weak_table))
@@ -88,6 +102,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "zero_directions": zero_direction_table(solution),
         "antennas": antenna_table(solution),
         "stations": station_table(solution),
+        "strips": strip_table(solution),
         "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),

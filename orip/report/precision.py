@@ -112,20 +112,20 @@ def antenna_table(solution: Solution) -> PageTable | None:
         PageColumn("Value", [fixed(row.value, own) for row, own in zip(rows, decimals, strict=True)], "", "value"),
         PageColumn("sd", [deviation(row.sd, own) for row, own in zip(rows, decimals, strict=True)], "", "sd"),
         PageColumn("Unit", [unit_of_unknown(row.name, solution.ground_unit) for row in rows], words=True),
-        PageColumn("Largest r", ["" if each is None else f"{each.r:+.3f}" for each in largest]),
-        PageColumn("with", ["" if each is None else each.b for each in largest], words=True),
+        PageColumn("Largest r", ["" if pair is None else f"{pair.r:+.3f}" for pair in largest]),
+        PageColumn("with", ["" if pair is None else pair.b for pair in largest], words=True),
     ]
-    strong = frozenset(row for row, each in enumerate(largest) if each is not None and abs(each.r) >= _STRONG)
+    strong = frozenset(row for row, pair in enumerate(largest) if pair is not None and abs(pair.r) >= _STRONG)
     return PageTable("antennas", "Antennas: lever arm, boresight, shifts and drifts", columns, _CORRELATION, strong)
 
 
 def _largest_correlation(solution: Solution, row: AntennaEstimate) -> Correlation | None:
     """Return the largest correlation of a parameter, `b` being the other unknown; None of a constant."""
     name = f"antenna {f'{row.antenna} strip {row.strip}' if row.strip else row.antenna}.{row.name}"
-    own = [each for each in solution.correlations if name in (each.a, each.b)]
+    own = [pair for pair in solution.correlations if name in (pair.a, pair.b)]
     if not own:
         return None
-    largest = max(own, key=lambda each: abs(each.r))
+    largest = max(own, key=lambda pair: abs(pair.r))
     return Correlation(name, largest.b if largest.a == name else largest.a, largest.r)
 
 

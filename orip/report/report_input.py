@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo
+from orip.records.project.photo import Photo, Template
+from orip.records.project.report_details import ReportDetails
 from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
 
@@ -24,6 +25,10 @@ class ReportInput:
     cameras : mapping of record_key to Camera
         Their parameters as they were before the adjustment.
     photos : mapping of record_key to Photo
+    templates : mapping of record_key to Template
+    details : ReportDetails
+    crs : str or None
+        Of the project.
     """
 
     solution: Solution
@@ -31,3 +36,6 @@ class ReportInput:
     bundle: BundleDefinition
     cameras: Mapping[str, Camera]
     photos: Mapping[str, Photo]
+    templates: Mapping[str, Template] = field(default_factory=dict)
+    details: ReportDetails = field(default_factory=ReportDetails)
+    crs: str | None = None

@@ -42,6 +42,28 @@ def station_table(solution: Solution) -> PageTable | None:
     return PageTable("stations", "Exposure stations: residuals of positions", columns, _NOTE, emphasised)
 
 
+def strip_table(solution: Solution) -> PageTable | None:
+    """Return the mean and the RMS of the residuals of positions by strip; None where there are no strips."""
+    found = station_residuals(solution, "position")
+    of_strip = np.array([exposure.strip for exposure in found.exposures])
+    strips = [strip for strip in dict.fromkeys(of_strip.tolist()) if strip]
+    if not strips:
+        return None
+    decimals, unit = decimals_for(np.abs(found.a_priori), 3, 6), solution.ground_unit
+    residual = [found.residual[of_strip == strip] for strip in strips]
+    columns = [
+        PageColumn("Strip", strips, words=True),
+        PageColumn("Stations", [str(len(mine)) for mine in residual]),
+    ]
+    for k, axis in enumerate(_AXES):
+        means = [float(np.mean(mine[:, k])) for mine in residual]
+        columns.append(PageColumn(f"mean v{axis}", [fixed(mean, decimals) for mean in means], unit))
+    for k, axis in enumerate(_AXES):
+        sizes = [float(np.sqrt(np.mean(mine[:, k] ** 2))) for mine in residual]
+        columns.append(PageColumn(f"RMS v{axis}", [fixed(size, decimals) for size in sizes], unit))
+    return PageTable("", "Exposure stations by strip", columns)
+
+
 def station_charts(solution: Solution) -> tuple[Markup, ...]:
     """Return charts of the residuals in X, Y and Z over time, a line for each strip; none without times."""
     found = station_residuals(solution, "position")

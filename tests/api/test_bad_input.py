@@ -86,7 +86,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"cameras": None}, "cameras: is None; a list of orip.Camera is needed"),
     ({"photos": [["1", "C"]]}, "photos: is [['1', 'C']]; an orip.Photos is needed"),
     ({"distances": [5.0]}, "distances: is [5.0]; an orip.Distances is needed"),
+    ({"antennas": None}, "antennas: is None; a list of dicts is needed"),
+    ({"antennas": [{"name": "GNSS"}, 5]}, "antennas[1]: is 5; a dict is needed"),
     # numbers
+    (photo_points(xy=np.ma.masked_equal(XY, 4.0)), "photo_points.xy[1, 1]: is masked; leave out the row, or write"),
+    (photo_points(point=np.ma.masked_equal(["A", "B", "A"], "B")), "photo_points.point[1]: is masked"),
     (photo_points(xy=[XY[0], [NAN, 4.0], XY[2]]), "photo_points.xy[1, 0]: 'nan' is not allowed; write a finite"),
     (photo_points(xy=[XY[0], XY[1], [5.0, INF]]), "photo_points.xy[2, 1]: 'inf' is not allowed; write a finite"),
     (photo_points(xy=[[1e31, 0.0], *XY[1:]]), "photo_points.xy[0, 0]: '1e+31' is too large for a number"),

@@ -33,6 +33,7 @@ def test_records_are_found_by_name() -> None:
     assert np.diag(point.covariance) == pytest.approx(point.deviations**2, rel=1e-14)
     assert found.cameras["cam"]["c"] == found.cameras["CAM"].parameters[0]
     assert found.cameras["CAM"].parameter_names[:3] == ("C", "DX", "DY")
+    assert repr(found.photos) == "<8 photos: P1, P2, P3, P4, P5, ...>"
 
 
 @pytest.mark.parametrize(
@@ -43,6 +44,7 @@ def test_records_are_found_by_name() -> None:
         (lambda found: found.photos["X"], "there is no photo 'X'; there are: P1, P2, P3, P4, P5 and 3 more"),
         (lambda found: found.covariance("photo X"), "there is no photo 'X'"),
         (lambda found: found.covariance("105", ["photo P1", "P2"]), "there is no point 'P2'"),
+        (lambda found: found.covariance(105), "there is no record 105; did you mean '105'?"),
         (lambda found: found.covariance("station P1"), "there is no kind of record 'station'"),
         (
             lambda found: found.cameras["CAM"]["Q9"],

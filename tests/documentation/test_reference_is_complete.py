@@ -24,6 +24,7 @@ from orip.records.observations.control import DistanceCode
 TABLES = {
     "[project]": project_tables.ProjectTable,
     "[check]": project_tables.CheckTable,
+    "[report]": project_tables.ReportTable,
     "[[camera]]": project_tables.TABLE_OF_KIND["camera"],
     "[[temtick]]": project_tables.TABLE_OF_KIND["temtick"],
     "[[template]]": project_tables.TABLE_OF_KIND["template"],

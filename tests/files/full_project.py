@@ -88,4 +88,16 @@ left = "P1"
 right = "P2"
 row = 1
 column = 2
+
+[report]
+title = "Town hall"
+client = "City of Zurich"
+contractor = "Photogrammetry Ltd"
+author = "K. Dueholm"
+order = "117"
+location = "Zurich"
+flown = "1988-07-04"
+date = "July 1989"
+equipment = "Wild P31"
+remarks = ["Of four photos.", "Without signals."]
 """

@@ -10,7 +10,8 @@ from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
-from orip.report.drawings.block_view import block_view, pyramid_corners, seen_points
+from orip.report.drawings.block_view import block_view, pyramid_corners
+from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
 
 FRAME = (33.0, 21.0)

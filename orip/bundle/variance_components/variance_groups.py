@@ -84,7 +84,9 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
             for element in block.elements
         ),
         distances=tuple(replace(line, error=_times(line.error, factor("distance"))) for line in block.distances),
-        stations=tuple(_with_station_errors(each, factor("station"), factor("attitude")) for each in block.stations),
+        stations=tuple(
+            _with_station_errors(station, factor("station"), factor("attitude")) for station in block.stations
+        ),
         directions=tuple(
             replace(
                 line,

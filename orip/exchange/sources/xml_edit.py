@@ -74,7 +74,7 @@ class XmlEdit:
             return ()
 
     def replace(self, element: PlacedElement, values: Sequence[float], *, size: float | None = None) -> bool:
-        """Put numbers in the place of others unless these are equal but for rounding; return whether they are not.
+        """Put numbers in the place of others unless these are equal up to rounding; return whether they are not.
 
         Parameters
         ----------

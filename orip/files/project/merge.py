@@ -10,7 +10,7 @@ from typing import Any
 
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
-from orip.files.project.text import RECORD_SECTIONS, project_document, project_text, record_text
+from orip.files.project.text import RECORD_SECTIONS, SINGLE_SECTIONS, project_document, project_text, record_text
 from orip.files.project.toml_lines import KeyPath, TomlLines
 from orip.files.project.toml_text import toml_assignment
 from orip.files.text.lines import split_line
@@ -32,7 +32,7 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
     Parameters
     ----------
     text : str
-        A project file without faults, whose [project] and [check] are those of the definition.
+        A project file without faults, whose [project], [check] and [report] are those of the definition.
     definition : ProjectDefinition
 
     Returns
@@ -56,7 +56,11 @@ def merged_project_text(text: str, definition: ProjectDefinition) -> str:
 
 def _merged(text: str, old: ProjectDefinition, new: ProjectDefinition) -> str:
     blocks, before, document = _blocks(text), project_document(old), project_document(new)
-    parts = [f"{blocks[place].above}{blocks[place].own}" for place in (("project",), ("check",)) if place in blocks]
+    parts = [
+        f"{blocks[place].above}{blocks[place].own}"
+        for place in ((section,) for section in SINGLE_SECTIONS)
+        if place in blocks
+    ]
     found = list(dict.fromkeys(place[0] for place in blocks))
     for section in sorted(
         RECORD_SECTIONS, key=lambda section: found.index(section) if section in found else len(found)
@@ -134,7 +138,7 @@ def _comment(line: str) -> str:
 
 
 def _places(document: Mapping[str, Any]) -> Iterator[KeyPath]:
-    for section in ("project", "check"):
+    for section in SINGLE_SECTIONS:
         if section in document:
             yield (section,)
     for section in RECORD_SECTIONS:

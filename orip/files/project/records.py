@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import ProjectTable
+from orip.files.project.tables import ProjectTable, ReportTable
 from orip.records.names import record_key
 from orip.records.project.definition import BundleDefinition, ProjectDefinition, StereoModel
 from orip.records.project.photo import Template
+from orip.records.project.report_details import ReportDetails
 from orip.records.project.shared_lens import with_shared_lenses
 
 
@@ -41,8 +42,14 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
         gates=tuple(source.check.gates),
+        report=_report(source.report),
         antennas=tuple(antenna.record for antenna in source.antennas),
     )
+
+
+def _report(table: ReportTable) -> ReportDetails:
+    keys = table.model_dump()
+    return ReportDetails(**{**keys, "remarks": tuple(keys["remarks"])})
 
 
 def _with_photos(template: Template, photo_names: dict[str, str], photos_of: dict[str, list[str]]) -> Template:

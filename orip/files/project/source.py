@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar, cast
 from pydantic import ValidationError
 
 from orip.files.project.record_values import record_of
-from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, ProjectTable, table_of
+from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, ProjectTable, ReportTable, table_of
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
@@ -49,6 +49,7 @@ class ProjectSource:
 
     project: ProjectTable | None = None
     check: CheckTable = field(default_factory=CheckTable)
+    report: ReportTable = field(default_factory=ReportTable)
     cameras: list[Located[Camera]] = field(default_factory=list)
     temticks: list[Located[Temtick]] = field(default_factory=list)
     templates: list[Located[Template]] = field(default_factory=list)
@@ -68,6 +69,7 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
             source.faults.append(((key,), unknown_key(key, "the project", SECTIONS)))
     source.project = _project(document, source)
     source.check = _table(document.get("check", {}), CheckTable, "[check]", ("check",), source) or CheckTable()
+    source.report = _table(document.get("report", {}), ReportTable, "[report]", ("report",), source) or ReportTable()
     source.cameras = _records(document, "camera", Camera, source)
     source.temticks = _records(document, "temtick", Temtick, source)
     source.templates = _records(document, "template", Template, source)

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
+from datetime import date, datetime
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, PlainValidator, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
 from pydantic import Field as Limits
 
 from orip.files.text.decimal_numbers import parse_photo_error
@@ -22,8 +23,8 @@ from orip.records.project.fields import Field, Part, RecordField, fields_by_key,
 ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
 FilledText: TypeAlias = Annotated[str, Limits(min_length=1)]
 
-SECTIONS = ("project", "check", "camera", "temtick", "template", "photo", "antenna", "bundle")
-"""Tables of orip.toml; all but the first two may come several times."""
+SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "photo", "antenna", "bundle")
+"""Tables of orip.toml; all but the first three may come several times."""
 
 
 class CheckedTable(BaseModel):
@@ -50,6 +51,42 @@ class CheckTable(CheckedTable):
     """``[check]``."""
 
     gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable():
+        message = "only a text on one line is allowed"
+        raise ValueError(message)
+    return text
+
+
+def _day(value: object) -> str:
+    """Return a date as text, written as a TOML date or in words."""
+    if isinstance(value, str):
+        return _printable(value)
+    if isinstance(value, date) and not isinstance(value, datetime):
+        return value.isoformat()
+    message = "only a date such as 2026-05-04 or a text is allowed"
+    raise ValueError(message)
+
+
+OneLine: TypeAlias = Annotated[str, AfterValidator(_printable)]
+Day: TypeAlias = Annotated[Any, PlainValidator(_day)]
+
+
+class ReportTable(CheckedTable):
+    """``[report]``."""
+
+    title: Annotated[OneLine, Limits(examples=['"Quarry Hohenfels, flight 3"'])] = ""
+    client: Annotated[OneLine, Limits(examples=['"Kalkwerk Hohenfels GmbH"'])] = ""
+    contractor: Annotated[OneLine, Limits(examples=['"Vermessung Huber"'])] = ""
+    author: Annotated[OneLine, Limits(examples=['"K. Huber"'])] = ""
+    order: Annotated[OneLine, Limits(examples=['"2026-117"'])] = ""
+    location: Annotated[OneLine, Limits(examples=['"Hohenfels"'])] = ""
+    flown: Annotated[Day, Limits(examples=["2026-04-28"])] = ""
+    date: Annotated[Day, Limits(examples=["2026-05-04"])] = ""
+    equipment: Annotated[OneLine, Limits(examples=['"DJI M3E, RTK by SAPOS"'])] = ""
+    remarks: Annotated[list[OneLine], Limits(examples=['["Signalled points were set out by the client."]'])] = []
 
 
 def example_of(table: type[BaseModel], key: str) -> str | None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.toml_text import toml_table
 from orip.records.project.camera import Camera, without_radial_distortion
 from orip.records.project.definition import ProjectDefinition
+from orip.records.project.report_details import ReportDetails
 from orip.records.project.shared_lens import without_lens
 
+SINGLE_SECTIONS = ("project", "check", "report")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")
 
 
@@ -33,6 +36,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
     return {
         "project": {key: value for key, value in project.items() if value is not None},
         "check": {"gates": list(definition.gates)} if definition.gates else {},
+        "report": _report_table(definition.report),
         "camera": [camera_table(camera) for camera in definition.cameras],
         "temtick": [toml_of(temtick) for temtick in definition.temticks],
         "template": [toml_of(template) for template in definition.templates],
@@ -46,10 +50,15 @@ def project_text(document: Mapping[str, Any]) -> str:
     """Return a document as text, each record below a header of its own."""
     return "\n".join(
         [
-            *(toml_table(f"[{section}]", document[section]) for section in ("project", "check") if document[section]),
+            *(toml_table(f"[{section}]", document[section]) for section in SINGLE_SECTIONS if document[section]),
             *(record_text(section, table) for section in RECORD_SECTIONS for table in document[section]),
         ]
     )
+
+
+def _report_table(details: ReportDetails) -> TomlTable:
+    given = {key: value for key, value in asdict(details).items() if value}
+    return given | ({"remarks": list(details.remarks)} if details.remarks else {})
 
 
 def record_text(section: str, table: Mapping[str, Any]) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from orip.errors import InputError
-from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.lines import sound_text
 from orip.records.results.before_update import BeforeUpdate, Kept, RecordBefore, TextBefore
 
 SCHEMA = "orip.before_update/1"
@@ -37,14 +37,9 @@ def read_before_update(path: Path, shown: str) -> BeforeUpdate:
     if not path.exists():
         message = "there is no update to undo: only the last one can be, and once"
         raise InputError.single(message)
-    data, complaints = read_bytes(path, shown)
-    if data is None:
-        raise InputError(complaints)
-    lines = decode_lines(data, shown)
-    if lines.complaints:
-        raise InputError(lines.complaints)
+    text = sound_text(path, shown)
     try:
-        return _before_update(json.loads("\n".join(lines.value)))
+        return _before_update(json.loads(text))
     except (KeyError, TypeError, ValueError, RecursionError) as fault:
         message = "this is not what 'orip update' wrote: the update cannot be undone; delete the file"
         raise InputError.single(message, shown) from fault

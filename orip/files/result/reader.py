@@ -9,7 +9,7 @@ from typing import Any
 
 from orip.errors import InputError
 from orip.files.result.json_text import SCHEMA, SINGULAR
-from orip.files.text.lines import decode_lines, read_bytes
+from orip.files.text.lines import sound_text
 from orip.files.text.shown import printable, shown_token
 from orip.records.names import record_key
 from orip.records.results.figure import Figure, FigureGroup, Quantity, ResultFigures
@@ -41,14 +41,9 @@ def read_result(path: Path, shown: str) -> ResultFigures:
     InputError
         If the file cannot be read or is no result.
     """
-    data, complaints = read_bytes(path, shown)
-    if data is None:
-        raise InputError(complaints)
-    lines = decode_lines(data, shown)
-    if lines.complaints:
-        raise InputError(lines.complaints)
+    text = sound_text(path, shown)
     try:
-        return _figures(json.loads("\n".join(lines.value), parse_constant=_refused))
+        return _figures(json.loads(text, parse_constant=_refused))
     except _MalformedError as fault:
         reason = str(fault)
     except (ValueError, RecursionError) as fault:

@@ -133,6 +133,20 @@ def read_lines(path: Path, shown: str, *, may_be_absent: bool = False) -> Parsed
     return Parsed([], complaints) if data is None else decode_lines(data, shown)
 
 
+def sound_text(path: Path, shown: str) -> str:
+    """Return a text file as one text, line ends as newlines.
+
+    Raises
+    ------
+    InputError
+        With what `read_lines` complains of.
+    """
+    lines = read_lines(path, shown)
+    if lines.complaints:
+        raise InputError(lines.complaints)
+    return "\n".join(lines.value)
+
+
 def split_line(line: str, number: int) -> TextLine | None:
     """Split one line into fields at blanks and tabs; None if there is nothing before the comment.
 

@@ -1,6 +1,6 @@
 """The route by parts: parts made of pairs of photos are placed on the ground together, by control and common points.
 
-For blocks whose parts share too few points to be joined one after the other, or see too little control each.
+For blocks whose parts share too few points to be joined one after the other, or none of which sees enough control.
 """
 
 from __future__ import annotations

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.fields import Field
 from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.project.report_details import ReportDetails
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,4 +120,5 @@ class ProjectDefinition:
     photos: tuple[Photo, ...] = ()
     bundles: tuple[BundleDefinition, ...] = ()
     gates: tuple[str, ...] = ()
+    report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()

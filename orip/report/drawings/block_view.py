@@ -15,6 +15,7 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
+from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
 from orip.units import DEGREES_PER_RADIAN
 
@@ -52,18 +53,6 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     }
 
 
-def seen_points(solution: Solution) -> tuple[IntArray, ...]:
-    """Return the rows of the points that each photo has, in the order of the points."""
-    residuals = solution.residuals
-    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
-    point_row = {name: row for row, name in enumerate(solution.points.names)}
-    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
-    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
-    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
-    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
-    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
-
-
 def pyramid_corners(given: ReportInput) -> FloatArray:
     """Return the corners (photos, 4, 3) of the photos' frames, in the direction they look, in ground coordinates.
 
@@ -71,18 +60,28 @@ def pyramid_corners(given: ReportInput) -> FloatArray:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
     solution = given.solution
+    depth = [_depth(solution, row, seen) for row, seen in enumerate(seen_points(solution))]
+    return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, np.array(depth)))
+
+
+def frame_rays(given: ReportInput, depth: FloatArray | None = None) -> FloatArray:
+    """Return the rays (photos, 4, 3) to the corners of the frames, ground directions, mm: see `pyramid_corners`.
+
+    With `depth` (photos,) they are enlarged to this distance along the camera axis.
+    """
+    solution = given.solution
     values = solution.photos.values
     rotations = rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)
     parameters = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values, strict=True))
     frames = {key: _frame(given, key) for key in parameters}
     directions = np.zeros((len(values), 4, 3))
-    for row, (name, seen) in enumerate(zip(solution.photos.names, seen_points(solution), strict=True)):
+    for row, name in enumerate(solution.photos.names):
         photo = given.photos.get(record_key(name))
         key = record_key(photo.camera) if photo is not None else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
-        directions[row] *= _depth(solution, row, seen) / c
-    return np.asarray(values[:, None, :3] + directions @ rotations.transpose(0, 2, 1))
+        directions[row] *= depth[row] / c if depth is not None else 1.0
+    return np.asarray(directions @ rotations.transpose(0, 2, 1))
 
 
 def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:

@@ -11,8 +11,9 @@ from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Estimates, Solution
-from orip.report.drawings.labels import Box, labels
-from orip.report.drawings.svg import drawing, element, number, round_step, shown_tick, text, ticks
+from orip.report.drawings.labels import labels
+from orip.report.drawings.map_plane import WIDTH, MapPlane, labels_of, map_plane
+from orip.report.drawings.svg import drawing, element, number, round_step, text
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60
@@ -21,9 +22,6 @@ _BEYOND = 0.25
 
 _POINT, _PHOTO = 0.02, 0.10
 """Largest semi-axis of the ellipses of a typical point and photo, as a part of the sides of the drawing."""
-
-_WIDTH, _TALLEST, _SHORTEST = 620.0, 560.0, 60.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64.0, 14.0, 12.0, 46.0
 
 VIEWS = (("Plan", 0, 1), ("Elevation, X and Z", 0, 2), ("Elevation, Y and Z", 1, 2))
 _PAIR = {(0, 1): 0, (0, 2): 1, (1, 2): 2}
@@ -91,20 +89,6 @@ def drawn_points(solution: Solution, most: int) -> IntArray:
     return np.sort(np.concatenate([others, ties]))
 
 
-class _Plane(NamedTuple):
-    """The drawing's plane: lower left corner, scale (pixels a ground unit), and its size in pixels."""
-
-    low: FloatArray
-    scale: float
-    width: float
-    height: float
-
-    def place(self, at: FloatArray) -> FloatArray:
-        x = _LEFT + (at[:, 0] - self.low[0]) * self.scale
-        y = _TOP + self.height - (at[:, 1] - self.low[1]) * self.scale
-        return np.stack([x, y], axis=1)
-
-
 class _Scene(NamedTuple):
     """What one view shows: its title and axes, places and standard deviations (n, 2), the ellipses of both kinds."""
 
@@ -139,7 +123,7 @@ def _scene(solution: Solution, rows: IntArray, title: str, across: int, up: int)
 
 
 def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float) -> EllipseView:
-    plane = _plane(*scene.bounds(enlargement))
+    plane = map_plane(*scene.bounds(enlargement))
     scale = plane.scale * enlargement
     points = plane.place(solution.points.values[rows][:, scene.axes])
     photos = plane.place(solution.photos.values[:, scene.axes])
@@ -150,31 +134,16 @@ def _view(solution: Solution, rows: IntArray, scene: _Scene, enlargement: float)
         *_point_marks(solution, rows, points),
         *_names(solution, rows, plane, photos, points),
     ]
-    # a drawing within the drawing cuts off what is beyond the frame
-    inner = element(
-        "svg", "".join(drawn), x=_LEFT, y=_TOP, width=plane.width, height=plane.height,
-        viewBox=" ".join(map(number, (_LEFT, _TOP, plane.width, plane.height))),
-    )  # fmt: skip
     unit = solution.ground_unit
-    parts = [*_axes(plane, scene.axes, unit), inner, *_key(plane, enlargement, unit)]
-    size = plane.width + _LEFT + _RIGHT, plane.height + _TOP + _BOTTOM
+    parts = [*plane.axes(labels_of(scene.axes, unit)), plane.clipped(drawn), *_key(plane, enlargement, unit)]
     label = f"{scene.title}: standard error ellipses of points and photos"
-    return EllipseView(scene.title, drawing(*size, label, parts, "map"))
+    return EllipseView(scene.title, drawing(*plane.size, label, parts, "map"))
 
 
 def _ellipses(estimates: Estimates, correlations: FloatArray, axes: list[int], pair: int, rows: IntArray) -> Ellipses:
     sd = estimates.sd[rows][:, axes]
     sd = np.where(np.isfinite(sd), sd, np.nan)
     return standard_ellipses(sd[:, 0], sd[:, 1], correlations[rows, pair])
-
-
-def _plane(low: FloatArray, high: FloatArray) -> _Plane:
-    width, height = (high - low).tolist()
-    scale = min((_WIDTH - _LEFT - _RIGHT) / width, (_TALLEST - _TOP - _BOTTOM) / height)
-    if height * scale < _SHORTEST:
-        low = low - [0.0, (_SHORTEST / scale - height) / 2.0]
-        height = _SHORTEST / scale
-    return _Plane(low, scale, width * scale, height * scale)
 
 
 def _enlargement(scene: _Scene) -> float:
@@ -230,7 +199,7 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
     return marks
 
 
-def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray, points: FloatArray) -> list[str]:
+def _names(solution: Solution, rows: IntArray, plane: MapPlane, photos: FloatArray, points: FloatArray) -> list[str]:
     """Return the names of photos, control and check points that find room, if they are not too many."""
     surveyed = [place for place, row in enumerate(rows.tolist()) if solution.point_kinds[row] != "tie"]
     groups = [
@@ -240,42 +209,13 @@ def _names(solution: Solution, rows: IntArray, plane: _Plane, photos: FloatArray
     few = [(places, names) for places, names in groups if 0 < len(names) <= _MOST_LABELS]
     if not few:
         return []
-    frame = Box(_LEFT, _TOP, _LEFT + plane.width, _TOP + plane.height)
-    found = labels(np.concatenate([places for places, _ in few]), [name for _, names in few for name in names], frame)
+    found = labels(
+        np.concatenate([places for places, _ in few]), [name for _, names in few for name in names], plane.frame
+    )
     return [text(label.x, label.y, label.name, text_anchor=label.anchor, class_="faint") for label in found]
 
 
-def _axes(plane: _Plane, axes: list[int], unit: str) -> list[str]:
-    """Return the frame of a view, its grid of round coordinates, and their labels."""
-    right, base = _LEFT + plane.width, _TOP + plane.height
-    high = plane.low + np.array([plane.width, plane.height]) / plane.scale
-    parts = [element("rect", x=_LEFT, y=_TOP, width=plane.width, height=plane.height, class_="frame")]
-    for tick in ticks(float(plane.low[0]), float(high[0]), 6):
-        x = _LEFT + (tick - plane.low[0]) * plane.scale
-        parts.append(element("line", x1=x, x2=x, y1=_TOP, y2=base, class_="grid"))
-        parts.append(text(x, base + 16.0, _tick(tick), text_anchor="middle"))
-    for tick in ticks(float(plane.low[1]), float(high[1]), max(int(plane.height / 70), 3)):
-        y = base - (tick - plane.low[1]) * plane.scale
-        parts.append(element("line", x1=_LEFT, x2=right, y1=y, y2=y, class_="grid"))
-        parts.append(text(_LEFT - 6.0, y + 4.0, _tick(tick), text_anchor="end"))
-    across, up = (f"{'XYZ'[axis]} ({unit})" for axis in axes)
-    y = _TOP + plane.height / 2.0
-    label = {"text_anchor": "middle", "class_": "label"}
-    return [
-        *parts,
-        text(_LEFT, base + 34.0, across, class_="label"),
-        text(12.0, y, up, transform=f"rotate(-90 12 {number(y)})", **label),
-    ]
-
-
-def _tick(value: float) -> str:
-    return shown_tick(value) if abs(value) < 1e6 else f"{value:,.0f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
-
-
-def _key(plane: _Plane, enlargement: float, unit: str) -> list[str]:
+def _key(plane: MapPlane, enlargement: float, unit: str) -> list[str]:
     """Return a scale bar for standard deviations, of a round length."""
-    sd = round_step(0.12 * _WIDTH / plane.scale / enlargement, 1) / 2.0
-    length = sd * plane.scale * enlargement
-    x, y = _LEFT + plane.width - length - 8.0, _TOP + plane.height + 30.0
-    bar = element("path", d=f"M{number(x)} {number(y)}h{number(length)}", class_="bar")
-    return [bar, text(x - 5.0, y + 4.0, f"sd {sd:g} {unit}", text_anchor="end")]
+    sd = round_step(0.12 * WIDTH / plane.scale / enlargement, 1) / 2.0
+    return plane.scale_bar(sd * plane.scale * enlargement, f"sd {sd:g} {unit}")

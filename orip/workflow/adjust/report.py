@@ -57,6 +57,11 @@ def report_of(
     path = output if output is not None else project.report(solution.bundle)
     with stage("report"):
         definition = state.definitions.bundle(solution.bundle)
-        text = report_page(ReportInput(solution, tuple(gates), definition, state.records.cameras, state.records.photos))
+        records, header = state.records, project.definition
+        given = ReportInput(
+            solution, tuple(gates), definition, records.cameras, records.photos, records.templates, header.report,
+            header.crs,
+        )  # fmt: skip
+        text = report_page(given)
     written = WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
     return Change(state, written, outputs=(TextOutput(path, lambda: [text], _REMEDY),))

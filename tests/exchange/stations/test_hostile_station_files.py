@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from exchange.mutated_files import use_mutated_files
-from exchange.test_station_formats import MRK, POS, sbet
+from exchange.stations.test_station_formats import MRK, POS, sbet
 
 from orip.exchange.stations.source import read_epochs
 from orip.trajectory.exposures import Matching, Sources, find_exposures

@@ -1,0 +1,116 @@
+"""Control points and distances: what was given, what was adjusted, and how both agree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.bundle.results.figures import figure
+from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
+from orip.records.results.solution import Residuals, Solution
+from orip.report.numbers import decimals_for, deviation, fixed, significant
+from orip.report.table import PageColumn, PageTable
+
+_AXES = ("X", "Y", "Z")
+_DISTANCE_KINDS = (DISTANCE.name, CONSTANT_DISTANCE.name)
+
+
+def control_differences(solution: Solution) -> dict[str, FloatArray]:
+    """Return adjusted minus given coordinates (3,) of the control points, by name; NaN where one is not given."""
+    residuals = solution.residuals
+    return {
+        name: np.array([residuals.residual[rows[axis]] if axis in rows else np.nan for axis in _AXES])
+        for name, rows in _rows_of_points(solution).items()
+    }
+
+
+def check_differences(solution: Solution) -> dict[str, FloatArray]:
+    """Return adjusted minus given coordinates (3,) of the check points, by name."""
+    return {point.name: np.array([point.dX, point.dY, point.dZ]) for point in solution.check_points}
+
+
+def control_table(solution: Solution) -> PageTable | None:
+    """Return the control points; None where there are none."""
+    points = _rows_of_points(solution)
+    if not points:
+        return None
+    residuals, unit = solution.residuals, solution.ground_unit
+    place = {name: row for row, name in enumerate(solution.points.names)}
+    errors = [residuals.a_priori[row] for rows in points.values() for row in rows.values()]
+    decimals = decimals_for(np.abs(errors), 5)
+    columns = [
+        PageColumn("Point", list(points), words=True),
+        PageColumn("Rays", [str(solution.point_rays[place[name]]) if name in place else "–" for name in points]),
+    ]
+    for axis in _AXES:
+        cells = [_of(residuals.residual, rows, axis, decimals) for rows in points.values()]
+        columns.append(PageColumn(f"d{axis}", cells, unit))
+    for axis in _AXES:
+        cells = [_of(residuals.a_priori, rows, axis, decimals) for rows in points.values()]
+        columns.append(PageColumn(f"given sd {axis}", cells, unit))
+    for number, axis in enumerate(_AXES):
+        sd = [solution.points.sd[place[name], number] if name in place else np.nan for name in points]
+        columns.append(PageColumn(f"sd {axis}", [deviation(value, decimals) for value in sd], unit))
+    columns += [PageColumn(f"w{axis}", [_of(residuals.w, rows, axis, 2) for rows in points.values()]) for axis in _AXES]
+    factors = residuals.weight_factor
+    doubtful = frozenset(
+        number
+        for number, rows in enumerate(points.values())
+        if not all(factors[row] >= 1.0 for row in rows.values())
+    )  # fmt: skip
+    marked = " Marked are points that lost weight or were left out." if doubtful else ""
+    plan, height = (significant(figure(solution, f"control.rms_{part}")) for part in ("xy", "z"))
+    note = (
+        f"d: adjusted minus given; w: normalised residual. RMS {plan} {unit} in X and Y, {height} {unit} in Z.{marked}"
+    )
+    return PageTable("", "Control points", columns, note.strip(), doubtful)
+
+
+def distance_table(solution: Solution) -> PageTable | None:
+    """Return the measured distances; None where there are none."""
+    residuals = solution.residuals
+    rows = [row for row, kind in enumerate(residuals.kind) if kind in _DISTANCE_KINDS]
+    if not rows:
+        return None
+    unit, decimals = solution.ground_unit, decimals_for(np.abs(residuals.a_priori[rows]))
+    adjusted = residuals.observed[rows] + residuals.residual[rows]
+    columns = (
+        PageColumn("Distance", [_ends(residuals, row) for row in rows], words=True),
+        PageColumn("Measured", [fixed(residuals.observed[row], decimals) for row in rows], unit),
+        PageColumn("Adjusted", [fixed(value, decimals) for value in adjusted.tolist()], unit),
+        PageColumn("v", [fixed(residuals.residual[row], decimals) for row in rows], unit),
+        PageColumn("given sd", [_a_priori(residuals, row, decimals) for row in rows], unit),
+        PageColumn("w", [fixed(residuals.w[row], 2) for row in rows]),
+    )
+    doubtful = frozenset(number for number, row in enumerate(rows) if not residuals.weight_factor[row] >= 1.0)
+    return PageTable("", "Distances", columns, "v: adjusted minus measured; w: normalised residual.", doubtful)
+
+
+def _rows_of_points(solution: Solution) -> dict[str, dict[str, int]]:
+    """Return the rows of the observed coordinates of control points, by point and axis."""
+    residuals = solution.residuals
+    control = {
+        name for name, kind in zip(solution.points.names, solution.point_kinds, strict=True) if kind == "control"
+    }
+    found: dict[str, dict[str, int]] = {}
+    for row, kind in enumerate(residuals.kind):
+        name = residuals.point[row]
+        if kind == CONTROL_POINT.name and name in control and not np.isnan(residuals.weight_factor[row]):
+            found.setdefault(name, {})[residuals.component[row]] = row
+    return found
+
+
+def _of(values: FloatArray, rows: Mapping[str, int], axis: str, decimals: int) -> str:
+    return fixed(values[rows[axis]], decimals) if axis in rows else ""
+
+
+def _ends(residuals: Residuals, row: int) -> str:
+    return " ".join(part for part in (residuals.photo[row], residuals.point[row]) if part)
+
+
+def _a_priori(residuals: Residuals, row: int, decimals: int) -> str:
+    if residuals.kind[row] == CONSTANT_DISTANCE.name:
+        return "exact"
+    return fixed(residuals.a_priori[row], decimals)

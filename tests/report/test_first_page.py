@@ -1,0 +1,151 @@
+"""The first page: what the user gives of the order, the numbers that count, and the drawing of the block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report.sample_pages import Page, sample
+
+from orip.files.project.reader import parse_project
+from orip.records.project.camera import Camera, Sensor
+from orip.records.project.definition import BundleDefinition
+from orip.records.project.photo import Photo
+from orip.records.project.report_details import ReportDetails
+from orip.records.results.solution import Estimates, Solution
+from orip.report.drawings.block_plan import footprints, photos_over
+from orip.report.page import report_page
+from orip.report.photo_scale import photo_scale
+from orip.report.report_input import ReportInput
+from orip.report.vertical import Vertical, side_of_block, vertical
+
+PROJECT = '[project]\nname = "A"\n'
+
+
+def given(solution: Solution, **changed: object) -> ReportInput:
+    return replace(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}), **changed)
+
+
+def words(page: str) -> str:
+    return " ".join("".join(Page(page).words).split())
+
+
+@pytest.mark.parametrize("written", ["2026-05-04", '"4 May 2026"'])
+def test_a_date_is_a_date_or_words(written: str) -> None:
+    parsed = parse_project(f'{PROJECT}[report]\ndate = {written}\nclient = "Quarry Ltd"\n')
+    assert parsed.value is not None
+    assert parsed.value.definition.report == ReportDetails(client="Quarry Ltd", date=written.strip('"'))
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ('clent = "A"', "[report] has the unknown key 'clent'; did you mean 'client'?"),
+        ("client = 7", "client of [report] is 7, but a text in quotes is required"),
+        ("date = 12.5", "date of [report] is 12.5, but only a date such as 2026-05-04 or a text is allowed"),
+        ('title = "two\\nlines"', "but only a text on one line is allowed"),
+        ('remarks = "one"', "but a list in brackets is required"),
+    ],
+)
+def test_what_is_wrong_in_the_table_is_named_with_its_line(line: str, message: str) -> None:
+    (complaint,) = parse_project(f"{PROJECT}[report]\n{line}\n").complaints
+    assert message in complaint.message
+    assert complaint.line == 4
+
+
+def test_the_order_is_on_the_page_as_text() -> None:
+    details = ReportDetails(title="<b>Quarry</b>", client="Kalk & Co", date="2026-05-04", remarks=("Set out by us.",))
+    page = report_page(given(sample("small_frame_block").solution, details=details, crs="EPSG:25832"))
+    assert "<b>Quarry" not in page
+    for wanted in (
+        "<b>Quarry</b> bundle MAIN",
+        "Client Kalk & Co",
+        "Date 2026-05-04",
+        "Set out by us.",
+        "EPSG:25832, m",
+    ):
+        assert wanted in words(page).replace("ClientKalk", "Client Kalk").replace("Date2026", "Date 2026")
+
+
+def test_control_points_of_the_page_are_the_residuals_of_the_result() -> None:
+    found = sample("small_frame_block")
+    table = next(table for table in Page(found.page).tables if table.rows and table.rows[0][0] == "CP1")
+    residuals = found.solution.residuals
+    for row in table.rows:
+        mine = [
+            value
+            for kind, point, value in zip(residuals.kind, residuals.point, residuals.residual.tolist(), strict=True)
+            if kind == "control" and point == row[0]
+        ]
+        assert [float(cell) for cell in row[2:5]] == pytest.approx(mine, abs=0.0005 + 1e-12)
+    assert [row[0] for row in table.rows] == ["CP1", "CP2", "CP3", "CP4", "CP5"]
+
+
+def two_photos_from_above(base: Solution) -> ReportInput:
+    """Return photos 100 above four points; c is 50 mm, a pixel 0.005 mm, the frame 40 by 30 mm."""
+    ground = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [10, 10, 0]])
+    centres = np.array([[0.0, 0, 100, 0, 0, 0], [10, 0, 100, 0, 0, 90.0]])
+    camera = Camera("C", (50.0, *(0.0,) * 11), sensor=Sensor(8000, 6000, 40.0, 30.0))
+    names, photos = ("1", "2", "3", "4"), ("P1", "P2")
+    n = 16
+    residuals = replace(
+        base.residuals, kind=("photo",) * n, photo=tuple(name for name in photos for _ in range(8)),
+        point=tuple(name for _ in photos for name in names for _ in "xy"), component=("x", "y") * 8,
+        **{name: np.zeros(n) for name in ("observed", "residual", "standard_residual", "w")},
+        **{name: np.ones(n) for name in ("a_priori", "weight_factor", "redundancy_number")},
+    )  # fmt: skip
+    solution = replace(
+        base, photos=Estimates(photos, centres, np.full((2, 6), 0.01)),
+        points=Estimates(names, ground, np.full((4, 3), 0.01)),
+        cameras=Estimates(("C",), np.array([camera.parameters]), np.full((1, 12), np.nan)), residuals=residuals,
+        point_kinds=("tie",) * 4, point_rays=(2,) * 4,
+    )  # fmt: skip
+    return given(solution, cameras={"C": camera}, photos={name: Photo(name, "C") for name in photos})
+
+
+def test_scale_pixel_and_footprint_of_photos_from_above() -> None:
+    block = two_photos_from_above(sample("small_frame_block").solution)
+    scale = photo_scale(block)
+    np.testing.assert_allclose(scale.depth, 100.0)
+    np.testing.assert_allclose(scale.pixel_on_object, 0.005 * 100.0 / 50.0)
+    np.testing.assert_allclose(scale.axes, [[0, 0, -1]] * 2, atol=1e-15)
+    corners = footprints(block)
+    # 40 by 30 mm at 1 : 2000 are 80 by 60; the second photo is turned by 90 degrees
+    np.testing.assert_allclose(np.ptp(corners, axis=1), [[80, 60, 0], [60, 80, 0]], atol=1e-9)
+    np.testing.assert_allclose(corners.mean(axis=1), [[0, 0, 0], [10, 0, 0]], atol=1e-9)
+
+
+def test_overlap_counts_the_photos_over_a_place() -> None:
+    square = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])
+    places = np.array([[0.5, 0.5], [1.5, 1.5], [2.5, 2.5], [3.5, 0.5]])
+    assert photos_over(places, np.stack([square, square[::-1] + 1.0])).tolist() == [1, 2, 1, 0]
+
+
+def test_up_is_the_normal_of_the_photos_where_no_coordinates_were_given() -> None:
+    block = two_photos_from_above(sample("small_frame_block").solution)
+    assert vertical(block).axes.tolist() == np.eye(3).tolist()
+    angle = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    tilted = np.array([0.0, 0.6, 0.8])
+    flat = np.stack([np.cos(angle), 0.8 * np.sin(angle), -0.6 * np.sin(angle)], axis=1)
+    photos = np.concatenate([5.0 * tilted + 10.0 * flat, np.zeros((8, 3))], axis=1)
+    free = replace(
+        block, bundle=BundleDefinition("MAIN", datum="free"),
+        solution=replace(
+            block.solution, photos=Estimates(tuple("ABCDEFGH"), photos, photos),
+            points=Estimates(block.solution.points.names, flat[::2], flat[::2]),
+        ),
+    )  # fmt: skip
+    found = vertical(free)
+    np.testing.assert_allclose(found.axes[2], tilted, atol=1e-12)
+    np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(found.axes) == pytest.approx(1.0)
+    assert "mean plane of the projection centres" in found.note
+
+
+def test_a_block_of_level_photos_is_drawn_from_the_front() -> None:
+    up = Vertical(np.eye(3))
+    front = side_of_block(up, np.array([[0.1, 1.0, 0.05], [-0.1, 1.0, -0.05]]))
+    np.testing.assert_allclose(front.axes, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-12)
+    assert front.names == ("X", "Z")
+    assert side_of_block(up, np.array([[0.0, 0.1, -1.0]])).names == ("X", "Y")
