@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.imported import read_well, reprojected, sample, written
 
@@ -17,6 +18,7 @@ from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.sources.faults import Faults
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.exchanged import ExchangedProject
+from orip.workflow.project.bundle_state import read_bundle
 
 HEADS = {0: [], 1: ["OPENSFM_TRACKS_VERSION_v1"], 2: ["OPENSFM_TRACKS_VERSION_v2"]}
 
@@ -195,3 +197,32 @@ def test_whole_numbers_of_any_size_are_told(tmp_path: Path) -> None:
     written(path, json.dumps(document))
     complaint = read_opensfm(tmp_path, "berlin").complaints[0]
     assert "points/3/coordinates: 3 finite numbers should be here" in complaint.message
+
+
+def test_features_of_smaller_images_are_less_precise(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path)
+    assert read_well(read_opensfm, folder).precision == 1.0
+    written(folder / "config.yaml", "processes: 8   # threads\nfeature_process_size: 1000  # default 2048\n")
+    project = read_well(read_opensfm, folder)
+    assert project.precision == max(project.cameras[0].columns, project.cameras[0].rows) / 1000.0
+    assert any("a-priori error is one pixel there, 4.0 px" in note for note in project.notes)
+    written(folder / "config.yaml", "feature_process_size: 8192\n")
+    assert read_well(read_opensfm, folder).precision == 1.0
+
+
+@pytest.mark.long
+def test_the_sample_is_adjusted_and_control_that_contradicts_the_positions_is_named(tmp_path: Path) -> None:
+    """Two points have coordinates, 22 m below what the positions of the photos (5 m) and the images say."""
+    folder = sample("opensfm", "berlin")
+    for name in ("reconstruction_example.json", "tracks_example.csv", "ground_control_points.json", "config.yaml"):
+        shutil.copy(folder / name, tmp_path / name.replace("_example", ""))
+    assert orip(tmp_path, "import", "opensfm", ".", "new").code == 0
+    assert 'measurement_precision = "3.1875px"' in (tmp_path / "new" / "orip.toml").read_text(encoding="utf-8")
+    orip(tmp_path / "new", "run", "--no-report")
+    solution = read_bundle(tmp_path / "new", None, "heads", "solutions").adjusted
+    assert solution.status == "doubtful"
+    found = solution.residuals
+    largest = int(np.nanargmax(np.abs(found.residual * (np.array(found.kind) == "photo"))))
+    assert found.point[largest] in {"0", "3"}
+    # the noise of the tracks: published residuals are 1.3 px in the mean, and many points have two rays
+    assert 0.8 < solution.sigma0 < 0.9

@@ -10,6 +10,7 @@ import numpy as np
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
+from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
 from orip.exchange.opensfm.tracks import Tracks, read_tracks
@@ -43,6 +44,7 @@ class _Files:
     control_document: Path | None
     control_list: Path | None
     places: Path | None
+    settings: Path | None
 
 
 def reconstruction_file(source: Path) -> Path | None:
@@ -111,6 +113,7 @@ def _files(reconstruction: Path, source: Path) -> _Files:
         first("ground_control_points.json"),
         first("gcp_list.txt", "gcp/gcp_list.txt"),
         first("geo.txt"),
+        first("config.yaml"),
     )
 
 
@@ -138,6 +141,16 @@ def _project(
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
         stations, reference = _stations(places, photos), StationReference(places.crs)
+    precision = 1.0
+    if files.settings is not None:
+        faults = faults_of(files.settings)
+        larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
+        precision = feature_precision(files.settings, faults, larger)
+        complaints += faults.complaints
+    if precision > 1.0:
+        notes.append(
+            f"Features were found in smaller images: their a-priori error is one pixel there, {precision:.1f} px."
+        )
     return ExchangedProject(
         name="",
         cameras=reconstruction.cameras,
@@ -151,6 +164,7 @@ def _project(
         station_reference=reference,
         ground_unit="m",
         frame=reconstruction.frame,
+        precision=precision,
         notes=tuple(notes),
     )
 

@@ -76,6 +76,8 @@ def place_parts(parts: Sequence[PartialBlock], known: FloatArray) -> list[Partia
     list of PartialBlock, or None
         None where control and common points do not determine the parts together.
     """
+    if not parts:
+        return None
     placed = _with_common_azimuths(parts)
     for _ in range(_ROUNDS):
         moved = _adjusted(placed, known)

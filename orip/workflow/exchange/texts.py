@@ -28,6 +28,9 @@ BUNDLE = "MAIN"
 README_FILE = "README.md"
 
 _LONGEST_TITLE = 20
+_MOST_ITERATIONS = 100
+"""Positions of some metres hold a small block so weakly that its steps stay short; others need no more than before."""
+
 _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
 
@@ -89,6 +92,7 @@ def _definition(
     bundle = BundleDefinition(
         BUNDLE,
         Precision(precision, "px"),
+        max_iterations=_MOST_ITERATIONS,
         datum="free" if is_free else "control",
         repeated_points="both" if kept.has_repetitions else "replace",
     )
