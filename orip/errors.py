@@ -81,7 +81,9 @@ def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
     """
     kinds: dict[tuple[str, str, str], list[ProjectWarning]] = {}
     for warning in dict.fromkeys(warnings):
-        kinds.setdefault((warning.code, warning.where.rpartition(" ")[0], warning.text), []).append(warning)
+        noun, _, name = warning.where.rpartition(" ")
+        # files have no noun before their names
+        kinds.setdefault((warning.code, noun if noun else f"{name} ", warning.text), []).append(warning)
     told = [_as_one(noun, alike) for (_, noun, _), alike in kinds.items()]
     number = Counter(warning.code for warning in told)
     codes: Counter[str] = Counter()
