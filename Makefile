@@ -35,6 +35,7 @@ help:
 	@echo 'make test-all  run the tests and the long studies'
 	@echo 'make test-kernels  run the numerical tests and the samples as other processors calculate (some minutes)'
 	@echo 'make sanitize  run the tests of the C extensions with sanitizers (needs gcc with libasan; some minutes)'
+	@echo 'make wheel     build a wheel in dist, and test it in a fresh environment without a compiler (some minutes)'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
 	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
@@ -91,6 +92,13 @@ test-kernels: $(READY)
 .PHONY: sanitize
 sanitize: $(READY)
 	PYTHONPATH=tests $(BIN)/python -m hostile.sanitize
+
+# setuptools would put what it finds of earlier builds into the wheel
+.PHONY: wheel
+wheel: $(READY)
+	rm -rf build/lib* build/bdist* build/temp* dist/*.whl
+	$(BIN)/python -m pip wheel -q --no-deps --no-build-isolation --wheel-dir dist .
+	$(BIN)/python tests/wheel/run.py dist/*.whl
 
 .PHONY: browser-test
 browser-test: $(READY)

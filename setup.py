@@ -1,10 +1,11 @@
-"""What pyproject.toml cannot say: a wheel carries `sample_projects` inside the package, where orip looks for it."""
+"""What pyproject.toml cannot say: the sample projects in a wheel, and the options of Microsoft's compiler."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 SAMPLES = Path("sample_projects")
@@ -25,8 +26,25 @@ PATTERNS = (
 """What a sample project is made of, and not what orip writes into its folder."""
 
 
+MSVC_ARGUMENTS = ["/O2", "/fp:precise"]
+"""For `-O3 -ffp-contract=off` of pyproject.toml; /fp:precise neither reorders sums nor contracts them."""
+
+
+class BuildExtensions(build_ext):
+    """Compiles the extensions; the options in pyproject.toml are those of gcc and clang."""
+
+    def build_extension(self, ext: Extension) -> None:
+        """Build an extension with the options of the compiler that was found."""
+        if self.compiler.compiler_type == "msvc":
+            ext.extra_compile_args = MSVC_ARGUMENTS
+        super().build_extension(ext)
+
+
 class BuildWithSamples(build_py):
-    """Copies the sample projects into the package that is built; an editable install finds them in the clone."""
+    """Copies the sample projects into the package that is built, where orip looks for them.
+
+    An editable install finds them in the clone.
+    """
 
     def run(self) -> None:
         """Build the package, then copy the samples."""
@@ -50,4 +68,4 @@ class BuildWithSamples(build_py):
         return [(source, package / source) for pattern in PATTERNS for source in sorted(SAMPLES.glob(pattern))]
 
 
-setup(cmdclass={"build_py": BuildWithSamples})
+setup(cmdclass={"build_ext": BuildExtensions, "build_py": BuildWithSamples})

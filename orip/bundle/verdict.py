@@ -19,6 +19,8 @@ _FAR_ABOVE = 2.0
 
 _FAR_ABOVE_TEXT = "the residuals are far larger than the a-priori errors"
 
+_MOST_DECIMALS = 6
+
 _HANDFUL = 10.0
 """Redundancy below which sigma0 says nothing about the a-priori errors: by chance it is anything from 0.5 to 2."""
 
@@ -115,10 +117,23 @@ def group_findings(solution: Solution) -> list[Diagnosis]:
     return [found for found in solution.diagnosis if found.code == CODE]
 
 
+def _decimals_that_agree(sigma0: float, test: GlobalTest) -> int:
+    """Return the decimals of the interval's ends: on paper sigma0, of three or four decimals, is on the same side."""
+    # for a large block the interval is narrower than 0.01
+    least = max(2, -math.floor(math.log10(test.upper - test.lower)))
+    for decimals in range(least, _MOST_DECIMALS):
+        lower, upper = round(test.lower, decimals), round(test.upper, decimals)
+        shown = [round(sigma0, digits) for digits in (3, 4)]
+        below = [value < lower for value in shown] == [sigma0 < test.lower] * 2
+        above = [value > upper for value in shown] == [sigma0 > test.upper] * 2
+        if below and above:
+            return decimals
+    return _MOST_DECIMALS
+
+
 def sigma0_finding(sigma0: float, test: GlobalTest) -> str:
     """Return what the test says of sigma0."""
-    # for a large block the interval is narrower than 0.01
-    decimals = max(2, -math.floor(math.log10(test.upper - test.lower)))
+    decimals = _decimals_that_agree(sigma0, test)
     between = f"{test.lower:.{decimals}f} to {test.upper:.{decimals}f} expected by chance"
     if sigma0 < test.lower:
         return f"below the {between}: the observations are better than their a-priori errors"

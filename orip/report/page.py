@@ -108,6 +108,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "vectors": vector_sheets(given),
         "block": _as_data(block_view(given)),
         "size": _size(solution),
+        "inputs": tuple(dict((*given.replayed, *solution.inputs)).items()),
         "plotly": _plotly(),
         "convergence": convergence_charts(given),
         "iterations": iteration_table(solution),

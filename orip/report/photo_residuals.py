@@ -65,7 +65,8 @@ def residual_histograms(solution: Solution) -> tuple[Markup, ...]:
 
 def _of_w(solution: Solution) -> Markup:
     used = _used(solution)
-    w = solution.residuals.w[used]
+    # the listings have |w|; its sign is that of the residual
+    w = np.copysign(solution.residuals.w[used], solution.residuals.residual[used])
     w = w[np.isfinite(w)]
     if not w.size:
         return Markup("")

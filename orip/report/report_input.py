@@ -29,6 +29,8 @@ class ReportInput:
     details : ReportDetails
     crs : str or None
         Of the project.
+    replayed : tuple of (str, str)
+        Names and digests of the measurement files as they were replayed last.
     """
 
     solution: Solution
@@ -39,3 +41,4 @@ class ReportInput:
     templates: Mapping[str, Template] = field(default_factory=dict)
     details: ReportDetails = field(default_factory=ReportDetails)
     crs: str | None = None
+    replayed: tuple[tuple[str, str], ...] = ()

@@ -111,7 +111,7 @@ def _about_sigma0(solution: Solution, test: GlobalTest | Untested) -> str:
         return "No observation with full weight is checked by another one: sigma0 cannot be estimated."
     if isinstance(test, Untested):
         return "Nothing is redundant: no observation checks another, and sigma0 cannot be estimated."
-    found = f"sigma0 is {significant(solution.sigma0)}, {sigma0_finding(solution.sigma0, test)}."
+    found = f"sigma0 is {significant(solution.sigma0, 4)}, {sigma0_finding(solution.sigma0, test)}."
     if solution.sigma0 < test.lower:
         return f"{found} The standard deviations here take that into account."
     if solution.sigma0 > test.upper:

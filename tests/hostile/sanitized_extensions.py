@@ -7,29 +7,11 @@ from __future__ import annotations
 
 import ctypes
 import os
-import sys
-from importlib.machinery import ExtensionFileLoader
-from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
 
-from support.declared_extensions import declared_extensions
+from support.special_builds import load
 
-
-def load(folder: Path) -> None:
-    """Put the sanitized extensions in the places of the ordinary ones.
-
-    Raises
-    ------
-    RuntimeError
-        If the sanitizers do not watch this process.
-    """
-    if not hasattr(ctypes.CDLL(None), "__asan_init"):
-        message = "the address sanitizer is not loaded: LD_PRELOAD has to name libasan.so"
-        raise RuntimeError(message)
-    for name in (extension.name for extension in declared_extensions()):
-        spec = spec_from_loader(name, ExtensionFileLoader(name, str(folder / f"{name}.so")))
-        assert spec is not None
-        sys.modules[name] = module_from_spec(spec)
-
-
+if not hasattr(ctypes.CDLL(None), "__asan_init"):
+    message = "the address sanitizer is not loaded: LD_PRELOAD has to name libasan.so"
+    raise RuntimeError(message)
 load(Path(os.environ["ORIP_SANITIZED"]))

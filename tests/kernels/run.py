@@ -1,15 +1,17 @@
-"""The numerical tests and the sample projects under several kernels of OpenBLAS, and without the extensions.
+"""The numerical tests and the sample projects under several kernels of OpenBLAS, and with other extensions or none.
 
     PYTHONPATH=tests python tests/kernels/run.py                   what `make test-kernels` does
     PYTHONPATH=tests python tests/kernels/run.py SkylakeX Zen      under other values of OPENBLAS_CORETYPE
 
-A computation is the same on all processors up to rounding. Tests whose tolerances allow for one kernel alone fail
-here, and so do the samples if their results are not the same to a billionth of their standard deviations.
+The extensions are also compiled as Microsoft's compiler would: in ISO C, without vectors of four numbers. A computation
+is the same on all processors, by all compilers and in NumPy up to rounding. Tests whose tolerances allow for one kernel
+alone fail here, and so do the samples if their results are not the same to a billionth of their standard deviations.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -19,6 +21,7 @@ from pathlib import Path
 
 from kernels.processor import NAMES, Kernel, different, names_to_try, tried
 from kernels.sample_results import LARGEST, SAMPLES, disagreement, solve_sample
+from support.special_builds import build, compiler
 from workflow.small_projects import REPOSITORY
 
 NUMERICAL = ("adjustment", "bundle", "geometry", "prelim")
@@ -31,6 +34,10 @@ TESTED = 3
 """Kernels under which the tests run; the samples are solved under all of them."""
 
 WITHOUT_EXTENSIONS = "no extensions"
+ONE_LANE = "one lane"
+
+ISO_C = ("-std=c11", "-Werror=vla", "-Werror=pointer-arith", "-DORIP_ONE_LANE")
+"""C without what Microsoft's compiler lacks: vectors, other extensions of gcc, and arrays of variable length."""
 
 
 def say(text: str) -> None:
@@ -58,12 +65,34 @@ def tests_pass(name: str, environment: Mapping[str, str], folders: Sequence[str]
     return subprocess.run([*command, *options, *paths], env=environment, cwd=REPOSITORY, check=False).returncode == 0
 
 
-def samples_agree(kernels: Sequence[Kernel], folder: Path) -> bool:
-    """Solve the samples under all kernels and without extensions, and compare the results with those of the first."""
+def one_lane_built(folder: Path) -> bool:
+    """Compile the extensions without vectors; tell whether there is a compiler.
+
+    Raises
+    ------
+    RuntimeError
+        If it cannot compile them.
+    """
+    if shutil.which(compiler()[0]) is None:
+        say(f"skipped  {ONE_LANE}: there is no compiler {compiler()[0]!r}")
+        return False
+    if not build(folder, ISO_C):
+        message = "the extensions cannot be compiled in ISO C: see above"
+        raise RuntimeError(message)
+    return True
+
+
+def samples_agree(kernels: Sequence[Kernel], one_lane: Mapping[str, str] | None, folder: Path) -> bool:
+    """Solve the samples in all ways, and compare the results with those of the first.
+
+    one_lane is the environment of extensions without vectors, None where there is no compiler.
+    """
+    programs = REPOSITORY / "tests" / "kernels"
     plain = [sys.executable, "-m", "orip"]
-    without = [sys.executable, str(REPOSITORY / "tests" / "kernels" / "without_extensions.py")]
     ways = [(kernel.name, plain, kernel.environment()) for kernel in kernels]
-    ways.append((WITHOUT_EXTENSIONS, without, dict(os.environ)))
+    ways.append((WITHOUT_EXTENSIONS, [sys.executable, str(programs / "without_extensions.py")], os.environ))
+    if one_lane is not None:
+        ways.append((ONE_LANE, [sys.executable, str(programs / "one_lane.py")], one_lane))
     agree = True
     for sample in SAMPLES:
         with ThreadPoolExecutor(2) as pool:
@@ -90,7 +119,11 @@ def main(names: Sequence[str]) -> int:
     passed = [tests_pass(kernel.name, kernel.environment(), NUMERICAL) for kernel in kernels[: max(TESTED, len(names))]]
     passed.append(tests_pass(WITHOUT_EXTENSIONS, os.environ, COMPILED, "-p", "kernels.without_extensions"))
     with tempfile.TemporaryDirectory() as folder:
-        passed.append(samples_agree(kernels, Path(folder)))
+        built = Path(folder) / "one lane"
+        one_lane = {**os.environ, "ORIP_ONE_LANE": str(built)} if one_lane_built(built) else None
+        if one_lane is not None:
+            passed.append(tests_pass(ONE_LANE, one_lane, COMPILED, "-p", "kernels.one_lane"))
+        passed.append(samples_agree(kernels, one_lane, Path(folder)))
     return 0 if all(passed) else 1
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from orip.records.project.report_details import ReportDetails
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.block_plan import footprints, photos_over
 from orip.report.page import report_page
+from orip.report.photo_residuals import residual_histograms
 from orip.report.photo_scale import photo_scale
 from orip.report.report_input import ReportInput
 from orip.report.vertical import Vertical, side_of_block, vertical
@@ -141,6 +143,15 @@ def test_up_is_the_normal_of_the_photos_where_no_coordinates_were_given() -> Non
     np.testing.assert_allclose(found.axes @ found.axes.T, np.eye(3), atol=1e-12)
     assert np.linalg.det(found.axes) == pytest.approx(1.0)
     assert "mean plane of the projection centres" in found.note
+
+
+def test_normalised_residuals_of_the_histogram_have_the_signs_of_the_residuals() -> None:
+    solution = sample("small_frame_block").solution
+    (of_w, _) = residual_histograms(solution)
+    lefts = [float(x) for x in re.findall(r'<rect x="([-\d.]+)"', of_w)]
+    middle = 52.0 + (460.0 - 52.0 - 12.0) / 2.0
+    below = sum(left < middle - 1.0 for left in lefts)
+    assert 0.3 * len(lefts) < below < 0.7 * len(lefts)
 
 
 def test_a_block_of_level_photos_is_drawn_from_the_front() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from pathlib import Path
@@ -96,3 +97,39 @@ def test_a_missing_folder_is_named(project: Path, tmp_path: Path) -> None:
     said = orip(project, "report", "--output", str(tmp_path / "nowhere" / "report.html"))
     assert said.code == 1
     assert "report.html cannot be written: No such file or directory; the page alone is missing" in said.err
+
+
+def test_measurement_files_are_among_the_inputs(project: Path) -> None:
+    assert orip(project, "report").code == 0
+    page = (project / "report.html").read_text()
+    for path in project.glob("*.MEA"):
+        assert hashlib.sha256(path.read_bytes()).hexdigest() in page
+
+
+def test_without_a_browser_the_page_alone_is_written(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(project))
+    said = orip(project, "report", "--pdf")
+    assert said.code == 1
+    assert "report.pdf was not written: no Chromium, Chrome or Edge was found" in said.err
+    assert (project / "report.html").exists()
+    assert not (project / "report.pdf").exists()
+
+
+def test_the_browser_prints_the_page_that_was_written(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # a browser that writes what it was asked to print
+    programs = tmp_path / "programs"
+    programs.mkdir()
+    (programs / "chromium").write_text(
+        "#!/bin/sh\n"
+        "for word; do case $word in --print-to-pdf=*) out=${word#*=};; esac; done\n"
+        'echo "%PDF $word" > "$out"\n'
+    )
+    (programs / "chromium").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:/usr/bin:/bin")
+    wanted = tmp_path / "client.pdf"
+    said = orip(project, "report", "--pdf", "--output", str(wanted), "--json")
+    assert said.document["pdf"] == str(wanted)
+    assert wanted.read_text() == f"%PDF {(tmp_path / 'client.html').as_uri()}\n"
+    assert run_of_page((tmp_path / "client.html").read_text()) == run_in_store(project)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import pytest
@@ -96,3 +97,15 @@ def test_a_group_that_contradicts_the_others_comes_first() -> None:
     assert headline(solution) == (
         "caution", "Converged, but all distances are off by about +1.0 ± 0.1 m (p < 0.0001)",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sigma0", "lower", "upper"), [(0.9873, 0.98716, 1.0127), (1.00461, 0.9956, 1.00459), (0.98734, 0.98736, 1.0126)]
+)
+def test_rounding_does_not_contradict_the_test(sigma0: float, lower: float, upper: float) -> None:
+    said = sigma0_finding(sigma0, GlobalTest(5000.0, lower, upper, 0.0, 0.5))
+    shown_lower, shown_upper = map(float, re.findall(r"\d\.\d+", said)[:2])
+    for digits in (3, 4):
+        shown = round(sigma0, digits)
+        assert (shown < shown_lower) == (sigma0 < lower) == said.startswith("below")
+        assert (shown > shown_upper) == (sigma0 > upper) == said.startswith("above")

@@ -67,7 +67,7 @@ def undo_update(folder: Path) -> UndoOutcome:
 
 
 def report(folder: Path, bundle: str | None, output: Path | None) -> WrittenReport:
-    return commit(_report.report(read_bundle(folder, bundle, "definitions", "solutions"), output)).outcome
+    return commit(_report.report(read_bundle(folder, bundle, *_report.REPORTED_FROM, "solutions"), output)).outcome
 
 
 def edit_observations(folder: Path, *arguments: Any, **options: Any) -> AddedEdits:

@@ -1,9 +1,11 @@
-/* Several numbers computed at once: a vector where the compiler has vectors, else a single double. */
+/* Several numbers computed at once: a vector where the compiler has vectors (gcc, clang), else a single double (MSVC).
+ *
+ * ORIP_ONE_LANE makes gcc and clang compile what MSVC compiles, for tests. */
 
 #ifndef ORIP_LANES_H
 #define ORIP_LANES_H
 
-#if defined(__GNUC__)
+#if defined(__GNUC__) && !defined(ORIP_ONE_LANE)
 #define LANES 4
 #define INLINE static inline __attribute__((always_inline))
 /* the warning is about the ABI of functions that return vectors: here all of them are inline */
@@ -19,7 +21,13 @@ typedef double Lanes;
 #define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
 
-#define PADDED(count) (((count) + LANES - 1) / LANES * LANES)
+/* Loops for processors with AVX2 beside those for all. Not on Windows, where gcc does not align the stack for them. */
+#if LANES == 4 && defined(__x86_64__) && !defined(_WIN32)
+#define HAS_AVX2_LOOPS
+#endif
+
+/* Rows are padded to whole vectors of 4, with one lane too: loops of a known length (normals.h) read the padding. */
+#define PADDED(count) (((count) + 3) / 4 * 4)
 #define ALL(number) ((Lanes){0} + (number))
 
 #define AT(doubles) (*(Lanes *)(doubles))

@@ -16,8 +16,7 @@ typedef struct {
 } Loops;
 
 extern const Loops plain_loops;
-#if defined(__x86_64__) && defined(__GNUC__)
-#define HAS_AVX2_LOOPS
+#ifdef HAS_AVX2_LOOPS
 extern const Loops avx2_loops;
 #endif
 

@@ -1,6 +1,8 @@
 /* The loops for processors with AVX2; orip/bundle/compiled/module.c tests for it. */
 
-#if defined(__x86_64__) && defined(__GNUC__)
+#include "lanes.h"
+
+#ifdef HAS_AVX2_LOOPS
 #if defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 #else

@@ -18,6 +18,9 @@ Output = Annotated[
 ]
 
 
+Pdf = Annotated[
+    bool, typer.Option("--pdf", help="Also print it to PDF, by Chromium, Chrome or Edge; --output names the PDF.")
+]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write the report, one HTML page.")]
 
 
@@ -30,20 +33,28 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "report")
-    def report_command(invocation: Invocation, bundle: BundleArgument = None, output: Output = None) -> None:
+    def report_command(
+        invocation: Invocation, bundle: BundleArgument = None, output: Output = None, pdf: Pdf = False
+    ) -> None:
         """Write the report of the last adjustment: one HTML page that needs no network.
 
         Example: orip report --output outcrop.html
         """
-        from orip.workflow.adjust.report import report
+        from orip.workflow.adjust.report import REPORTED_FROM, report
+        from orip.workflow.adjust.report_pdf import print_pdf
         from orip.workflow.project.bundle_state import read_bundle
         from orip.workflow.project.commit import commit
 
-        given = read_bundle(invocation.folder, bundle, "definitions", "solutions")
-        written = commit(report(given, output)).outcome
+        given = read_bundle(invocation.folder, bundle, *REPORTED_FROM, "solutions")
+        page = output.with_suffix(".html") if output is not None and pdf else output
+        written = commit(report(given, page)).outcome
         terminal = invocation.terminal
-        if terminal.json:
-            terminal.document(
-                {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
-            )
+        document = {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
         tell_report(terminal, written)
+        if pdf:
+            printed = written.path.with_suffix(".pdf") if output is None else output
+            document["pdf"] = given.project.shown(printed)
+            size = print_pdf(written.path, printed, document["pdf"])
+            terminal.say(f"wrote    {document['pdf']} ({size / 1e6:.1f} MB)")
+        if terminal.json:
+            terminal.document(document)

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
+from orip.cli.adjust.progress import limited_threads
 from orip.cli.completion import of_results
 from orip.cli.options import BundleOption, Invocation, command
+from orip.errors import UsageError
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "theodolites", "residuals"],
-    typer.Argument(metavar="WHAT", help="cameras, photos, points, theodolites or residuals of the last adjustment."),
+    Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance"],
+    typer.Argument(
+        metavar="WHAT", help="cameras, photos, points, theodolites, residuals or covariance of the last adjustment."
+    ),
 ]
 Names = Annotated[
     list[str] | None,
     typer.Argument(metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points or sets."),
+]
+
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="With covariance: the file, ending in .npz or .csv."),
 ]
 
 
@@ -23,16 +34,42 @@ def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "results")
-    def results_command(invocation: Invocation, what: What, names: Names = None, bundle: BundleOption = None) -> None:
+    def results_command(
+        invocation: Invocation, what: What, names: Names = None, output: Output = None, bundle: BundleOption = None
+    ) -> None:
         """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
+
+        The covariance matrix of cameras, photos and points is written to a file; for it the adjustment is computed
+        again.
 
         Example: orip results photos st1 st2
         """
         from orip.workflow.adjust.results import results
         from orip.workflow.project.bundle_state import read_bundle
 
+        if what == "covariance":
+            _write_covariance(invocation, names or (), output, bundle)
+            return
+        if output is not None:
+            message = "--output is for 'orip results covariance'; redirect other results with > FILE"
+            raise UsageError(message)
         shown = results(read_bundle(invocation.folder, bundle, "solutions").adjusted, what, names or ())
         if invocation.terminal.json:
             invocation.terminal.document(shown.document)
         else:
             invocation.terminal.data(shown.text)
+
+
+def _write_covariance(invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None) -> None:
+    from orip.workflow.adjust.covariance import covariance_matrix, require_format, write_covariance
+    from orip.workflow.adjust.solve import ADJUSTED_FROM
+    from orip.workflow.project.bundle_state import read_bundle
+
+    path, terminal = require_format(output), invocation.terminal
+    with limited_threads(terminal):
+        matrix = covariance_matrix(read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions"), names)
+    write_covariance(matrix, path)
+    if terminal.json:
+        figures = len(matrix.names)
+        terminal.document({"command": "results covariance", "run": matrix.run, "file": str(path), "figures": figures})
+    terminal.say(f"wrote    {path}: covariances of {len(matrix.names)} figures")

@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
         Example: orip solve --snoop --sigma0 posteriori
         """
         from orip.files.result.json_text import result_text
-        from orip.workflow.adjust.report import report_of
+        from orip.workflow.adjust.report import REPORTED_FROM, report_of
         from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
         from orip.workflow.project.bundle_state import read_bundle
         from orip.workflow.project.commit import commit
@@ -40,7 +40,10 @@ def register(app: typer.Typer) -> None:
         tell_solution(terminal, solved)
         outcome = solved.outcome
         if report:
-            tell_report(terminal, commit(report_of(given.state, outcome.solution, outcome.gates)).outcome)
+            tell_report(
+                terminal,
+                commit(report_of(given.state.read_again(*REPORTED_FROM), outcome.solution, outcome.gates)).outcome,
+            )
         if terminal.json:
             terminal.data(result_text(outcome.solution))
         raise typer.Exit(exit_code(outcome, all_wanted=all_photos))

@@ -64,7 +64,7 @@ def run_project(
 ) -> int:
     """Do all that `orip run` does in a folder, and return the exit code."""
     from orip.files.result.json_text import result_document, result_text
-    from orip.workflow.adjust.report import report_of
+    from orip.workflow.adjust.report import REPORTED_FROM, report_of
     from orip.workflow.project.commit import commit
     from orip.workflow.project.state import read_checked_project
     from orip.workflow.records.initialise import INITIALISED_FROM
@@ -82,7 +82,7 @@ def run_project(
         state = read_checked_project(folder, *INITIALISED_FROM)
         outcomes = run(state, prefer, watcher, settings or EVERYTHING)
     if report and outcomes:
-        state = state.read_again("definitions")
+        state = state.read_again(*REPORTED_FROM)
         for outcome in outcomes:
             tell_report(terminal, commit(report_of(state, outcome.solution, outcome.gates)).outcome)
     solutions = [outcome.solution for outcome in outcomes]

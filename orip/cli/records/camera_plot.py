@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=cameras, help="A camera.")]
 Radius = Annotated[float | None, typer.Option("--radius", min=1e-6, help="Plot up to this radius (mm).")]
+Stored = Annotated[bool, typer.Option("--stored", help="As the store has it, even if it has been adjusted.")]
 Ascii = Annotated[bool, typer.Option("--ascii", help="Draw with plain characters.")]
 
 _MARGIN = 14
@@ -39,15 +40,21 @@ def _name(group: typer.Typer | None) -> object:
 
 def _register_plot(group: typer.Typer) -> None:
     @command(group, "plot")
-    def plot_command(invocation: Invocation, name: Name, radius: Radius = None, ascii_only: Ascii = False) -> None:
+    def plot_command(
+        invocation: Invocation, name: Name, radius: Radius = None, stored: Stored = False, ascii_only: Ascii = False
+    ) -> None:
         """Plot the radial distortion of a camera over the radius, with the points of the curve it was given as.
+
+        If an adjustment has determined it, the adjusted one is plotted.
 
         Example: orip camera plot OLYMPUS
         """
         from orip.workflow.project.state import read_project
         from orip.workflow.records.distortion_curve import distortion_curve
 
-        found = distortion_curve(read_project(invocation.folder, "definitions"), name, radius)
+        found = distortion_curve(
+            read_project(invocation.folder, "definitions", "solutions"), name, radius, is_stored=stored
+        )
         invocation.terminal.answer(_document(found), "\n".join(_plot(found, ascii_only=ascii_only)))
 
 
@@ -61,7 +68,7 @@ def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:
         (found.radius, 1e3 * found.distortion),
         (found.given_radius, 1e3 * found.given),
         (width, _LINES),
-        ("R (mm)", f"D (µm), camera {found.camera}" if not plain else f"D (um), camera {found.camera}"),
+        ("R (mm)", f"D ({'um' if plain else 'µm'}), camera {found.camera}{_source(found)}"),
         ASCII if plain else UNICODE,
     )
     return [
@@ -71,6 +78,10 @@ def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:
     ]
 
 
+def _source(found: DistortionCurve) -> str:
+    return f", adjusted in bundle {found.bundle}" if found.bundle else ""
+
+
 def _document(found: DistortionCurve) -> dict[str, Any]:
     from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
 
@@ -78,6 +89,7 @@ def _document(found: DistortionCurve) -> dict[str, Any]:
         "command": "camera plot",
         "camera": found.camera,
         "form": found.form,
+        "bundle": found.bundle or None,
         "polynomial": dict(zip(RADIAL_PARAMETERS, found.coefficients, strict=True)),
         "isp": None if found.isp is None else dict(zip(ISP_PARAMETERS, found.isp, strict=True)),
         "radius": found.radius.tolist(),

@@ -17,6 +17,7 @@ from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
+from orip.report.vertical import Vertical, vertical
 from orip.units import DEGREES_PER_RADIAN
 
 MOST_POINTS = 10_000
@@ -29,7 +30,7 @@ _FAR_AWAY = 20.0
 
 def block_view(given: ReportInput) -> dict[str, Any]:
     """Return what the page's script draws; coordinates are reduced by `origin`, so that single precision is enough."""
-    solution = given.solution
+    solution, up = given.solution, vertical(given)
     rows = drawn_points(solution, MOST_POINTS)
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
@@ -38,6 +39,8 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     return {
         "origin": origin.tolist(),
         "unit": solution.ground_unit,
+        "camera": _camera(up),
+        "upwards": up.note,
         "points": {
             "names": [solution.points.names[row] for row in rows],
             "kinds": [solution.point_kinds[row] for row in rows],
@@ -102,8 +105,15 @@ def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
     return _DEPTH * float(np.median(known)) if known.size else 1.0
 
 
+def _camera(up: Vertical) -> dict[str, dict[str, float]]:
+    """Return from where the block is seen, in units of its size: obliquely from above, the vertical upwards."""
+    axes = dict(zip(("eye", "up"), (np.array([1.0, -1.75, 0.9]) @ up.axes, up.axes[2]), strict=True))
+    places = {name: dict(zip("xyz", np.round(place, 6).tolist(), strict=True)) for name, place in axes.items()}
+    return {**places, "center": dict(zip("xyz", np.round(-0.1 * up.axes[2], 6).tolist(), strict=True))}
+
+
 def _origin(places: FloatArray) -> FloatArray:
-    """Return round coordinates near the middle."""
+    """Return round coordinates below all others, so that what is drawn has no sign."""
     known = places[np.isfinite(places).all(axis=1)]
     if not len(known):
         return np.zeros(3)
@@ -111,7 +121,7 @@ def _origin(places: FloatArray) -> FloatArray:
     if np.abs(known).max() < _FAR_AWAY * spread:
         return np.zeros(3)
     step = 10.0 ** np.ceil(np.log10(spread))
-    return np.asarray(np.round(np.median(known, axis=0) / step) * step)
+    return np.asarray(np.floor(known.min(axis=0) / step) * step)
 
 
 def _rounded(places: FloatArray) -> list[list[float | None]]:

@@ -27,7 +27,7 @@ for (const heading of document.querySelectorAll("thead th:has(button)")) {
   });
 }
 
-// The block in 3-D. plotly is unpacked when the view comes into sight, so that the page opens at once.
+// The block in 3-D. plotly is unpacked when the view comes into sight, or a while after the page has opened.
 const view = document.getElementById("view");
 const block = JSON.parse(document.getElementById("block-data").textContent);
 const MARKS = { tie: ["circle", 2.2], control: ["diamond", 5], check: ["diamond-open", 5], rejected: ["x", 3.5] };
@@ -93,14 +93,19 @@ function rayTrace(chosen) {
   return polylines(rays, { name: "rays", line: { color: colour("third"), width: 1 }, opacity: 0.6, showlegend: rays.length > 0 });
 }
 
+// What coordinates are reduced by, as it is written behind the name of an axis.
+function reduction(origin) {
+  return origin ? ` ${origin < 0 ? "+" : "−"} ${Math.abs(origin)}` : "";
+}
+
 function layout() {
   const titled = (axis, place) => ({
-    title: { text: block.origin[place] ? `${axis} − ${block.origin[place]} (${block.unit})` : `${axis} (${block.unit})` },
+    title: { text: `${axis}${reduction(block.origin[place])} (${block.unit})` },
     color: colour("soft"), gridcolor: colour("rule"), zerolinecolor: colour("rule"), showbackground: false,
   });
   return {
     scene: { aspectmode: "data", xaxis: titled("X", 0), yaxis: titled("Y", 1), zaxis: titled("Z", 2),
-      camera: { eye: { x: 1.0, y: -1.75, z: 0.9 }, center: { x: 0, y: 0, z: -0.1 } } },
+      camera: block.camera },
     paper_bgcolor: "rgba(0,0,0,0)", font: { color: colour("ink"), size: 11 }, margin: { l: 0, r: 0, t: 0, b: 0 },
     legend: { x: 0, y: 1, bgcolor: "rgba(0,0,0,0)" }, uirevision: "kept",
     modebar: { bgcolor: "rgba(0,0,0,0)", color: colour("soft"), activecolor: colour("ink") },
@@ -149,12 +154,21 @@ async function showBlock() {
 }
 
 const thinned = block.points.names.length < block.points.of;
+const upwards = block.upwards ? ` ${block.upwards}` : "";
 document.getElementById("view-note").textContent =
   "Pyramids stand on the photos' frames; the thick edge is the upper one. Click on a photo to see its rays." +
-  (thinned ? ` ${block.points.names.length} of ${block.points.of} points are drawn, every control and check point among them.` : "");
-const watch = new IntersectionObserver((entries) => {
-  if (!entries.some((entry) => entry.isIntersecting)) return;
+  (thinned ? ` ${block.points.names.length} of ${block.points.of} points are drawn, every control and check point among them.` : "") + upwards;
+let begun = false;
+function showOnce() {
+  if (begun) return;
+  begun = true;
   watch.disconnect();
   showBlock().catch((error) => { view.textContent = `The view cannot be drawn: ${error.message}`; });
+}
+const watch = new IntersectionObserver((entries) => {
+  if (entries.some((entry) => entry.isIntersecting)) showOnce();
 }, { rootMargin: "300px" });
 watch.observe(view);
+// A page that is printed without having been read to the end has the view, too.
+addEventListener("load", () => setTimeout(showOnce, 1500));
+addEventListener("beforeprint", showOnce);

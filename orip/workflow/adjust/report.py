@@ -14,18 +14,23 @@ from orip.report.report_input import ReportInput
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.state import ProjectState
+from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.text_output import TextOutput
+from orip.workflow.project.texts import Digests, is_measurement_file
+
+REPORTED_FROM: tuple[Part, ...] = ("definitions", "replay")
+"""What a report needs of the stores besides the solution."""
 
 _REMEDY = "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
 
 
 @dataclass(frozen=True, slots=True)
 class WrittenReport:
-    """A report: its bundle and run, its path as messages show it, and its size in bytes."""
+    """A report: its bundle and run, its path, that as messages show it, and its size in bytes."""
 
     bundle: str
     run: str
+    path: Path
     shown: str
     size: int
 
@@ -36,7 +41,7 @@ def report(bundle: BundleState, output: Path | None) -> Change[WrittenReport]:
     Parameters
     ----------
     bundle : BundleState
-        With definitions and solution.
+        With `REPORTED_FROM` and solutions.
     output : Path or None
         None: report.html in the project folder, NAME_report.html where there are several bundles.
 
@@ -52,7 +57,7 @@ def report(bundle: BundleState, output: Path | None) -> Change[WrittenReport]:
 def report_of(
     state: ProjectState, solution: Solution, gates: Iterable[GateResult], output: Path | None = None
 ) -> Change[WrittenReport]:
-    """Make the report of a solution, which need not be stored; the state has the definitions."""
+    """Make the report of a solution, which need not be stored; the state has `REPORTED_FROM`."""
     project = state.project
     path = output if output is not None else project.report(solution.bundle)
     with stage("report"):
@@ -60,8 +65,14 @@ def report_of(
         records, header = state.records, project.definition
         given = ReportInput(
             solution, tuple(gates), definition, records.cameras, records.photos, records.templates, header.report,
-            header.crs,
+            header.crs, _measurement_files(state),
         )  # fmt: skip
         text = report_page(given)
-    written = WrittenReport(solution.bundle, solution.run, project.shown(path), len(text.encode()))
+    written = WrittenReport(solution.bundle, solution.run, path, project.shown(path), len(text.encode()))
     return Change(state, written, outputs=(TextOutput(path, lambda: [text], _REMEDY),))
+
+
+def _measurement_files(state: ProjectState) -> Digests:
+    """Return the measurement files that were replayed last, with their digests."""
+    project = state.project
+    return tuple((name, digest) for name, digest in state.replay.inputs if is_measurement_file(project, Path(name)))

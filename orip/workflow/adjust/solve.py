@@ -27,7 +27,7 @@ from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, StoredParts
 from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
 from orip.workflow.project.text_output import TextOutput
-from orip.workflow.project.texts import control_input_digests
+from orip.workflow.project.texts import Digests, control_input_digests
 
 ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 """What an adjustment and preliminary values need of the stores."""
@@ -112,16 +112,25 @@ def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:
 
 def _of_project(bundle: BundleState, solution: Solution, method: Method) -> Solution:
     """Return a solution with the project that it belongs to, what it was computed from, and the run id."""
-    definition, given = bundle.project.definition, bundle.state.texts.control_input(bundle.name)
-    inputs = (*given.value.digests, *bundle.digests, bundle.project.heading_digest)
+    definition = bundle.project.definition
     return replace(
         solution,
         project=definition.name,
         user=definition.user,
-        inputs=inputs,
+        inputs=_inputs(bundle),
         interior=_summaries(bundle),
-        run=run_id("solve", method, solution.status, len(solution.iterations), inputs),
+        run=run_of_solution(bundle, solution, method),
     )
+
+
+def run_of_solution(bundle: BundleState, solution: Solution, method: Method) -> str:
+    """Return the run id of a solution that is computed from a bundle by a method."""
+    return run_id("solve", method, solution.status, len(solution.iterations), _inputs(bundle))
+
+
+def _inputs(bundle: BundleState) -> Digests:
+    given = bundle.state.texts.control_input(bundle.name)
+    return (*given.value.digests, *bundle.digests, bundle.project.heading_digest)
 
 
 def _preliminary_output(bundle: BundleState, values: PreliminaryValues, ground: GroundSystem) -> TextOutput:

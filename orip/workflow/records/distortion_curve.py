@@ -30,6 +30,8 @@ class DistortionCurve:
     camera : str
     form : {"polynomial", "isp", "curve"}
         How it was given.
+    bundle : str
+        The bundle whose last adjustment the polynomial comes from; empty: as the store has it.
     coefficients : (A1, A3, A5, A7, A9)
     isp : (R0, A1, A2, A3) or None
         The same curve in the form of the ISP regulations; None where it has none.
@@ -43,6 +45,7 @@ class DistortionCurve:
 
     camera: str
     form: DistortionForm
+    bundle: str
     coefficients: tuple[float, ...]
     isp: tuple[float, float, float, float] | None
     radius: FloatArray
@@ -52,16 +55,20 @@ class DistortionCurve:
     residual: FloatArray
 
 
-def distortion_curve(state: ProjectState, name: str, largest_radius: float | None = None) -> DistortionCurve:
-    """Return the distortion curve of a camera as its store has it.
+def distortion_curve(
+    state: ProjectState, name: str, largest_radius: float | None = None, *, is_stored: bool = False
+) -> DistortionCurve:
+    """Return the distortion curve of a camera: adjusted, if it was, or as its store has it.
 
     Parameters
     ----------
     state : ProjectState
-        With definitions.
+        With definitions and solutions.
     name : str
     largest_radius : float or None
         mm; None: to the corner of the frame that is farthest from the principal point, and to all given points.
+    is_stored : bool
+        Even if it was adjusted, as the store has it.
 
     Raises
     ------
@@ -76,7 +83,9 @@ def distortion_curve(state: ProjectState, name: str, largest_radius: float | Non
     if camera is None:
         message = f"there is no camera {name}; {near_names(name, (camera.name for camera in cameras.values()))}"
         raise UsageError(message)
-    coefficients = camera.parameters[RADIAL_PLACES]
+    bundle, coefficients = "", camera.parameters[RADIAL_PLACES]
+    if not is_stored:
+        bundle, coefficients = _adjusted(state, camera) or (bundle, coefficients)
     points = np.array(camera.distortion_curve or (), dtype=np.float64).reshape(-1, 2)
     reach = largest_radius if largest_radius is not None else _reach(camera, points[:, 0])
     if not 0.0 < reach < np.inf:
@@ -85,10 +94,25 @@ def distortion_curve(state: ProjectState, name: str, largest_radius: float | Non
     radius = np.linspace(0.0, reach, _RADII)
     form: DistortionForm = "isp" if camera.distortion_isp else "curve" if camera.distortion_curve else "polynomial"
     return DistortionCurve(
-        camera.name, form, coefficients, camera.distortion_isp or _isp(coefficients),
+        camera.name, form, bundle, coefficients, (not bundle and camera.distortion_isp) or _isp(coefficients),
         radius, curve_from_polynomial(coefficients, radius),
         points[:, 0], points[:, 1], curve_from_polynomial(coefficients, points[:, 0]) - points[:, 1],
     )  # fmt: skip
+
+
+def _adjusted(state: ProjectState, camera: Camera) -> tuple[str, tuple[float, ...]] | None:
+    """Return the bundle that adjusted a camera's radial distortion, the last one of several, and the polynomial."""
+    for bundle in reversed(state.bundles):
+        solution = state.solution(bundle)
+        if solution is None or solution.status not in {"converged", "doubtful"}:
+            continue
+        for row, name in enumerate(solution.cameras.names):
+            if (
+                record_key(name) == record_key(camera.name)
+                and np.isfinite(solution.cameras.sd[row, RADIAL_PLACES]).any()
+            ):
+                return bundle, tuple(solution.cameras.values[row, RADIAL_PLACES].tolist())
+    return None
 
 
 def _isp(coefficients: Sequence[float]) -> tuple[float, float, float, float] | None:

@@ -15,7 +15,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.records.project.photo import PHOTO_PARAMETERS
 
-BLOCKS = Path(__file__).parent / "undetermined_blocks"
+BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"
 
 
 @pytest.fixture(autouse=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli.command_line import orip
-from workflow.small_projects import first_project, replace_in
+from workflow.small_projects import REPOSITORY, first_project, replace_in
 
 RADII = np.linspace(1.0, 16.0, 16)
 A1, A3, A5, A7 = 2e-4, -3e-6, 1e-8, -2e-11
@@ -116,3 +118,14 @@ def test_what_cannot_be_plotted(curve: Path, tmp_path: Path) -> None:
     said = orip(bare, "camera", "plot", "C35")
     assert said.code == 2
     assert "give the radius in mm with --radius" in said.err
+
+
+def test_after_an_adjustment_the_adjusted_curve_is_plotted(tmp_path: Path) -> None:
+    folder = shutil.copytree(REPOSITORY / "sample_projects" / "small_frame_block", tmp_path / "cliff")
+    assert orip(folder, "run", "--no-report").code == 0
+    before = orip(folder, "camera", "plot", "reflex35", "--stored", "--json").document
+    after = orip(folder, "camera", "plot", "reflex35", "--json").document
+    assert (before["bundle"], after["bundle"]) == (None, "MAIN")
+    (camera,) = json.loads((folder / "result.json").read_text())["cameras"].values()
+    assert after["polynomial"]["A3"] == camera["A3"]["value"] != before["polynomial"]["A3"]
+    assert "adjusted in bundle MAIN" in orip(folder, "camera", "plot", "reflex35").out
