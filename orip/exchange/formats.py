@@ -62,7 +62,7 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "opensfm",
-        "OpenSfM, OpenDroneMap: project folder, or reconstruction.json",
+        "OpenSfM, OpenDroneMap: project folder, reconstruction.json, or shots.geojson (orientations only)",
         read_opensfm,
         is_opensfm,
         write_opensfm,

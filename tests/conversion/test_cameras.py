@@ -17,6 +17,7 @@ from orip.conversion.cameras import (
     pixels_of_directions,
 )
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
+from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
@@ -318,6 +319,23 @@ def test_a_fisheye_camera_is_exported_exactly() -> None:
     again = convert_camera(exported.camera, "K1")
     assert again.is_exact
     assert again.camera.parameters == pytest.approx(camera.parameters, abs=1e-20)
+
+
+@pytest.mark.parametrize(
+    ("lens", "free", "is_exact", "unknown"),
+    [
+        ("agisoft", ("f", "cx", "cy", "k1", "k4", "p1", "b1"), True, ("C", "DX", "DY", "A3", "A9", "P1", "B1")),
+        ("agisoft", ("f", "k1", "k4", "b2"), False, ("C", "A3", "A5", "A7", "A9", "B2")),
+        ("agisoft", ("f", "k1"), False, ("C", "A3", "A5", "A7")),
+        ("opencv", ("fx", "fy", "k1", "k5", "p1"), False, ("C", "A3", "A5", "A7", "A9", "P2")),
+        ("fraser", ("f", "c4"), True, ("C", "A9")),
+    ],
+)
+def test_what_the_other_program_estimated_is_unknown(
+    lens: Lens, free: tuple[str, ...], is_exact: bool, unknown: tuple[str, ...]
+) -> None:
+    source = replace(camera(lens, {}), free=free)
+    assert unknown_parameters(source, is_exact=is_exact) == unknown
 
 
 def test_equal_focal_lengths_stay_equal() -> None:

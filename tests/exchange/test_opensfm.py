@@ -12,6 +12,7 @@ from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.imported import read_well, reprojected, sample, written
 
+from orip.conversion.poses import orip_poses
 from orip.exchange.opensfm.point_lists import crs_of_heading, read_control_list
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
@@ -197,6 +198,54 @@ def test_whole_numbers_of_any_size_are_told(tmp_path: Path) -> None:
     written(path, json.dumps(document))
     complaint = read_opensfm(tmp_path, "berlin").complaints[0]
     assert "points/3/coordinates: 3 finite numbers should be here" in complaint.message
+
+
+def shots_of(project: ExchangedProject, centres: np.ndarray) -> dict[str, object]:
+    features = [
+        {
+            "type": "Feature",
+            "properties": {
+                "filename": photo.name, "camera": "v2 c", "focal": 0.75, "width": 4000, "height": 3000,
+                "translation": centre, "rotation": list(photo.rotation),
+            },
+            "geometry": {"type": "Point", "coordinates": [13.4, 52.5, 100.0]},
+        }
+        for photo, centre in zip(project.photos, centres.tolist(), strict=True)
+    ]  # fmt: skip
+    return {"type": "FeatureCollection", "features": features}
+
+
+def test_shots_of_a_report_are_on_the_map(tmp_path: Path) -> None:
+    given = block(READING)
+    rotations, centres = orip_poses(given.photos, READING)
+    path = written(tmp_path / "odm_report" / "shots.geojson", json.dumps(shots_of(given, centres)))
+    written(tmp_path / "odm_georeferencing" / "coords.txt", "WGS84 UTM 33N\n391000 5819000\n1 2 3\n")
+    project = read_well(read_opensfm, path)
+    found = orip_poses(project.photos, project.readings[0])
+    assert found[0] == pytest.approx(rotations, abs=1e-12)
+    assert np.array_equal(found[1], centres)
+    assert project.crs == "EPSG:32633"
+    assert project.cameras[0].parameters == {"fx": 3000.0, "fy": 3000.0, "cx": 2000.0, "cy": 1500.0}
+    (tmp_path / "odm_georeferencing" / "coords.txt").unlink()
+    assert any("write crs into orip.toml" in note for note in read_well(read_opensfm, path).notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"focal": 0.75', '"focal": -1', "have to be above 0"),
+        ('"rotation": [', '"rotation": ["a", ', "3 finite numbers"),
+        ('"features"', '"feature"', "there is no 'features'"),
+        ('"filename": "0.jpg"', '"filename": 7', "a text should be here"),
+    ],
+)
+def test_faults_of_shots_name_their_place(tmp_path: Path, old: str, new: str, said: str) -> None:
+    given = block(READING)
+    text = json.dumps(shots_of(given, orip_poses(given.photos, READING)[1]))
+    assert old in text
+    parsed = read_opensfm(written(tmp_path / "shots.geojson", text.replace(old, new, 1)), "shots.geojson")
+    assert parsed.value is None
+    assert said in parsed.complaints[0].message
 
 
 def test_features_of_smaller_images_are_less_precise(tmp_path: Path) -> None:

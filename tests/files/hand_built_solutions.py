@@ -111,6 +111,7 @@ def awkward() -> Solution:
             [[0.0012, 0.00081, 0.0009, NAN, 3.1e-6, 2e-8, NAN, NAN, INF, 1e-6, 2e-5, NAN], [NAN] * 12],
             12,
         ),
+        projections=("perspective", "perspective"),
         photos=estimates(
             ("P101", "P102"),
             [

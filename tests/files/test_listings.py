@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import re
 from dataclasses import replace
@@ -32,6 +33,7 @@ from orip.bundle.results.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
 from orip.files.listings.interior import interior_listing
 from orip.files.listings.title import run_of_listing
+from orip.files.result.json_text import result_text
 from orip.records.observations.measurement import no_observations
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.solution import CheckPoint, Solution
@@ -181,6 +183,14 @@ def test_cameras() -> None:
         assert all_agree([row[1] for row in rows], solution.cameras.values[i])
         assert all_agree([row[2] for row in rows], solution.cameras.sd[i])
     assert [row[3:] for row in rows[:5]] == [["mm"], ["mm"], ["mm"], [], ["mm^-2"]]
+
+
+def test_the_projection_is_named_where_it_is_not_the_perspective() -> None:
+    solution = replace(awkward(), projections=("perspective", "equidistant"))
+    body = section(listing(solution), "CAMERAS")
+    assert "  Camera OLYMPUS" in body
+    assert "  Camera RESERVE, equidistant projection" in body
+    assert json.loads(result_text(solution))["projections"] == {"OLYMPUS": "perspective", "RESERVE": "equidistant"}
 
 
 def test_photos_with_standard_deviations_beneath_and_a_mark_near_phi_90() -> None:

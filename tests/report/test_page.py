@@ -146,6 +146,7 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
     solution = replace(
         awkward(),
         cameras=Estimates(("CAMERA",), np.array([[150.0, *(0.0,) * 11]]), np.full((1, 12), np.nan)),
+        projections=("perspective",),
         photos=Estimates(photo_names, stations, random.uniform(0.01, 0.2, (photos, 6))),
         points=Estimates(point_names, at, random.uniform(0.01, 0.2, (points, 3))),
         point_rays=(rays,) * points,

@@ -423,6 +423,7 @@ def in_crs() -> tuple[Solution, np.ndarray, np.ndarray, np.ndarray]:
     solution = replace(
         empty(),
         cameras=Estimates(("CAM",), values, values),
+        projections=("perspective",),
         photos=Estimates(tuple(f"P{row}" for row in range(count)), block.orientations, block.orientations),
         additional=(),
     )

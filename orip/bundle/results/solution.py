@@ -80,6 +80,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
             state.cameras,
             deviations(solved, solved.problem.unknowns.cameras),
         ),
+        projections=tuple(camera.projection for camera in block.cameras),
         photos=Estimates(tuple(photo.name for photo in block.photos), photos.values, photos.sd),
         points=points,
         point_rays=_rays_per_point(solved),

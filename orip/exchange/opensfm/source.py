@@ -13,6 +13,7 @@ from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_do
 from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
+from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
 from orip.exchange.opensfm.tracks import Tracks, read_tracks
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
@@ -55,14 +56,16 @@ def reconstruction_file(source: Path) -> Path | None:
 
 
 def is_opensfm(source: Path) -> bool:
-    """Return whether a folder has a reconstruction, or a file is one by its name."""
-    return (source.is_dir() and reconstruction_file(source) is not None) or (
-        source.suffix == ".json" and source.name.startswith("reconstruction")
+    """Return whether a folder has a reconstruction, or a file is one, or the shots of a report, by its name."""
+    return (
+        is_shots_geojson(source)
+        or (source.is_dir() and reconstruction_file(source) is not None)
+        or (source.suffix == ".json" and source.name.startswith("reconstruction"))
     )
 
 
 def read_opensfm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
-    """Read a project: the folder of OpenSfM or OpenDroneMap, or its reconstruction file with the files beside it.
+    """Read a project: the folder of OpenSfM or OpenDroneMap, its reconstruction file, or the shots of its report.
 
     Parameters
     ----------
@@ -70,6 +73,8 @@ def read_opensfm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     shown : str
         The source as the user would name it.
     """
+    if is_shots_geojson(source):
+        return read_shots_geojson(source, shown)
     found = reconstruction_file(source)
     if found is None:
         message = f"there is no reconstruction here; name the folder that has one of {', '.join(_RECONSTRUCTIONS)}"

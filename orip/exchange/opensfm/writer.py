@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from orip.errors import InputError
+from orip.exchange.opensfm.shots_geojson import is_shots_geojson
 from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.held_terms import require_without
@@ -41,7 +42,7 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
     InputError
         If the original is damaged or gone.
     """
-    path = None if original is None else reconstruction_file(original)
+    path = None if original is None or is_shots_geojson(original) else reconstruction_file(original)
     if path is None:
         return {_NAME: _encoded([_new(project)]), "tracks.csv": _tracks(project)}
     faults = Faults(str(path))

@@ -51,7 +51,7 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
         yield from section("VARIANCE COMPONENTS", variance_component_lines(solution))
     yield from section("LARGEST STANDARD RESIDUALS", largest_residual_lines(solution))
     yield from section("ITERATIONS", _iterations(solution))
-    yield from section("CAMERAS", camera_lines(solution.cameras, solution.additional))
+    yield from section("CAMERAS", camera_lines(solution))
     with_antennas = " AND ANTENNA" if solution.antennas else ""
     yield from section(f"CORRELATIONS OF CAMERA{with_antennas} UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))

@@ -13,20 +13,26 @@ from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_
 from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.project.camera import CAMERA_PARAMETERS, CAMERA_UNITS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import AdditionalEstimate, AntennaEstimate, Estimates, Solution
+from orip.records.results.solution import AdditionalEstimate, AntennaEstimate, Solution
 
 AXES_MARK = "*"
 
 ANGLE_DECIMALS = (4, 7)
 
 
-def camera_lines(cameras: Estimates, additional: Sequence[AdditionalEstimate]) -> list[str]:
-    """Return a table for each camera: parameter, value, standard deviation, unit; then its additional parameters."""
-    lines = []
-    for name, values, sd in zip(cameras.names, cameras.values, cameras.sd, strict=True):
-        lines += ["", f"  Camera {name}", ""]
+def camera_lines(solution: Solution) -> list[str]:
+    """Return a table for each camera: parameter, value, standard deviation, unit; then its additional parameters.
+
+    The projection is named where it is not the perspective.
+    """
+    cameras, lines = solution.cameras, []
+    for name, values, sd, projection in zip(
+        cameras.names, cameras.values, cameras.sd, solution.projections, strict=True
+    ):
+        kind = "" if projection == "perspective" else f", {projection} projection"
+        lines += ["", f"  Camera {name}{kind}", ""]
         lines += _one_camera(values, sd)
-        lines += _additional([parameter for parameter in additional if parameter.camera == name])
+        lines += _additional([parameter for parameter in solution.additional if parameter.camera == name])
     return lines or ["  none"]
 
 

@@ -63,6 +63,7 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
             for row in solution.iterations
         ],
         "cameras": _cameras(solution),
+        "projections": dict(zip(solution.cameras.names, solution.projections, strict=True)),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": points,
         "antennas": _antennas(solution),

@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.records.observations.control import PointKind
+from orip.records.project.camera import Projection
 from orip.records.results.group_test import GroupTest
 from orip.records.results.variance_component import VarianceComponent
 
@@ -232,6 +233,8 @@ class Solution:
 
     `verdict` is the sentence that comes first where no gate failed.
 
+    `projections` are those of `cameras`, in their order.
+
     `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
     where a coordinate has no standard deviation; without rows they are not known.
     """
@@ -271,6 +274,7 @@ class Solution:
     antennas: tuple[AntennaEstimate, ...] = ()
     exposures: tuple[Exposure, ...] = ()
     verdict: str = ""
+    projections: tuple[Projection, ...] = ()
     groups: tuple[GroupTest, ...] = ()
     variance_components: tuple[VarianceComponent, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_correlations)

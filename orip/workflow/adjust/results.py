@@ -46,7 +46,7 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
         return _residuals(solution, names)
     chosen = _chosen(solution, what, names)
     lines = {
-        "cameras": lambda: camera_lines(chosen.cameras, chosen.additional)[1:],
+        "cameras": lambda: camera_lines(chosen)[1:],
         "photos": lambda: photo_lines(chosen),
         "points": lambda: list(point_lines(chosen)),
         "theodolites": lambda: zero_direction_lines(chosen),

@@ -16,7 +16,7 @@ from orip.records.observations.measurement import (
     PhotoOrientation,
     TemplateOrientation,
 )
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Projection, Sensor
 from orip.records.project.definition import BundleDefinition, Precision, StereoModel
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
 from orip.records.results.group_test import GroupKind, GroupTest
@@ -78,6 +78,7 @@ def rich_solution(bundle="MAIN"):
         enp=INF,
         iterations=(IterationPass(1, -0.5, 3.25, 0, 2), IterationPass(2, 4.75, NAN, 3, 2, step_limited=True)),
         cameras=estimates(("OLYMPUS", "größe"), len(CAMERA_PARAMETERS)),
+        projections=("perspective", "equidistant"),
         photos=estimates(("P1", "p2", "фото3"), len(PHOTO_PARAMETERS)),
         points=estimates(("1001", "a", "A", "点"), 3),
         point_rays=(2, 3, 0, 9),
@@ -234,6 +235,8 @@ def tuples_of(strategy):
 @st.composite
 def any_solution(draw):
     photo_part, point_part = draw(estimates(6)), draw(estimates(3))
+    camera_part = draw(estimates(len(CAMERA_PARAMETERS)))
+    projections = st.lists(st.sampled_from(get_args(Projection)), min_size=len(camera_part.names))
     n, points = draw(st.integers(0, 4)), len(point_part.names)
     column = st.lists(texts, min_size=n, max_size=n).map(tuple)
     figures = st.lists(any_figure, min_size=n, max_size=n).map(lambda values: np.array(values, dtype=float))
@@ -250,7 +253,7 @@ def any_solution(draw):
         *[draw(integers) for _ in range(2)],
         draw(any_figure),
         draw(tuples_of(st.builds(IterationPass, integers, any_figure, any_figure, integers, integers, st.booleans()))),
-        draw(estimates(len(CAMERA_PARAMETERS))),
+        camera_part,
         photo_part,
         point_part,
         tuple(draw(st.lists(st.integers(0, 99), min_size=points, max_size=points))),
@@ -277,6 +280,7 @@ def any_solution(draw):
         draw(tuples_of(st.tuples(texts, texts))),
         draw(tuples_of(st.tuples(texts, texts, texts))),
         verdict=draw(texts),
+        projections=tuple(draw(projections)[: len(camera_part.names)]),
         groups=draw(tuples_of(any_group_test())),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from orip.files.stores.store import ColumnValues, Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.observations.control import PointKind
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS, Projection
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupKind, GroupTest
 from orip.records.results.solution import (
@@ -73,7 +73,7 @@ def _estimates_table(name: str, parameters: Sequence[str], *further: StoreColumn
     return _list_of_solution(name, text("name"), *figures, *further)
 
 
-CAMERAS = _estimates_table("camera_estimate", CAMERA_PARAMETERS)
+CAMERAS = _estimates_table("camera_estimate", CAMERA_PARAMETERS, text("projection", get_args(Projection)))
 PHOTOS = _estimates_table("photo_estimate", PHOTO_PARAMETERS, flag("rotation_sd_about_axes"))
 POINTS = _estimates_table("point_estimate", POINT_COORDINATES, integer("rays"), text("kind", get_args(PointKind)))
 RESIDUALS = _list_of_solution(
@@ -204,7 +204,7 @@ def read(store: Store, bundle: str) -> Solution | None:
     if name is None:
         return None
     head = dict(zip(SOLUTION.column_names, next(store.rows(SOLUTION, name)), strict=True))
-    cameras, _ = _read_estimates(store, CAMERAS, name, len(CAMERA_PARAMETERS))
+    cameras, (projections,) = _read_estimates(store, CAMERAS, name, len(CAMERA_PARAMETERS))
     photos, (about_axes,) = _read_estimates(store, PHOTOS, name, len(PHOTO_PARAMETERS))
     points, (rays, kinds) = _read_estimates(store, POINTS, name, len(POINT_COORDINATES))
     lists: dict[str, Any] = {field: tuple(_items(store, table, name)) for field, table in TUPLE_LISTS.items()}
@@ -213,6 +213,7 @@ def read(store: Store, bundle: str) -> Solution | None:
     return Solution(
         **head,
         cameras=cameras,
+        projections=projections,
         photos=photos,
         points=points,
         point_rays=tuple(rays.tolist()),
@@ -236,7 +237,7 @@ def write(store: Store, solution: Solution) -> None:
     delete(store, solution.bundle)
     bundle = solution.bundle
     store.insert(SOLUTION, [[getattr(solution, column) for column in SOLUTION.column_names]])
-    _write_estimates(store, CAMERAS, bundle, solution.cameras)
+    _write_estimates(store, CAMERAS, bundle, solution.cameras, solution.projections)
     about_axes = np.array(solution.photo_rotation_sd_about_axes, dtype=np.bool_)
     _write_estimates(store, PHOTOS, bundle, solution.photos, about_axes)
     rays = np.array(solution.point_rays, dtype=np.int64)
