@@ -11,7 +11,7 @@ where the observations are linear.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -20,7 +20,7 @@ import numpy as np
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import SolvedNormals
-from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
+from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _MOST_ROWS, _MOST_REDUCED = 1000, 20
@@ -32,31 +32,67 @@ _MOST_TAKEN_BACK = 60
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
 
-_LEAST_GAIN = 0.002
-"""Part of the square of the limit by which the cost has to fall: less is within the error of the linearisation."""
+_LEAST_GAIN, _DOUBT = 0.002, 0.01
+"""Part of the square of the limit by which the cost has to fall; exchanges after which it is higher by no more than the
+second are doubtful: residuals of dozens of a-priori errors are not linear, and only an adjustment tells."""
+
+_MOST_FOUND = 8
+"""Exchanges that are looked at without the linearisation, at one solution."""
 
 _SHARED = 0.03
 """Part of an error that has to appear in another observation, for which it may be mistaken."""
 
 _ALTERNATIVES = 4
 _LONGEST = 12
-_ROUNDS = 20
+_ROUNDS = 5
 _TESTABLE = 0.03
 """Least redundancy number of an observation that may lose its weight."""
 
 
 class Exchange(NamedTuple):
-    """Observations that get full weight, and others that lose theirs."""
+    """Observations that get full weight, and others that lose theirs: an adjustment with its normal equations updated.
 
-    full_weight: tuple[int, ...]
-    no_weight: tuple[int, ...]
+    With Z = N^-1 A_i^T for the observations i whose weights change by D, the normal equations N + A_i^T D A_i are
+    solved by N^-1 - Z (D^-1 + A_i Z)^-1 Z^T (Sherman, Morrison and Woodbury).
 
-    def applied(self, weights: FloatArray) -> FloatArray:
-        """Return the weights (n,) after it."""
-        exchanged = weights.copy()
-        exchanged[list(self.full_weight)] = 1.0
-        exchanged[list(self.no_weight)] = LEAST_WEIGHT
-        return exchanged
+    Attributes
+    ----------
+    full_weight, no_weight : arrays of int
+    changed : array (k,) of int
+        Observations i.
+    change : array (k,)
+        D.
+    spread : array (m + 3 b, k)
+        Z.
+    """
+
+    full_weight: IntArray
+    no_weight: IntArray
+    changed: IntArray
+    change: FloatArray
+    spread: FloatArray
+
+    def correction(
+        self, residual: FloatArray, equations: Equations, weights: FloatArray, normals: SolvedNormals
+    ) -> FloatArray:
+        """Return the correction (m + 3 b,) of an adjustment with the changed weights, from residuals (n,).
+
+        Parameters
+        ----------
+        residual : array (n,)
+        equations : Equations
+            With the design matrix of the normal equations.
+        weights : array (n,)
+            Of the normal equations.
+        normals : SolvedNormals
+            With their constraints.
+        """
+        weighted = np.where(equations.active, weights, 0.0) * residual
+        weighted[self.changed] += self.change * residual[self.changed]
+        before = normals.solve((equations.design.T @ weighted)[:, None])[:, 0]
+        chosen = equations.design[self.changed]
+        inner = np.diag(1.0 / self.change) + chosen @ self.spread
+        return np.asarray(self.spread @ np.linalg.solve(inner, chosen @ before) - before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +117,11 @@ class _Weighed:
     square_sum: float
     changes: tuple[tuple[float, FloatArray], ...] = ()
 
+    @property
+    def is_reduced(self) -> BoolArray:
+        """Return which observations (c,) have lost weight."""
+        return self.weight < 1.0
+
     def with_weight(self, row: int, weight: float) -> _Weighed:
         """Return the adjustment with another weight of an observation."""
         column = self.cofactor[:, row].copy()
@@ -98,6 +139,14 @@ class _Weighed:
             self.square_sum + factor * float(self.residual[row]) ** 2,
             (*self.changes, (factor, column)),
         )
+
+    def consolidated(self) -> _Weighed:
+        """Return the same with the cofactors after the changes: further changes then cost no more than the first."""
+        if not self.changes:
+            return self
+        factors = np.array([factor for factor, _ in self.changes])
+        effects = np.array([effect for _, effect in self.changes])
+        return replace(self, cofactor=self.cofactor - (effects.T * factors) @ effects, changes=())
 
     def cost(self, limit: float) -> float:
         """Return the robust cost, up to a constant: that of these observations, half the square sum of all others."""
@@ -136,10 +185,10 @@ class _Weighed:
         return weights
 
 
-def better_exchange(
+def exchanges_to_try(
     equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, limit: float
-) -> Exchange | None:
-    """Return the exchange that lowers the robust cost of a converged solution; None if none was found.
+) -> tuple[Exchange, ...]:
+    """Return exchanges that lower the robust cost of a converged solution, or may lower it, the most promising first.
 
     Parameters
     ----------
@@ -147,28 +196,33 @@ def better_exchange(
     weights : array (n,)
         Weight factors at the solution.
     normals : SolvedNormals
-        With these weights.
+        With these weights, and their constraints.
     layout : Layout
     limit : float
         Standard residual up to which an observation has full weight.
     """
     judged = weights[equations.active & ~equations.exact]
-    number = int(np.count_nonzero(judged < 1.0))
-    if number > max(_FEW, _MOST_PART * len(judged)):
-        return None
+    if np.count_nonzero(judged < 1.0) > max(_FEW, _MOST_PART * len(judged)):
+        return ()
     rows = _rows_to_exchange(equations, weights, layout)
-    cofactor = factored_rows(equations, weights, normals.with_constraints(equations), layout, rows).cofactor()
+    cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
     related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
-    residual, weight = equations.residual[rows], weights[rows]
+    # the residuals after one more correction with the same normal equations
+    right = equations.design.T @ (np.where(equations.active, weights, 0.0) * equations.residual)
+    residual = equations.residual[rows] - equations.design[rows] @ normals.solve(right[:, None])[:, 0]
+    weight = weights[rows]
     start = _Weighed(cofactor, residual, np.diag(cofactor).copy(), weight, float(np.sum(weight * residual**2)))
-    found = _lowest(start, limit)
-    if found is start:
-        return None
-    reduced_before, reduced = start.weight < 1.0, found.weight < 1.0
-    full = _with_their_groups(rows[reduced_before & ~reduced], equations)
-    none = np.setdiff1d(_with_their_groups(rows[reduced & ~reduced_before], equations), full)
-    return Exchange(tuple(full.tolist()), tuple(none.tolist()))
+    return tuple(_exchange(start, end, rows, equations, normals) for end in _lowest(start, limit))
+
+
+def _exchange(start: _Weighed, end: _Weighed, rows: IntArray, equations: Equations, normals: SolvedNormals) -> Exchange:
+    """Return the exchange that leads from one to the other of two adjustments of some observations."""
+    full = _with_their_groups(rows[start.is_reduced & ~end.is_reduced], equations)
+    none = np.setdiff1d(_with_their_groups(rows[end.is_reduced & ~start.is_reduced], equations), full)
+    places = np.flatnonzero(end.weight != start.weight)
+    spread = normals.solve(equations.design[rows[places]].toarray().T)
+    return Exchange(full, none, rows[places], (end.weight - start.weight)[places], spread)
 
 
 def _with_their_groups(rows: IntArray, equations: Equations) -> IntArray:
@@ -205,16 +259,31 @@ def _related(cofactor: FloatArray, weight: FloatArray) -> BoolArray:
     return np.asarray(reduced | (shared.max(axis=1, initial=0.0) > _SHARED))
 
 
-def _lowest(start: _Weighed, limit: float) -> _Weighed:
-    """Return the lowest cost that is reached by changing the weight of one observation, and going down from there."""
-    best, least = start, start.cost(limit)
+def _lowest(start: _Weighed, limit: float) -> list[_Weighed]:
+    """Return the ends of lowest cost that changes of one weight after the other lead to, the lowest first.
+
+    They begin with any one observation, and again from the lowest end as long as the cost falls. Ends that began at
+    the start follow where they are no lower than that, but hardly higher.
+    """
+    first = _ends(start, limit)
+    best, ends, least = start, first, start.cost(limit)
     for _ in range(_ROUNDS):
-        ends = (_descended(first, row, limit) for first, row in _first_changes(best, limit))
-        cost, end = min(ends, key=itemgetter(0), default=(least, best))
-        if cost > least - _LEAST_GAIN * limit**2:
-            return best
-        best, least = end, cost
-    return best
+        if not ends or ends[0][0] > least - _LEAST_GAIN * limit**2:
+            break
+        least, best = ends[0][0], ends[0][1].consolidated()
+        ends = _ends(best, limit)
+    doubtful = start.cost(limit) + _DOUBT * limit**2
+    tried = [best, *(end for cost, end in first if cost < doubtful)]
+    distinct = {end.is_reduced.tobytes(): end for end in reversed(tried)}
+    distinct.pop(start.is_reduced.tobytes(), None)
+    return list(distinct.values())[::-1][:_MOST_FOUND]
+
+
+def _ends(start: _Weighed, limit: float) -> list[tuple[float, _Weighed]]:
+    """Return where the changes of one observation lead to, with the costs, the lowest first."""
+    passed: set[bytes] = set()
+    ends = (_descended(first, row, limit, passed) for first, row in _first_changes(start, limit))
+    return sorted((end for end in ends if end is not None), key=itemgetter(0))
 
 
 def _first_changes(best: _Weighed, limit: float) -> Iterator[tuple[_Weighed, int]]:
@@ -242,8 +311,12 @@ def _best_changes(now: _Weighed, changed: int, limit: float) -> list[tuple[int, 
     return list(zip(order.tolist(), gains[order].tolist(), weights[order].tolist(), strict=True))
 
 
-def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weighed]:
-    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is."""
+def _descended(now: _Weighed, changed: int, limit: float, passed: set[bytes]) -> tuple[float, _Weighed] | None:
+    """Return the lowest cost that changes of one weight after the other lead to; one observation stays as it is.
+
+    None where the same observations have lost weight as on a way before: it goes on to the same end. `passed` are the
+    ways so far.
+    """
     cost = now.cost(limit)
     for _ in range(_LONGEST):
         row, gain, weight = _best_changes(now, changed, limit)[0]
@@ -254,4 +327,8 @@ def _descended(now: _Weighed, changed: int, limit: float) -> tuple[float, _Weigh
         if lower >= cost:
             break
         now, cost = moved, lower
+        here = now.is_reduced.tobytes()
+        if here in passed:
+            return None
+        passed.add(here)
     return cost, now

@@ -9,49 +9,107 @@ The iterations go on from there. An attempt that does not lower the robust cost 
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import itemgetter
+
+import numpy as np
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Linearised, Problem, StateT
-from orip.adjustment.exchanges import better_exchange
-from orip.adjustment.iteration_state import IterationSettings, IterationState, Tried
+from orip.adjustment.exchanges import exchanges_to_try
+from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
+from orip.arrays import BoolArray, FloatArray
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
 
-_MOST_ATTEMPTS = 6
+_MOST_ATTEMPTS = 12
+
+_MOST_EXCHANGES = 3
+"""Exchanges that are tried at one solution."""
+
+_MOST_CORRECTIONS = 4
+"""Corrections with the same normal equations before an exchange is judged: residuals of hundreds of a-priori errors are
+not linear."""
+
+_CLEARLY, _MOST_HIGHER = 0.002, 0.05
+"""Parts of the square of the limit: by the first the cost is lower where that is certain; an exchange after which it is
+higher by less than the second is tried as well, since the weights of other observations follow."""
+
+_LOWER = 1e-6
+"""Part of the cost by which that of a better solution is lower: less is within the accuracy of converged ones."""
 
 
 def next_attempt(
-    problem: Problem[StateT], now: IterationState[StateT], normals: SolvedNormals, settings: IterationSettings
-) -> IterationState[StateT] | None:
-    """Return from where to try for a better solution than a converged one; None if there is nothing to try."""
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    settings: IterationSettings,
+    reason: TerminationReason | None,
+) -> tuple[IterationState[StateT], TerminationReason | None]:
+    """Return from where to go on trying for a better solution, and why the iterations end if there is nothing to try.
+
+    Before a solution has converged only exchanges that lower the cost clearly are tried. `weights` (n,) are those of
+    the normal equations, which led to where the iterations are.
+    """
+    tried, equations, limit = now.tried, now.current.equations, now.weighing.final_limit
     # one iteration is left for the way back
     if settings.start_down_weight is None or len(now.records) + 2 > settings.max_iterations:
-        return None
-    equations, limit = now.current.equations, now.weighing.final_limit
-    weights = now.weighing.factors(equations, len(now.records) + 1)
-    tried = replace(now.tried, attempts=now.tried.attempts + 1)
-    if tried.attempts > _MOST_ATTEMPTS or not (equations.active & (weights < 1.0)).any():
-        return None
-    # where much is wrong, too much would have to be exchanged
-    if not (tried.exchange or now.weighing.of_tracks):
-        tried = replace(tried, exchange=True)
-        exchange = better_exchange(equations, weights, normals, problem.layout, limit)
-        if exchange is not None:
-            return _beginning(replace(now, tried=tried, exchange=exchange), now)
-    if not tried.consensus:
+        return now, reason
+    if tried.attempts >= _MOST_ATTEMPTS or not _reduced(now).any():
+        return now, reason
+    if tried.exchanges is None and not now.weighing.of_tracks:
+        tried = replace(tried, exchanges=_candidates(problem, now, weights, normals))
+    if tried.exchanges and (reason is not None or tried.exchanges[0].is_lower):
+        candidate, *others = tried.exchanges
+        beginning = Linearised(candidate.state, problem.linearise(candidate.state))
+        return _attempt(now, beginning, replace(tried, exchanges=tuple(others)), reason, candidate), None
+    if reason is not None and not tried.consensus:
         tried = replace(tried, consensus=True)
         state = problem.improve_consensus(now.current.state, equations, limit)
         if state is not None:
+            return _attempt(now, Linearised(state, problem.linearise(state)), tried, reason), None
+    return replace(now, tried=tried), reason
+
+
+def _candidates(
+    problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
+) -> tuple[Candidate[StateT], ...]:
+    """Return where exchanges lead that lower the robust cost, or may lower it, the lowest cost first."""
+    equations, limit = now.current.equations, now.weighing.final_limit
+    bound, known = normals.with_constraints(equations), _cost(now)
+    found = []
+    for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit):
+        moved, cost = now.current, np.inf
+        for _ in range(_MOST_CORRECTIONS):
+            correction = exchange.correction(moved.equations.residual, equations, weights, bound)
+            state, before = problem.update(moved.state, correction), cost
             moved = Linearised(state, problem.linearise(state))
-            return _beginning(replace(now, tried=tried, current=moved), now)
-    return None
+            cost = now.weighing.cost(moved.equations)
+            if cost > before - _CLEARLY * limit**2 or cost < known:
+                break
+        if cost < known + _MOST_HIGHER * limit**2:
+            is_lower = cost < known - _CLEARLY * limit**2
+            found.append((cost, Candidate(moved.state, exchange.full_weight, exchange.no_weight, is_lower)))
+    return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])
 
 
-def _beginning(attempt: IterationState[StateT], before: IterationState[StateT]) -> IterationState[StateT]:
-    return replace(attempt, acceleration=Acceleration(), converged=replace(before, tried=attempt.tried), returned=False)
+def _attempt(
+    before: IterationState[StateT],
+    beginning: Linearised[StateT],
+    tried: Tried[StateT],
+    reason: TerminationReason | None,
+    exchange: Candidate[StateT] | None = None,
+) -> IterationState[StateT]:
+    """Return the state at which an attempt begins; it knows the solution to which it may have to go back."""
+    tried = replace(tried, attempts=tried.attempts + 1)
+    known = replace(before, tried=tried, had_converged=reason is TerminationReason.CONVERGED)
+    return replace(
+        before, current=beginning, acceleration=Acceleration(), tried=tried, exchange=exchange, attempted_from=known,
+        had_converged=False,
+    )  # fmt: skip
 
 
 def judged_attempt(
@@ -59,15 +117,45 @@ def judged_attempt(
     before: IterationState[StateT],
     reason: TerminationReason | None,
     settings: IterationSettings,
+    *,
+    settled: bool,
 ) -> tuple[IterationState[StateT], TerminationReason | None]:
-    """Return where to go on during an attempt, and why the iterations end: a solution that is no better is left."""
-    used_up = (
-        len(now.records) - len(before.records) >= _LONGEST_ATTEMPT or len(now.records) + 1 >= settings.max_iterations
-    )
-    if reason is None and not used_up:
+    """Return where to go on during an attempt, and why the iterations end: a solution that is no better is left.
+
+    `settled` tells that it is known which observations have lost weight. A solution that had converged is only left for
+    another one that has.
+    """
+    is_lower = _cost(now) < (1.0 - _LOWER) * _cost(before)
+    used_up = _is_used_up(now, before, settings)
+    is_better = is_lower and not before.had_converged and (settled or used_up)
+    if (reason is TerminationReason.CONVERGED and is_lower) or (reason is None and is_better):
+        return replace(now, attempted_from=None, tried=Tried(now.tried.attempts)), reason
+    if reason is None and not used_up and not (settled and _leads_nowhere(now, before)):
         return now, None
-    found, known = now.weighing.cost(now.current.equations), before.weighing.cost(before.current.equations)
-    if reason is TerminationReason.CONVERGED and found < known:
-        return replace(now, converged=None, tried=Tried(now.tried.attempts)), reason
     stopped = TerminationReason.STOPPED if reason is TerminationReason.STOPPED else None
-    return replace(before, tried=now.tried, records=now.records, returned=True), stopped
+    return replace(before, tried=now.tried, records=now.records), stopped
+
+
+def _is_used_up(now: IterationState[StateT], before: IterationState[StateT], settings: IterationSettings) -> bool:
+    taken = len(now.records) - len(before.records)
+    return taken >= _LONGEST_ATTEMPT or len(now.records) + 1 >= settings.max_iterations
+
+
+def _leads_nowhere(now: IterationState[StateT], before: IterationState[StateT]) -> bool:
+    """Return whether an attempt ends where it began, or at a higher cost.
+
+    The cost falls by half the square of a correction in units of its standard deviations, and by what the corrections
+    that follow add to that: where these shrink by 0.7 each time, by as much again.
+    """
+    still_to_fall = now.control.unknowns * 10.0 ** (-2.0 * now.records[-1].enp)
+    return np.array_equal(_reduced(now), _reduced(before)) or _cost(now) - still_to_fall > _cost(before)
+
+
+def _cost(state: IterationState[StateT]) -> float:
+    return state.weighing.cost(state.current.equations)
+
+
+def _reduced(state: IterationState[StateT]) -> BoolArray:
+    """Return which observations (n,) have lost weight."""
+    equations = state.current.equations
+    return np.asarray(equations.active & (state.weighing.factors(equations, len(state.records) + 1) < 1.0))

@@ -26,11 +26,14 @@ from orip.adjustment.iteration_state import IterationRecord, IterationSettings, 
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import has_many_reduced, weighing_from
-from orip.arrays import FloatArray
+from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
+from orip.arrays import BoolArray, FloatArray
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
+
+_REWEIGHTED_ENP = 0.0
+"""ENP from which residuals show what an exchange of observations has led to, and weights are computed from them."""
 
 _SAME_PLACE_ENP = 3.0
 """ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the
@@ -53,8 +56,8 @@ class Adjustment(Generic[StateT]):
         before the last iteration where that one changed next to nothing.
     iterations : tuple of IterationRecord
     reason : TerminationReason
-    scale : float
-        Of the observations, in a-priori errors, that weights were reduced by; see `Weighing`.
+    weighing : Weighing
+        Of the final weights.
     """
 
     state: StateT
@@ -63,7 +66,17 @@ class Adjustment(Generic[StateT]):
     normals: SolvedNormals
     iterations: tuple[IterationRecord, ...]
     reason: TerminationReason
-    scale: float
+    weighing: Weighing
+
+    @property
+    def scale(self) -> float:
+        """Return the scale of the observations, in a-priori errors, that weights were reduced by."""
+        return self.weighing.scale
+
+    @property
+    def robust_cost(self) -> float:
+        """Return what the final weights make least; see `Weighing.cost`."""
+        return self.weighing.cost(self.equations)
 
 
 class _Step(NamedTuple, Generic[StateT]):
@@ -116,12 +129,9 @@ def adjust(
         if not steady or _has_exact_constraints(now.current.equations):
             now = replace(now, acceleration=Acceleration())
         reason = _termination_reason(now, step.before, settings, steady=steady, stop_asked=stop_asked())
-        if now.converged is not None:
-            now, reason = judged_attempt(now, now.converged, reason, settings)
-        if reason is TerminationReason.CONVERGED and (attempt := next_attempt(problem, now, step.normals, settings)):
-            now, reason = attempt, None
+        now, reason = _improved(problem, now, step, weights, settings, reason, settled=steady and _is_settled(now))
         if reason is None and len(now.records) >= settings.max_iterations:
-            reason = TerminationReason.CONVERGED if now.returned else TerminationReason.MAX_ITERATIONS
+            reason = TerminationReason.CONVERGED if now.had_converged else TerminationReason.MAX_ITERATIONS
         if reason is None:
             # the normal equations of the next iteration need their memory
             del step
@@ -134,7 +144,31 @@ def adjust(
     del step
     if normals is None:
         normals = solve_normals(equations, final, problem.layout, settings.max_lost_digits)
-    return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing.scale)
+    return Adjustment(now.current.state, equations, final, normals, now.records, reason, now.weighing)
+
+
+def _improved(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    step: _Step[StateT],
+    weights: FloatArray,
+    settings: IterationSettings,
+    reason: TerminationReason | None,
+    *,
+    settled: bool,
+) -> tuple[IterationState[StateT], TerminationReason | None]:
+    """Return where to go on, and why the iterations end, after what was tried, or is to be tried, for a lower cost."""
+    if now.attempted_from is not None:
+        now, reason = judged_attempt(now, now.attempted_from, reason, settings, settled=settled)
+    goes_on = now.attempted_from is None and now.current is step.moved
+    if not (settled and goes_on and reason in (None, TerminationReason.CONVERGED)):
+        return now, reason
+    if now.weighing.is_scale_in_doubt:
+        before = now.weighing.scale
+        now = _rescaled(problem, now, step.normals, weights, weights >= 1.0)
+        if now.weighing.scale != before:
+            return now, None
+    return next_attempt(problem, now, weights, step.normals, settings, reason)
 
 
 def _initial(problem: Problem[StateT], start: StateT, settings: IterationSettings) -> IterationState[StateT]:
@@ -242,7 +276,7 @@ def _after(
         weighing=now.weighing.after(record.iteration, record.enp),
         control=step.control,
         acceleration=step.acceleration,
-        exchange=None,
+        exchange=now.exchange if record.enp < _REWEIGHTED_ENP else None,
         records=(*now.records, record),
     )
 
@@ -283,8 +317,18 @@ def _termination_reason(
 
 def _has_converged(now: IterationState[StateT], settings: IterationSettings) -> bool:
     """Return whether a full correction with the final weight function was small enough."""
+    return now.records[-1].enp >= settings.enp_stop and _had_final_weights(now)
+
+
+def _is_settled(now: IterationState[StateT]) -> bool:
+    """Return whether it is known which observations the final weight function reduces."""
+    return now.records[-1].enp >= SETTLED_ENP and _had_final_weights(now)
+
+
+def _had_final_weights(now: IterationState[StateT]) -> bool:
+    """Return whether the last iteration was a full step with the final weight function."""
     last = now.records[-1]
-    return last.enp >= settings.enp_stop and now.weighing.is_final_in(last.iteration) and not last.step_limited
+    return now.weighing.is_final_in(last.iteration) and not last.step_limited
 
 
 def _has_diverged(now: IterationState[StateT]) -> bool:
@@ -309,8 +353,29 @@ def _settled(
     if not has_many_reduced(equations, weights):
         return _with_all_blocks(problem, now)
     now = replace(now, weighing=now.weighing.with_many_reduced(equations, weights))
-    weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage)
-    state = problem.with_doubtful_blocks_placed(now.current.state, equations, weighing.final_limit)
+    return _rescaled(problem, now, normals, weights, None)
+
+
+def _rescaled(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    normals: SolvedNormals,
+    weights: FloatArray,
+    among: BoolArray | None,
+) -> IterationState[StateT]:
+    """Return the state with the scale of some of the observations (n,), and doubtful blocks placed with it.
+
+    With many outliers the residuals are large as long as these have influence. In a solution those of
+    observations with full weight show the errors; blocks that were left out with another scale are looked at again.
+    """
+    equations = now.current.equations
+    weighing = now.weighing.scaled(equations, 1.0 - weights * cofactors(equations, normals).leverage, among)
+    if among is not None and weighing.scale == now.weighing.scale:
+        return replace(now, weighing=weighing)
+    current = now.current
+    if among is not None:
+        current = _linearised(problem, problem.with_all_blocks(current.state))
+    state = problem.with_doubtful_blocks_placed(current.state, current.equations, weighing.final_limit)
     return replace(now, current=_linearised(problem, state), weighing=weighing, acceleration=Acceleration())
 
 

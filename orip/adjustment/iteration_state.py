@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic
+from typing import Generic, NamedTuple
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.equations import Linearised, StateT
-from orip.adjustment.exchanges import Exchange
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
+from orip.adjustment.weights import LEAST_WEIGHT
+from orip.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,19 +55,46 @@ class IterationRecord:
     active: int
 
 
+class Candidate(NamedTuple, Generic[StateT]):
+    """A state that may be nearer to a better solution.
+
+    Attributes
+    ----------
+    state : state of the problem
+    full_weight, no_weight : arrays of int
+        Observations that have full weight, or none, in the next iterations.
+    is_lower : bool
+        Whether the cost is lower there already.
+    """
+
+    state: StateT
+    full_weight: IntArray
+    no_weight: IntArray
+    is_lower: bool
+
+    def applied(self, weights: FloatArray) -> FloatArray:
+        """Return the weights (n,) of these iterations."""
+        exchanged = weights.copy()
+        exchanged[self.full_weight] = 1.0
+        exchanged[self.no_weight] = LEAST_WEIGHT
+        return exchanged
+
+
 @dataclass(frozen=True, slots=True)
-class Tried:
-    """What has been tried from converged solutions.
+class Tried(Generic[StateT]):
+    """What has been tried to improve a solution.
 
     Parameters
     ----------
     attempts : int
-    exchange, consensus : bool
+    exchanges : tuple of Candidate or None
+        Exchanges still to be tried at the present solution; None: they have not been looked for.
+    consensus : bool
         Whether it was looked for at the present solution.
     """
 
     attempts: int = 0
-    exchange: bool = False
+    exchanges: tuple[Candidate[StateT], ...] | None = None
     consensus: bool = False
 
 
@@ -82,12 +110,12 @@ class IterationState(Generic[StateT]):
     control : StepControl
     acceleration : Acceleration
     tried : Tried
-    exchange : Exchange or None
-        Observations that have full weight, or none, in the next iteration.
-    converged : IterationState or None
-        The converged solution that the iterations try to improve.
-    returned : bool
-        An attempt was taken back: the solution is a converged one.
+    exchange : Candidate or None
+        Whose weights the next iteration has.
+    attempted_from : IterationState or None
+        The solution that the iterations try to improve.
+    had_converged : bool
+        The iterations have gone back to a solution that had converged.
     records : tuple of IterationRecord
         Of the iterations so far.
     """
@@ -96,8 +124,8 @@ class IterationState(Generic[StateT]):
     weighing: Weighing
     control: StepControl
     acceleration: Acceleration
-    tried: Tried = Tried()
-    exchange: Exchange | None = None
-    converged: IterationState[StateT] | None = None
-    returned: bool = False
+    tried: Tried[StateT] = Tried()
+    exchange: Candidate[StateT] | None = None
+    attempted_from: IterationState[StateT] | None = None
+    had_converged: bool = False
     records: tuple[IterationRecord, ...] = ()

@@ -20,7 +20,7 @@ from orip.adjustment.weights import (
 )
 from orip.arrays import BoolArray, FloatArray
 
-_SETTLED_ENP = 1.0
+SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
 
 _LONGEST_SETTLING = 7
@@ -31,6 +31,11 @@ _FAR_OFF = 1.5
 
 _OF_COMPUTED_DATA = 0.1
 """A smaller scale comes from observations without errors: it says nothing of how they would be measured."""
+
+_SAME_SCALE = 0.2
+"""Logarithm of the ratio of two scales that are the same: with the least redundancy each is known to 12 %."""
+
+_MOST_ESTIMATES = 4
 
 _MANY, _MANY_PART = 40, 0.0025
 """Observations that do not fit, at least, and the part of all, as in tracks of feature matching: so many carry blocks
@@ -61,6 +66,8 @@ class Weighing:
         Exceptionally large residuals lose weight before the Danish method; else all weights are 1 until then.
     scale : float
         Of the observations, in a-priori errors: 1 unless these are far off.
+    estimates : int
+        How many times it was estimated; the most once it no longer changes.
     crowded, of_tracks : bool
         Many observations did not fit when the state had settled; so many that they come from feature matching.
     """
@@ -70,6 +77,7 @@ class Weighing:
     settled_after: int | None = None
     early: bool = True
     scale: float = 1.0
+    estimates: int = 0
     crowded: bool = False
     of_tracks: bool = False
 
@@ -154,20 +162,26 @@ class Weighing:
 
     def after(self, iteration: int, enp: float) -> Weighing:
         """Return the phase that follows an iteration."""
-        settles = self.settled_after is None and (enp >= _SETTLED_ENP or iteration >= _LONGEST_SETTLING)
+        settles = self.settled_after is None and (enp >= SETTLED_ENP or iteration >= _LONGEST_SETTLING)
         return replace(self, settled_after=iteration) if settles else self
 
-    def scaled(self, equations: Equations, redundancy_numbers: FloatArray) -> Weighing:
+    def scaled(self, equations: Equations, redundancy_numbers: FloatArray, among: BoolArray | None = None) -> Weighing:
         """Return the weighing with the scale of the residuals, where the a-priori errors are far off.
 
-        Parameters
-        ----------
-        equations : Equations
-        redundancy_numbers : array (n,)
+        The parameters are those of `scale_of_observations`.
         """
-        scale = scale_of_observations(equations, redundancy_numbers)
+        scale = scale_of_observations(equations, redundancy_numbers, among)
         is_far_off = not 1.0 / _FAR_OFF <= scale <= _FAR_OFF
-        return replace(self, scale=scale) if is_far_off and scale >= _OF_COMPUTED_DATA else self
+        used = scale if is_far_off and scale >= _OF_COMPUTED_DATA else 1.0
+        # what the scale of a converged solution changes by less is not known better
+        same = abs(np.log(used / self.scale)) < _SAME_SCALE
+        estimates = _MOST_ESTIMATES if same else self.estimates + 1
+        return replace(self, scale=self.scale if same else used, estimates=estimates)
+
+    @property
+    def is_scale_in_doubt(self) -> bool:
+        """Return whether the scale has changed the limit, and the residuals since then may show another one."""
+        return self.crowded and self.estimates < _MOST_ESTIMATES
 
     def is_final_in(self, iteration: int) -> bool:
         """Return whether an iteration had the weight function that the solution has: all 1, or the Danish method."""

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli import adjust, control, digitise, drive, exchange, observations, project, records, stations
+from orip.cli import adjust, control, digitise, drive, exchange, observations, online, project, records, stations
 from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
@@ -39,6 +39,7 @@ for group in (
     drive.commands,
     drive.watch,
     digitise.commands,
+    online,
     observations.commands,
     adjust.update,
     adjust.check,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -68,23 +69,12 @@ def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
     reduced, other_reduced = (int(np.count_nonzero(_down_weighted_points(solved)[1])) for solved in (given, other))
     if other_reduced > reduced and other.variance.redundancy < _HANDFUL:
         return False
-    scale = _scale_of_errors(given, other)
-    return robust_cost(other, scale) < (1.0 - _LOWER) * robust_cost(given, scale)
-
-
-def robust_cost(solved: SolvedBlock, scale: float = 1.0) -> float:
-    """Return what the Danish method makes least: the sum of the costs of all observations.
-
-    Parameters
-    ----------
-    solved : SolvedBlock
-    scale : float
-        By which the a-priori errors are multiplied.
-    """
-    equations, limit = solved.equations, solved.block.definition.max_standard_residual
-    judged = equations.active & ~equations.exact
-    of_judged = danish_costs(np.abs(equations.residual[judged]) / scale, limit)
-    return float(of_judged.sum()) + int(np.count_nonzero(~equations.active)) * greatest_danish_cost(limit)
+    weighing = replace(
+        given.weighing,
+        scale=_scale_of_errors(given, other),
+        of_tracks=given.weighing.of_tracks or other.weighing.of_tracks,
+    )
+    return weighing.cost(other.equations) < (1.0 - _LOWER) * weighing.cost(given.equations)
 
 
 def _scale_of_errors(*ends: SolvedBlock) -> float:

@@ -103,6 +103,14 @@ def test_an_a_priori_error_that_is_far_off_is_told():
     assert solved(with_a_priori_error(block, 0.25)).scale == pytest.approx(4.0, rel=0.2)
 
 
+def test_outliers_do_not_make_the_errors_look_large():
+    # as the Danish method begins a third of outliers makes them look 8.6 times as large as they are
+    _, block, _ = tracks(0.3, 4)
+    found = solved(block)
+    assert found.converged
+    assert found.scale == 1.0
+
+
 def test_the_limit_of_iterations_is_that_of_all():
     _, block, _ = tracks(0.3, 6)
     for most in (3, 8, 12):

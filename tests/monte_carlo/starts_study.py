@@ -13,7 +13,6 @@ import numpy as np
 from monte_carlo.simulated_blocks import design, random_numbers, solved, started_off, with_noise
 
 from orip.records.block import Block
-from orip.solving.better_minimum import robust_cost
 
 STARTS = (0.0, 0.0015, 0.0075)
 """Errors of the starting values, as a part of the distance to the object, and in radians."""
@@ -59,7 +58,7 @@ def starts_run(case: tuple[str, int]) -> StartsRun:
     ends = [solved(started_off(block, made, relative, random)) for relative in STARTS]
     return StartsRun(
         down_weighted=tuple(frozenset(np.flatnonzero(end.weight_factors < 1.0).tolist()) for end in ends),
-        costs=tuple(robust_cost(end) for end in ends),
+        costs=tuple(end.robust_cost for end in ends),
         iterations=tuple(len(end.iterations) for end in ends),
         converged=tuple(end.converged for end in ends),
     )

@@ -37,6 +37,7 @@ def test_no_start_takes_more_iterations_than_are_allowed() -> None:
 @pytest.mark.timeout(7200)
 @pytest.mark.parametrize("scene", ["aerial", "convergent", "terrestrial"])
 def test_starts_end_alike_as_often_as_documented(scene: str) -> None:
-    same_set, same_cost = figures(scene, 200, 2)
-    assert same_set >= 0.4
-    assert same_cost >= 0.4
+    same_set, same_cost = figures(scene, 170, 2)
+    # three standard deviations below the 95 % of the table, from 170 blocks
+    assert same_set >= 0.90
+    assert same_cost >= 0.90

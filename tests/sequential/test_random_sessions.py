@@ -132,6 +132,7 @@ def test_triangle_and_leftovers_of_a_random_session(seed: int) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_triangle_and_leftovers_of_ten_thousand_steps() -> None:
     session = _Session(7)
     for step in range(10_000):

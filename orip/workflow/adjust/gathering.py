@@ -21,11 +21,17 @@ def block_input(bundle: BundleState) -> BlockInput:
         With everything that is wrong in the control texts; else if the project is not initialised, or nothing of the
         bundle is measured.
     """
+    found = block_input_so_far(bundle)
+    bundle.require_measured()
+    return found
+
+
+def block_input_so_far(bundle: BundleState) -> BlockInput:
+    """Return what the block of a bundle is gathered from, of which nothing may be measured yet; see `block_input`."""
     state, definition = bundle.state, bundle.project.definition
     given = state.texts.control_input(bundle.name)
     raise_complaints(given.complaints)
     state.require_initialised()
-    bundle.require_measured()
     return BlockInput(
         bundle.definition,
         state.records,

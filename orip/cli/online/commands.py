@@ -1,0 +1,124 @@
+"""`orip online`: a session of measuring on stdin and stdout, a line of JSON for each request and each reply."""
+
+from __future__ import annotations
+
+import json
+import queue
+import sys
+import threading
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from orip.cli.options import BundleArgument, Invocation, command
+
+if TYPE_CHECKING:
+    from orip.workflow.online.session import OnlineSession
+
+_LOOKS_EVERY = 0.5
+"""Seconds after which measurement files are looked at again, while nothing is asked."""
+
+_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS = 2, 4, 3
+"""Of the simulated session."""
+
+Demo = Annotated[
+    bool, typer.Option("--demo", help="Play a simulated session with three wrong measurements; no project is needed.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "online")
+    def online_command(invocation: Invocation, bundle: BundleArgument = None, demo: Demo = False) -> None:
+        """Answer measurements while they are made: each is tested, and a wrong one is named at once.
+
+        Requests are lines of JSON on stdin, replies on stdout; what others append to measurement files is answered as
+        well. Every measurement is in EDITS.MEA before it is answered.
+
+        Example: orip online --demo
+        """
+        if demo:
+            _play(invocation)
+            return
+        from threadpoolctl import threadpool_limits
+
+        from orip.workflow.online.replies import shown
+        from orip.workflow.online.session import OnlineSession
+
+        with threadpool_limits(invocation.terminal.threads, user_api="blas"):
+            session = OnlineSession(invocation.folder, bundle)
+            invocation.terminal.warn(session.warnings)
+            _put(invocation, shown(session, "summary"))
+            _serve(invocation, session)
+
+
+def _serve(invocation: Invocation, session: OnlineSession) -> None:
+    """Answer until stdin ends or the session is asked to."""
+    from orip.errors import OripError
+    from orip.workflow.online.replies import reply_of, reply_to
+
+    lines: queue.Queue[str | None] = queue.Queue()
+    threading.Thread(target=_read, args=(lines,), daemon=True).start()
+    while True:
+        try:
+            line = lines.get(timeout=_LOOKS_EVERY)
+        except queue.Empty:
+            line = ""
+        try:
+            for answer in session.appended():
+                _put(invocation, reply_of(answer))
+        except OripError as error:
+            _put(invocation, {"error": str(error)})
+        if line is None:
+            return
+        if line.strip():
+            reply = reply_to(session, invocation.folder, line)
+            if reply is None:
+                return
+            _put(invocation, reply)
+
+
+def _read(lines: queue.Queue[str | None]) -> None:
+    for line in iter(sys.stdin.buffer.readline, b""):
+        lines.put(line.decode("utf-8", errors="replace"))
+    lines.put(None)
+
+
+def _put(invocation: Invocation, reply: dict[str, Any]) -> None:
+    invocation.terminal.data(json.dumps(reply, ensure_ascii=False) + "\n")
+    invocation.terminal.flush()
+
+
+def _play(invocation: Invocation) -> None:
+    """Play the simulated session: what is found out, as it is found out."""
+    from threadpoolctl import threadpool_limits
+
+    from orip.online.answers import words_of
+    from orip.online.measuring import Measuring, summary
+    from orip.online.online_block import OnlineBlock
+    from orip.online.simulation import simulated_session
+
+    say = invocation.terminal.say
+    with threadpool_limits(1, user_api="blas"):
+        session = simulated_session(_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS)
+        photos = _STRIPS * _PHOTOS_A_STRIP
+        say(f"{len(session.measurements)} measurements in {photos} photos; wrong are:")
+        for blunder in session.blunders:
+            say(f"  {blunder.point} in {blunder.photo} by ({blunder.error[0]:.3f}, {blunder.error[1]:.3f}) mm")
+        measuring = Measuring(OnlineBlock(session.inputs))
+        for number, measurement in enumerate(session.measurements, start=1):
+            answer = measuring.measure(measurement)
+            at = f"{number:>4} {measurement[1]} in {measurement[0]}:"
+            for photo in answer.oriented:
+                say(f"{at} photo {photo} is oriented")
+            for suspect in answer.suspects:
+                also = f", or {', '.join(map(words_of, suspect.alike))}" if suspect.alike else ""
+                say(f"{at} suspect is {words_of(suspect.key)}{also}; w {suspect.w:.1f}, limit {suspect.limit:.1f}")
+            for key in answer.cleared:
+                say(f"{at} {words_of(key)} fits now")
+        named = [words_of(key) for key in measuring.suspects]
+        invocation.terminal.answer(
+            {"command": "online", "summary": summary(measuring), "suspects": named},
+            f"{summary(measuring)}: {', '.join(named)}",
+        )

@@ -1,0 +1,114 @@
+"""Replies to requests: what a session says, as documents of JSON."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from orip.errors import OripError, UsageError
+from orip.online.answers import Answer, Suspect, words_of
+from orip.online.measuring import summary
+from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
+from orip.workflow.observations.measure import MEASURED_FROM, measure
+from orip.workflow.online.requests import Request, Shown, read_request
+from orip.workflow.online.session import OnlineSession
+from orip.workflow.project.bundle_state import read_bundle
+from orip.workflow.project.commit import commit
+from orip.workflow.project.state import read_project
+
+Reply = dict[str, Any]
+
+
+def reply_to(session: OnlineSession, folder: Path, line: str) -> Reply | None:
+    """Return the reply to a line; None: the session ends. A faulty request is answered with what is wrong."""
+    try:
+        request = read_request(line)
+        return None if request.do == "quit" else _carried_out(session, folder, request)
+    except OripError as error:
+        return {"error": str(error)}
+
+
+def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Reply:
+    match request.do:
+        case "measure":
+            return reply_of(session.measure(request.photo, request.point, request.xy))
+        case "exclude":
+            return reply_of(session.exclude(request.photo, request.point))
+        case "include":
+            return reply_of(session.include(request.photo, request.point))
+        case "remove":
+            session.remove(request.photo, request.point)
+            return {"photo": request.photo, "point": request.point, "state": "removed"}
+        case "undo":
+            undone = session.undo()
+            return {"state": "removed"} if undone is None else reply_of(undone)
+        case "relinearise":
+            if session.measuring.block.block is None:
+                message = "nothing is measured yet"
+                raise UsageError(message)
+            session.measuring.relinearise()
+            return {"summary": summary(session.measuring)}
+        case "solve":
+            return _solved(session, folder)
+        case _:
+            return shown(session, request.what)
+
+
+def _solved(session: OnlineSession, folder: Path) -> Reply:
+    """Do what `orip measure` and `orip solve` do."""
+    commit(measure(read_project(folder, *MEASURED_FROM)))
+    outcome = commit(solve(read_bundle(folder, session.bundle.name, *ADJUSTED_FROM))).outcome
+    solution = outcome.solution
+    return {
+        "status": solution.status,
+        "sigma0": solution.sigma0,
+        "left out": list(outcome.left_out),
+        "files": [path.name for path in outcome.files],
+    }
+
+
+def shown(session: OnlineSession, what: Shown) -> Reply:
+    """Return what a session has."""
+    measuring = session.measuring
+    values = measuring.block.values
+    match what:
+        case "waiting":
+            return {"waiting": list(measuring.waiting().values())}
+        case "suspects":
+            return {"suspects": [_suspect(one) for one in measuring.suspects.values()]}
+        case "photos":
+            return {"photos": sorted(values.orientations)}
+        case "points":
+            return {"points": sorted(values.points)}
+        case _:
+            return {"summary": summary(measuring)}
+
+
+def reply_of(answer: Answer) -> Reply:
+    """Return the answer to a measurement."""
+    return {
+        "photo": answer.photo,
+        "point": answer.point,
+        "state": answer.state,
+        "text": answer.text,
+        "w": answer.w,
+        "limit": answer.limit,
+        "redundancy": list(answer.redundancy),
+        "sigma0": answer.sigma0,
+        "sigma0 before": answer.sigma0_before,
+        "suspects": [_suspect(one) for one in answer.suspects],
+        "cleared": [words_of(key) for key in answer.cleared],
+        "oriented": list(answer.oriented),
+        "placed": list(answer.placed),
+    }
+
+
+def _suspect(suspect: Suspect) -> Reply:
+    return {
+        "observation": words_of(suspect.key),
+        "photo": suspect.key.photo,
+        "point": suspect.key.point,
+        "w": suspect.w,
+        "limit": suspect.limit,
+        "alike": [words_of(key) for key in suspect.alike],
+    }

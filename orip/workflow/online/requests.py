@@ -1,0 +1,113 @@
+"""Requests of a session as lines of JSON: what each may hold, and what is wrong with one that is not."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Literal, cast, get_args
+
+from orip.errors import UsageError
+from orip.records.names import name_fault
+
+Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinearise", "solve", "quit"]
+Shown = Literal["summary", "waiting", "suspects", "photos", "points"]
+
+_OF_POINT = frozenset({"measure", "remove", "exclude", "include"})
+_LONGEST = 4096
+"""Characters of a line; a longer one is no request."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request.
+
+    Parameters
+    ----------
+    do : Do
+    photo, point : str
+        Of `measure`, `remove`, `exclude` and `include`.
+    xy : tuple of float
+        Of `measure`: as in a measurement file, plate millimetres or pixels.
+    what : Shown
+        Of `show`.
+    """
+
+    do: Do
+    photo: str = ""
+    point: str = ""
+    xy: tuple[float, float] = (0.0, 0.0)
+    what: Shown = "summary"
+
+
+def read_request(line: str) -> Request:
+    """Return the request of a line.
+
+    Raises
+    ------
+    UsageError
+        With what is wrong and what is allowed.
+    """
+    given = _object(line)
+    do = given.pop("do", None)
+    if do not in get_args(Do):
+        message = f'"do" is {_shown(do)}; it is one of {", ".join(get_args(Do))}'
+        raise UsageError(message)
+    allowed = {"photo", "point"} if do in _OF_POINT else {"what"} if do == "show" else set()
+    allowed |= {"x", "y"} if do == "measure" else set()
+    wrong = sorted(set(given) - allowed)
+    if wrong:
+        message = (
+            f'"{do}" does not have {", ".join(map(_shown, wrong))}; it has {", ".join(sorted(allowed)) or "no more"}'
+        )
+        raise UsageError(message)
+    if do == "show":
+        return Request("show", what=_what(given.get("what", "summary")))
+    if do not in _OF_POINT:
+        return Request(cast(Do, do))
+    photo, point = (_name(given, key) for key in ("photo", "point"))
+    xy = (_number(given, "x"), _number(given, "y")) if do == "measure" else (0.0, 0.0)
+    return Request(cast(Do, do), photo, point, xy)
+
+
+def _object(line: str) -> dict[str, object]:
+    try:
+        found = json.loads(line) if len(line) <= _LONGEST else None
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
+        message = f'this is no request: {_shown(line)}; a request is a line such as {{"do": "show", "what": "waiting"}}'
+        raise UsageError(message)
+    return found
+
+
+def _what(given: object) -> Shown:
+    if given not in get_args(Shown):
+        message = f'"what" is {_shown(given)}; it is one of {", ".join(get_args(Shown))}'
+        raise UsageError(message)
+    return cast(Shown, given)
+
+
+def _name(given: dict[str, object], key: str) -> str:
+    name = given.get(key)
+    if not isinstance(name, str):
+        message = f'"{key}" is {_shown(name)}; give its name in quotes'
+        raise UsageError(message)
+    if fault := name_fault(name):
+        raise UsageError(fault)
+    return name
+
+
+def _number(given: dict[str, object], key: str) -> float:
+    value = given.get(key)
+    # no plate and no picture is larger: the log has four decimals
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or abs(value) > 1e6:
+        message = f'"{key}" is {_shown(value)}; it is a number of plate millimetres or pixels'
+        raise UsageError(message)
+    return float(value)
+
+
+def _shown(value: object) -> str:
+    text = value if isinstance(value, str) else "missing" if value is None else json.dumps(value)
+    short = text if len(text) <= 60 else f"{text[:60]}..."
+    return short if value is None else repr(short)

@@ -1,0 +1,257 @@
+"""A session of measuring in a project: every measurement is in the log on the disk before it is answered.
+
+The log is authoritative, as everywhere: what a session knows follows from the measurement files, and a session that is
+started again after a crash is where it was. Lines that others append to measurement files are taken as measurements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from orip.errors import UsageError
+from orip.files.log.edits_text import edit_line
+from orip.files.log.writing import LogFile, measurement_line, points_header
+from orip.interior.log_coordinates import stored_to_log
+from orip.online.answers import Answer
+from orip.online.measuring import Measuring
+from orip.online.online_block import OnlineBlock
+from orip.records.names import record_key
+from orip.records.observations.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
+from orip.workflow.adjust.gathering import block_input_so_far
+from orip.workflow.observations.films import mounted_films
+from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.leftovers import remove_leftovers_of_kills
+from orip.workflow.project.texts import EDITS_FILE
+
+LOG = Path(EDITS_FILE)
+"""Where measurements are written: it is replayed after all other measurement files."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Undo:
+    """How the last request is undone: what was measured of a point in a photo before it; None: nothing."""
+
+    photo: str
+    point: str
+    xy: tuple[float, float] | None
+
+
+class OnlineSession:
+    """A session in a project.
+
+    Parameters
+    ----------
+    folder : Path
+    bundle : str or None
+        None: the project's only one.
+
+    Raises
+    ------
+    InputError, UsageError
+        If the project cannot be read, its measurement files hold faults, or the bundle keeps repeated measurements.
+    """
+
+    def __init__(self, folder: Path, bundle: str | None) -> None:
+        self._folder = folder
+        self._films = mounted_films(folder, LOG)
+        self.warnings = self._films.warnings
+        self.bundle = self._films.bundle(bundle)
+        if self.bundle.repeated_points == "both":
+            message = (
+                f'bundle {self.bundle.name} has repeated_points = "both", and a session replaces what is measured '
+                'again; use "replace" or "mean"'
+            )
+            raise UsageError(message)
+        remove_leftovers_of_kills(self._films.project)
+        self._file = LogFile(
+            self._films.log, self._films.shown_log, f"measured on-line for {self._films.project.owner}"
+        )
+        self._file.chapter("orip online")
+        self._blocks: dict[str, dict[str, str]] = {}
+        self._undo: list[_Undo] = []
+        self._seen = self._files_now()
+        self.measuring = self._begun()
+
+    def measure(self, photo: str, point: str, xy: tuple[float, float]) -> Answer:
+        """Write a measurement to the log, then answer it.
+
+        Parameters
+        ----------
+        photo, point : str
+        xy : tuple
+            As in a measurement file.
+
+        Raises
+        ------
+        UsageError
+            If the photo is not defined or not oriented; nothing is written then.
+        OripError
+            If the log cannot be written.
+        """
+        record = self._films.photo(photo)
+        # as the log has them: a session that starts from it has the same figures
+        xy = round(xy[0], 4), round(xy[1], 4)
+        stored = self._to_stored(record.name, xy)
+        if record_key(record.name) not in self._films.interior.to_photo:
+            message = f"photo {record.name} has no interior orientation; measure its fiducial marks first"
+            raise UsageError(message)
+        before = self._measured(record.name, point)
+        self._undo.append(_Undo(record.name, point, None if before is None else self._to_log(record.name, before)))
+        self._write(record.name, point, xy, again=before is not None)
+        return self.measuring.measure((record.name, point, stored))
+
+    def remove(self, photo: str, point: str) -> None:
+        """Delete what was measured of a point in a photo."""
+        name, before = self._required(photo, point)
+        self._undo.append(_Undo(name, point, self._to_log(name, before)))
+        self._edit("KILL", name, point)
+        self.measuring.remove(name, point)
+
+    def exclude(self, photo: str, point: str) -> Answer:
+        """Leave a photo point out."""
+        name, _ = self._required(photo, point)
+        self._edit("DISREGARD", name, point)
+        return self.measuring.exclude(name, point)
+
+    def include(self, photo: str, point: str) -> Answer:
+        """Take a photo point in again."""
+        name, _ = self._required(photo, point)
+        self._edit("INCLUDE", name, point)
+        return self.measuring.include(name, point)
+
+    def undo(self) -> Answer | None:
+        """Undo the last measurement or removal; None: the point is not measured any more.
+
+        Raises
+        ------
+        UsageError
+            If there is none in this session.
+        """
+        if not self._undo:
+            message = "nothing has been measured in this session that could be undone"
+            raise UsageError(message)
+        last = self._undo.pop()
+        if last.xy is None:
+            self.remove(last.photo, last.point)
+            found = None
+        else:
+            found = self.measure(last.photo, last.point, last.xy)
+        self._undo.pop()
+        return found
+
+    def appended(self) -> Iterator[Answer]:
+        """Yield answers to what others have written to measurement files since.
+
+        Raises
+        ------
+        InputError
+            If a file holds faults; it is read again when it has changed.
+        """
+        now = self._files_now()
+        if now == self._seen:
+            return
+        self._seen = now
+        films = mounted_films(self._folder, LOG)
+        if films.state.records != self._films.state.records:
+            self._films = films
+            self.measuring = self._begun()
+            return
+        self._films = films
+        yield from self._taken(films.measured.observations.get(record_key(self.bundle.name)))
+
+    def _taken(self, found: PhotoObservations | None) -> Iterator[Answer]:
+        """Yield answers to the differences between what is measured and what the session has."""
+        after = _places(found or no_observations(self.bundle.name))
+        excluded = {(record_key(key.photo), key.point) for key in self.measuring.excluded}
+        before = {
+            (photo, point): (xy, (record_key(photo), point) in excluded)
+            for (photo, point), (xy, _) in _places(self.measuring.block.observations).items()
+        }
+        for photo, point in before.keys() - after.keys():
+            self.measuring.remove(photo, point)
+        for (photo, point), (xy, is_disregarded) in after.items():
+            known, was_disregarded = before.get((photo, point), (None, False))
+            if known != xy:
+                yield self.measuring.measure((photo, point, xy))
+            if is_disregarded and not was_disregarded:
+                yield self.measuring.exclude(photo, point)
+            if was_disregarded and not is_disregarded:
+                yield self.measuring.include(photo, point)
+
+    def _begun(self) -> Measuring:
+        state = BundleState(self._films.state, self.bundle.name)
+        return Measuring(OnlineBlock(block_input_so_far(state)))
+
+    def _files_now(self) -> tuple[tuple[str, int, int], ...]:
+        """Return name, time and size of the measurement files."""
+        found = []
+        for path in sorted({*self._films.project.folder.glob("*.MEA"), self._films.log}):
+            if path.exists():
+                status = path.stat()
+                found.append((path.name, status.st_mtime_ns, status.st_size))
+        return tuple(found)
+
+    def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
+        row = self.measuring.block.row_of(photo, point)
+        if row is None:
+            return None
+        x, y = self.measuring.block.observations.measured[row]
+        return float(x), float(y)
+
+    def _required(self, photo: str, point: str) -> tuple[str, tuple[float, float]]:
+        record = self._films.photo(photo)
+        before = self._measured(record.name, point)
+        if before is None:
+            message = f"point {point} is not measured in photo {record.name}"
+            raise UsageError(message)
+        return record.name, before
+
+    def _to_stored(self, photo: str, xy: tuple[float, float]) -> tuple[float, float]:
+        """Return the stored coordinates of a place in the log."""
+        record = self._films.photo(photo)
+        to_log = stored_to_log(record, self._films.definitions, self._films.interior.to_template)
+        if to_log is None:
+            message = f"the template of photo {record.name} is not oriented; measure its tick marks first"
+            raise UsageError(message)
+        x, y = to_log.inverse().apply(np.array([xy]))[0]
+        return float(x), float(y)
+
+    def _to_log(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+        to_log = stored_to_log(self._films.photo(photo), self._films.definitions, self._films.interior.to_template)
+        assert to_log is not None, "it has been measured"
+        x, y = to_log.apply(np.array([stored]))[0]
+        return float(x), float(y)
+
+    def _write(self, photo: str, point: str, xy: tuple[float, float], *, again: bool) -> None:
+        header = points_header(self.bundle.name, photo)
+        if again:
+            # the measurement before it counts no more, whatever the bundle does with repeated ones
+            self._edit("KILL", photo, point)
+        lines = self._blocks.setdefault(header, {})
+        lines[point] = measurement_line(point, xy)
+        self._file.put(header, lines.values())
+        self._seen = self._files_now()
+
+    def _edit(self, action: Literal["KILL", "DISREGARD", "INCLUDE"], photo: str, point: str) -> None:
+        place = TextPlace(self._films.shown_log, 0)
+        record = EditRecord(place, action, "POINT", self.bundle.name, photo, point)
+        self._file.edit(edit_line(record))
+        self._blocks.clear()
+        self._seen = self._files_now()
+
+
+def _places(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:
+    """Return by photo and point what is measured, and whether it is disregarded."""
+    rows = zip(
+        observations.photos,
+        observations.points,
+        observations.measured.tolist(),
+        observations.disregarded.tolist(),
+        strict=True,
+    )
+    return {(photo, point): ((x, y), is_disregarded) for photo, point, (x, y), is_disregarded in rows}

@@ -1,0 +1,112 @@
+"""Sessions of measuring with planted blunders: each is named as soon as others check it, and nothing else is."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from orip.online.measuring import Measuring, summary
+from orip.online.online_block import Measurement, OnlineBlock
+from orip.online.simulation import SimulatedSession, simulated_session
+from orip.sequential.observation_rows import ObservationKey
+
+
+def _played(session: SimulatedSession) -> Measuring:
+    """Play a session; a blunder never passes for a measurement that fits."""
+    measuring = Measuring(OnlineBlock(session.inputs))
+    measured: list[tuple[str, str]] = []
+    wrong = {(blunder.photo, blunder.point) for blunder in session.blunders}
+    for measurement in session.measurements:
+        measuring.measure(measurement)
+        measured.append(measurement[:2])
+        for photo, point in wrong.intersection(measured):
+            assert measuring.answer(photo, point).state != "included", f"{point} in {photo} passed"
+    return measuring
+
+
+def _assert_found(session: SimulatedSession, measuring: Measuring) -> None:
+    wrong = {ObservationKey("photo", blunder.photo, blunder.point) for blunder in session.blunders}
+    assert set(measuring.suspects) == wrong
+    assert measuring.block.sigma0 == pytest.approx(1.0, abs=0.15)
+    assert {photo for photo, _, _ in session.measurements} == set(measuring.block.values.orientations)
+
+
+@pytest.mark.parametrize("seed", [1])
+def test_two_blunders_in_two_strips_of_three_photos(seed: int) -> None:
+    session = simulated_session(2, 3, 2, seed)
+    _assert_found(session, _played(session))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(("strips", "photos"), [(4, 6), (7, 7)])
+def test_three_blunders_in_blocks_like_the_published_ones(strips: int, photos: int) -> None:
+    session = simulated_session(strips, photos, 3)
+    _assert_found(session, _played(session))
+
+
+def test_everything_waits_until_a_photo_has_enough_known_points() -> None:
+    session = simulated_session(2, 3, 0)
+    measuring = Measuring(OnlineBlock(session.inputs))
+    first, second = session.measurements[:2]
+    answer = measuring.measure(first)
+    assert (answer.state, answer.sigma0) == ("waiting", None)
+    assert "waits" in answer.text
+    measuring.measure(second)
+    assert set(measuring.waiting()) == {f"photo {first[0]}"}
+
+
+@pytest.fixture(scope="module")
+def clean() -> tuple[SimulatedSession, Measuring]:
+    session = simulated_session(2, 3, 0)
+    return session, _played(session)
+
+
+def _checked(measuring: Measuring, session: SimulatedSession) -> Measurement:
+    """Return a measurement that others check."""
+    return next(one for one in reversed(session.measurements) if measuring.answer(*one[:2]).state == "included")
+
+
+def test_a_measurement_taken_back_leaves_no_trace(clean) -> None:
+    session, measuring = clean[0], deepcopy(clean[1])
+    assert not measuring.suspects
+    before, redundancy = measuring.block.equations.square_sum, measuring.block.equations.redundancy
+    photo, point, (x, y) = _checked(measuring, session)
+    wrong = measuring.measure((photo, point, (x + 0.2, y + 0.2)))
+    assert wrong.state == "suspect" or any(point == suspect.key.point for suspect in wrong.suspects)
+    right = measuring.measure((photo, point, (x, y)))
+    assert right.state == "included"
+    assert measuring.block.equations.redundancy == redundancy
+    # linearised at values that moved by less than the thousandth that a wrong ray may move them
+    assert measuring.block.equations.square_sum == pytest.approx(before, rel=1e-3)
+
+
+def test_excluded_and_included_again(clean) -> None:
+    session, measuring = clean[0], deepcopy(clean[1])
+    photo, point, _ = _checked(measuring, session)
+    redundancy = measuring.block.equations.redundancy
+    assert measuring.exclude(photo, point).state == "excluded"
+    assert measuring.block.equations.redundancy == redundancy - 2
+    assert measuring.include(photo, point).state == "included"
+    assert measuring.block.equations.redundancy == redundancy
+    measuring.remove(photo, point)
+    with pytest.raises(KeyError):
+        measuring.answer(photo, point)
+
+
+def test_started_with_all_measurements_it_is_where_the_session_ended(clean) -> None:
+    """What is kept on the disk are the measurements: a session that starts from them goes on where it was."""
+    session, played = clean[0], deepcopy(clean[1])
+    measured = replace(session.inputs.measured, observations={"DEMO": played.block.observations})
+    again = Measuring(OnlineBlock(replace(session.inputs, measured=measured)))
+    assert not again.suspects
+    for measuring in (played, again):
+        measuring.relinearise()
+    assert again.block.equations.redundancy == played.block.equations.redundancy
+    assert again.block.equations.square_sum == pytest.approx(played.block.equations.square_sum, rel=1e-6)
+    for name, orientation in played.block.values.orientations.items():
+        assert np.abs(again.block.values.orientations[name] - orientation).max() < 1e-5
+    assert "6 photos oriented" in summary(again)
