@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import difflib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from orip.wording import counted_names
+
 INTERRUPTED = 130
 """What the shell gets after Ctrl-C."""
+
+UNREAD_FILE = "unread-file"
+"""Code of the warning about a file of data that is not read."""
+
+_MOST_OF_A_KIND, _FIRST_OF_MANY = 8, 3
+"""Most different warnings of one code that are all printed, and how many are of more."""
 
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
@@ -64,6 +72,40 @@ class ProjectWarning:
     def __str__(self) -> str:
         """Return ``where: text``."""
         return f"{self.where}: {self.text}" if self.where else self.text
+
+
+def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
+    """Return warnings with those that say the same of several records as one, at the place of the first.
+
+    It names the first records and their number: ``points 12, 17, 21 and 81 more``.
+    """
+    kinds: dict[tuple[str, str, str], list[ProjectWarning]] = {}
+    for warning in dict.fromkeys(warnings):
+        noun, _, name = warning.where.rpartition(" ")
+        # files have no noun before their names
+        kinds.setdefault((warning.code, noun if noun else f"{name} ", warning.text), []).append(warning)
+    told = [_as_one(noun, alike) for (_, noun, _), alike in kinds.items()]
+    number = Counter(warning.code for warning in told)
+    codes: Counter[str] = Counter()
+    shortened: list[ProjectWarning] = []
+    for warning in told:
+        codes[warning.code] += 1
+        more = number[warning.code] - _FIRST_OF_MANY
+        if number[warning.code] <= _MOST_OF_A_KIND or codes[warning.code] <= _FIRST_OF_MANY:
+            shortened.append(warning)
+        elif codes[warning.code] == _FIRST_OF_MANY + 1:
+            text = f"{more} more warnings of the kind '{warning.code}'; BUNDLE_ERROR.OUT and result.json have all"
+            shortened.append(ProjectWarning(warning.code, "", text))
+    return shortened
+
+
+def _as_one(noun: str, alike: Sequence[ProjectWarning]) -> ProjectWarning:
+    first = alike[0]
+    if len(alike) == 1:
+        return first
+    where = counted_names(noun, [warning.where.rpartition(" ")[2] for warning in alike])
+    text = f"are {first.text.removeprefix('is ')}" if first.text.startswith("is ") else first.text
+    return ProjectWarning(first.code, where, text)
 
 
 class OripError(Exception):

@@ -53,7 +53,7 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
         warnings = [
             ProjectWarning(
                 "one-ray", f"point {block.point_names[index]}",
-                f"{_seen(rays[index])} and has no preliminary coordinates: its distance from the photo is assumed",
+                f"{_seen(rays[index])} without preliminary coordinates: the distance from the photo is assumed",
             )
             for index in np.flatnonzero(single)
         ]  # fmt: skip

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, TextIO
 
 from orip.cli.progress_bar import ProgressBar
-from orip.errors import OripError, ProjectWarning
+from orip.errors import OripError, ProjectWarning, by_kind
 from orip.progress import listening
 
 ColorChoice = Literal["auto", "always", "never"]
@@ -74,8 +74,8 @@ class Terminal:
             self.say(text, "dim")
 
     def warn(self, warnings: Iterable[ProjectWarning]) -> None:
-        """Print warnings, unless quiet; each once, though several steps of a command may give it."""
-        for text in dict.fromkeys(map(str, warnings)):
+        """Print warnings, unless quiet, those of a kind as one; each once, though several steps may give it."""
+        for text in dict.fromkeys(map(str, by_kind(warnings))):
             if text not in self._warned:
                 self._warned.add(text)
                 if not self.quiet:

@@ -51,6 +51,12 @@ from orip.exchange.vision.nvm import READING as NVM
 from orip.exchange.vision.nvm import is_nvm, read_nvm
 from orip.exchange.vision.nvm_writer import NVM_TERMS, write_nvm
 
+
+def _never(_original: Path) -> bool:
+    """Return that a format is always written as a new project."""
+    return False
+
+
 FORMATS: tuple[Format, ...] = (
     Format(
         "colmap",
@@ -100,7 +106,13 @@ FORMATS: tuple[Format, ...] = (
         is_bundler,
         write_bundler,
         Conventions(
-            "agisoft", BUNDLER, BUNDLER_AXES, BUNDLER_AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True
+            "agisoft",
+            BUNDLER,
+            BUNDLER_AXES,
+            BUNDLER_AXES,
+            terms=BUNDLER_TERMS,
+            counts_from_principal_point=True,
+            returns_to=_never,
         ),
     ),
     Format(
@@ -118,7 +130,9 @@ FORMATS: tuple[Format, ...] = (
         read_nvm,
         is_nvm,
         write_nvm,
-        Conventions("measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True),
+        Conventions(
+            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, returns_to=_never
+        ),
         is_file=True,
     ),
     Format("photomodeler", "PhotoModeler: text export", read_photomodeler, is_photomodeler),
@@ -129,7 +143,7 @@ FORMATS: tuple[Format, ...] = (
         read_bingo,
         is_bingo,
         write_bingo,
-        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS),
+        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, returns_to=_never),
     ),
     Format(
         "patb",
@@ -144,6 +158,7 @@ FORMATS: tuple[Format, ...] = (
             PATB_AXES,
             is_cartesian=False,
             terms=PATB_TERMS,
+            returns_to=_never,
             counts_from_principal_point=True,
         ),
     ),
@@ -178,7 +193,7 @@ FORMATS: tuple[Format, ...] = (
         read_tables,
         is_tables,
         write=write_tables,
-        conventions=Conventions(None, DRAWN, is_cartesian=False),
+        conventions=Conventions(None, DRAWN, is_cartesian=False, returns_to=_never),
     ),
 )
 

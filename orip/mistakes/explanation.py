@@ -21,6 +21,7 @@ from orip.mistakes.after_adjustment.check_points import contradicting_check_poin
 from orip.mistakes.after_adjustment.contradicting_control import contradicting_control
 from orip.mistakes.after_adjustment.contradicting_distances import contradicting_distances
 from orip.mistakes.after_adjustment.errors_too_large import errors_too_large
+from orip.mistakes.after_adjustment.height_systems import control_in_another_height_system
 from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
@@ -104,6 +105,9 @@ def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readju
     control = contradicting_control(block, solution)
     if control and _fits_without(control, given, readjuster):
         found += control
+    heights = list(control_in_another_height_system(block, solution))
+    if heights:
+        return [*heights, *found]
     if is_good(given):
         found += [
             *contradicting_distances(block, solution),

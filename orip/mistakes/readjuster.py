@@ -15,7 +15,10 @@ from orip.records.block import Block
 _MOST_PHOTO_POINTS = 20_000
 """Most photo points: in larger blocks further adjustments would take longer than a user wants to wait."""
 
-_EXPLAINING_WARNINGS = {"misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo"}
+EXPLAINING_WARNINGS = {
+    "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
+    "ground-system", "resolution",
+}  # fmt: skip
 """Codes of warnings that already explain a misfit."""
 
 
@@ -43,7 +46,7 @@ class Readjuster:
     def is_worthwhile(self) -> bool:
         """Return whether to adjust again: the block is not too large, and no warning explains its misfit already."""
         small = len(self.block.photo_points.photo) <= _MOST_PHOTO_POINTS
-        return small and not any(warning.code in _EXPLAINING_WARNINGS for warning in self.block.warnings)
+        return small and not any(warning.code in EXPLAINING_WARNINGS for warning in self.block.warnings)
 
     def adjust(self, block: Block) -> SolvedBlock | None:
         """Return the adjustment of a block, None where there is none.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
+from orip.errors import ProjectWarning, by_kind
 from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.control_points import control_table, distance_table
@@ -71,6 +72,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "version": __version__,
         "run_name": RUN_NAME,
         "solution": solution,
+        "warnings": by_kind(ProjectWarning(*row) for row in solution.warnings),
         "details": given.details,
         "order": order_facts(given),
         "method": method_facts(given),

@@ -7,22 +7,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray, IntArray
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.observations.observation_kinds import unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
-from orip.report.numbers import SINGULAR, counted, decimals_for, fixed, significant
+from orip.report.misfits import (
+    FAMILY_ALPHA,
+    named_observation,
+    observation_of,
+    probable_size,
+    suspect_rows,
+    suspects,
+    unit_of_residual,
+)
+from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.table import PageColumn, PageTable
 from orip.wording import first_names
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
-_FAMILY_ALPHA = 0.05
-"""Probability that anything is listed as misfitting in a block without blunders."""
-
-_LARGEST_ALPHA = 0.001
-"""Error probability of one normalised residual in a block of few observations."""
-
 UNCHECKED = 0.10
 """Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
@@ -39,7 +41,9 @@ def blunder_table(solution: Solution) -> PageTable | None:
     columns = (
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
         PageColumn(
-            "Observation", [_named(blunder.kind, blunder.photo, blunder.point) for blunder in found], words=True
+            "Observation",
+            [named_observation(blunder.kind, blunder.photo, blunder.point) for blunder in found],
+            words=True,
         ),
         PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),
         PageColumn("Size", [fixed(blunder.size, decimals_for([blunder.sd])) for blunder in found], key="size"),
@@ -54,23 +58,26 @@ def blunder_table(solution: Solution) -> PageTable | None:
 
 
 def suspect_table(solution: Solution) -> PageTable | None:
-    """Return the observations that were down-weighted, or fit badly although they were not, the worst first."""
+    """Return the observations that fit worse than chance explains, the worst first."""
     residuals = solution.residuals
     rows = suspect_rows(solution)
     if not rows.size:
         return None
     down = residuals.weight_factor < 1.0
     shown = rows[:MOST_SUSPECTS]
+    found = counted(len(suspects(solution)), "observation")
     note = (
+        f"{found}, {counted(len(rows), 'component')}; in a block without blunders anything is listed here with a "
+        f"probability of {FAMILY_ALPHA:.0%} at most. "
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
     )
     columns = (
-        PageColumn("Observation", [_of(residuals, row) for row in shown], words=True),
+        PageColumn("Observation", [observation_of(residuals, row) for row in shown], words=True),
         PageColumn("Component", _picked(residuals.component, shown), words=True),
-        PageColumn("Probable size", [_size(residuals, row) for row in shown]),
-        PageColumn("Unit", [_unit(solution, row) for row in shown], words=True),
+        PageColumn("Probable size", [probable_size(residuals, row) for row in shown]),
+        PageColumn("Unit", [unit_of_residual(solution, row) for row in shown], words=True),
         PageColumn("Residual", [_with_precision(residuals, residuals.residual, row) for row in shown]),
         PageColumn("Standard residual", [fixed(value, 1) for value in residuals.standard_residual[shown]]),
         PageColumn("w", [fixed(value, 1) for value in residuals.w[shown]]),
@@ -78,34 +85,6 @@ def suspect_table(solution: Solution) -> PageTable | None:
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
-
-
-def suspicious_w(solution: Solution) -> float:
-    """Return the limit of normalised residuals: it grows with the number of those that are tested."""
-    residuals = solution.residuals
-    tested = int(np.count_nonzero(np.isfinite(residuals.w) & (residuals.weight_factor > 0.0)))
-    alpha = min(_FAMILY_ALPHA / max(tested, 1), _LARGEST_ALPHA)
-    return OutlierTest(alpha, 1.0, max(solution.redundancy, 0)).limit()
-
-
-def suspect_rows(solution: Solution) -> IntArray:
-    """Return the rows of what was down-weighted, or fits badly though it was not: the worst first."""
-    residuals = solution.residuals
-    down = residuals.weight_factor < 1.0
-    w = np.abs(np.nan_to_num(residuals.w))
-    rows = np.flatnonzero(down | (w > suspicious_w(solution)) & (residuals.weight_factor > 0.0))
-    size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
-    return rows[np.argsort(-size[rows], kind="stable")]
-
-
-def suspects(solution: Solution) -> dict[str, list[str]]:
-    """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
-    found: dict[str, list[str]] = {}
-    for row in suspect_rows(solution).tolist():
-        size, component = _size(solution.residuals, row), solution.residuals.component[row]
-        text = f"{component} {size}" if size == SINGULAR else f"{component} {size} {_unit(solution, row)}".rstrip()
-        found.setdefault(_of(solution.residuals, row), []).append(text.strip())
-    return found
 
 
 def singular_table(solution: Solution) -> PageTable | None:
@@ -211,34 +190,12 @@ def _imprecise(solution: Solution) -> list[Spot]:
     return spots
 
 
-def _named(kind: str, photo: str, point: str) -> str:
-    if kind == "photo":
-        return f"photo {photo} point {point}"
-    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
-
-
-def _of(residuals: Residuals, row: int) -> str:
-    return _named(residuals.kind[row], residuals.photo[row], residuals.point[row])
-
-
 def _picked(names: Sequence[str], rows: IntArray) -> list[str]:
     return [names[row] for row in rows]
 
 
-def _size(residuals: Residuals, row: int) -> str:
-    number = residuals.redundancy_number[row]
-    if not number > 0.01:
-        return SINGULAR
-    return fixed(float(-residuals.residual[row] / number), decimals_for([residuals.a_priori[row]]))
-
-
 def _with_precision(residuals: Residuals, values: FloatArray, row: int) -> str:
     return fixed(float(values[row]), decimals_for([residuals.a_priori[row]]))
-
-
-def _unit(solution: Solution, row: int) -> str:
-    residuals = solution.residuals
-    return unit_of_observation(residuals.kind[row], residuals.component[row], solution.ground_unit)
 
 
 def _unit_of_blunder(blunder: Blunder, solution: Solution) -> str:

@@ -10,6 +10,7 @@ from orip.bundle.results.figures import figure
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
 from orip.records.results.gate import GATE_FIGURES
 from orip.records.results.solution import Solution
+from orip.report.misfits import number_by_chance
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
@@ -35,6 +36,9 @@ def verdict(given: ReportInput, test: GlobalTest | Untested) -> Verdict:
         count = len({blunder.order for blunder in solution.blunders})
         were, blunders = agreeing(count, "was", "were"), agreeing(count, "a blunder", "blunders")
         sentences.append(f"{counted(count, 'observation')} {were} found to be {blunders} and left out.")
+    if by_chance := number_by_chance(solution):
+        names = agreeing(by_chance, "observation has", "observations have")
+        sentences.append(f"{by_chance} {names} lost weight, no more than chance explains; BUNDLE_ERROR.OUT lists them.")
     if given.gates:
         passed = len(given.gates) - len(failed)
         names = f": {', '.join(str(result.gate) for result in failed)} not met" if failed else ""

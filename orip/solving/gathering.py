@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from orip.bundle.assemble import BlockInput, gather
-from orip.errors import InputError
+from orip.errors import Complaint, InputError
 from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
+from orip.mistakes.before_adjustment.ground_systems import contradicting_ground_systems
 from orip.progress import stage
 from orip.records.block import Block
 
@@ -25,11 +28,15 @@ def gather_bundle(inputs: BlockInput) -> Block:
     InputError
         With everything that prevents an adjustment.
     """
+    orientations = [photo.orientation[:2] for photo in inputs.records.photos.values()]
+    systems = contradicting_ground_systems(inputs.control, np.array(orientations, dtype=np.float64).reshape(-1, 2))
     try:
         block = gather(inputs)
     except InputError as error:
-        raise InputError((*inputs.interior.complaints, *error.complaints)) from None
+        causes = (Complaint(str(warning)) for warning in systems)
+        raise InputError((*causes, *inputs.interior.complaints, *error.complaints)) from None
     found = (
+        *systems,
         *inputs.warnings,
         *measurement_warnings(inputs.records, inputs.measured, inputs.interior),
         *block_warnings(block, inputs.control),

@@ -12,15 +12,20 @@ from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.solve import SolvedBlock
-from orip.errors import NotSolvableError, ProjectWarning
+from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
+from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
+from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
+
+FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
+"""Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -100,11 +105,15 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
     try:
         adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
-        causes = [] if adjuster.is_misread else explain_failure(_readjuster(gathered), adjuster.not_oriented)
+        causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+        if not (adjuster.is_misread or adjuster.lacks_only_control):
+            causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
-    warnings = (*mistaken, *taken, *gathered.warnings, *start.warnings, *forewarnings(start.block))
+    causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+    others = [warning for warning in gathered.warnings if warning not in causes]
+    warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     return replace(solution, warnings=rows), adjusted.solved
 
@@ -155,6 +164,11 @@ class _Adjuster:
     def is_misread(self) -> bool:
         """Return whether the control fits only if read differently: no other cause need be sought."""
         return self.values is not None and self.values.reading is not None
+
+    @property
+    def lacks_only_control(self) -> bool:
+        """Return whether the photos fit each other, and there is no control at all: no other cause need be sought."""
+        return self.values is not None and all(photo.how.endswith(NO_CONTROL) for photo in self.values.photos)
 
     def from_given(self) -> _Adjusted:
         """Adjust from the given values, and from those of the chain where some are missing."""

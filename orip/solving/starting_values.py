@@ -15,6 +15,7 @@ from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.misread_control import misread_control
 from orip.prelim.chain import preliminary_values
 from orip.prelim.ground.project_coordinates import orientations_in_frame, points_in_project
+from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.camera import Camera
@@ -23,6 +24,9 @@ from orip.records.results.preliminary import CameraStart, PhotoStart, Preliminar
 
 _ADVICE = (
     "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"
+)
+_ADVICE_WITHOUT_CONTROL = (
+    'give control points, or set datum = "free" in the [[bundle]] of orip.toml: a free network, which distances scale'
 )
 
 
@@ -148,5 +152,6 @@ def not_oriented(values: PreliminaryValues) -> str:
     title = f"{len(reasons)} of {len(values.photos)} photos could not be oriented"
     different = list(dict.fromkeys(reasons))
     if len(different) == 1:
-        return "\n".join([f"{title}: {different[0]}; {_ADVICE}", *values.findings])
+        advice = _ADVICE_WITHOUT_CONTROL if different[0].endswith(NO_CONTROL) else _ADVICE
+        return "\n".join([f"{title}: {different[0]}; {advice}", *values.findings])
     return "\n".join([f"{title}; {_ADVICE}", *different, *values.findings])

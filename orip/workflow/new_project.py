@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import Complaint, InputError, UsageError
+from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import replace_text, reporting_failure
@@ -26,14 +27,14 @@ class ProjectMade:
 
 
 def make_project(name: str, user: str, folder: Path) -> ProjectMade:
-    """Write the orip.toml of a new project; the folder is made where there is none.
+    """Write the orip.toml of a new project, and a .gitignore; the folder is made where there is none.
 
     Parameters
     ----------
     name, user : str
         Of the project and its operator.
     folder : Path
-        Files in it stay: measurements and control may be there already.
+        Files in it stay: measurements and control may be there already, and a .gitignore.
 
     Raises
     ------
@@ -55,5 +56,8 @@ def make_project(name: str, user: str, folder: Path) -> ProjectMade:
         raise UsageError(message)
     with reporting_failure(str(path), "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)
+        ignore = folder / IGNORE_FILE
+        if not (ignore.exists() or ignore.is_symlink()):
+            replace_text(ignore, IGNORED)
         replace_text(path, text)
     return ProjectMade(name, folder)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import UsageError
+from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.text.leftovers import remove_leftovers
 from orip.files.text.new_folder import write_new_folder
 from orip.files.text.regular_file import regular_bytes
@@ -46,7 +47,7 @@ def write_sample(name: str, folder: Path) -> SampleWritten:
     OSError
         If the folder or the disk refuses.
     """
-    texts = sample_texts(name)
+    texts = {IGNORE_FILE: IGNORED, **sample_texts(name)}
     _require_room(folder, texts)
     write_new_folder(folder, texts)
     return SampleWritten(name, folder, tuple(texts))

@@ -84,7 +84,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
         ("photo point", sum(len(bundle.observations.points) for bundle in bundles)),
         *_stations(state),
     )
-    following = next((step.command for step in steps if step.state != "up to date"), None)
+    following = next((step.following for step in steps if step.state != "up to date"), None)
     warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *beside)
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
 

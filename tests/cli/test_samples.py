@@ -13,6 +13,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import REPOSITORY, contents
 
+from orip.files.project.ignored import IGNORED
 from orip.workflow.sample_projects import SAMPLES
 
 FOLDER = REPOSITORY / "sample_projects"
@@ -43,9 +44,11 @@ def test_every_sample_is_listed_on_stdout_with_what_to_write(tmp_path: Path) -> 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_what_is_written_is_what_the_repository_keeps(tmp_path: Path, name: str) -> None:
     assert orip(tmp_path, "init", "--sample", name, "mine").code == 0
-    assert set(contents(tmp_path / "mine")) == in_repository(name)
-    for written in (tmp_path / "mine").iterdir():
-        assert written.read_bytes() == (FOLDER / name / written.name).read_bytes()
+    written = contents(tmp_path / "mine")
+    assert written.pop(".gitignore").decode() == IGNORED
+    assert set(written) == in_repository(name)
+    for file, content in written.items():
+        assert content == (FOLDER / name / file).read_bytes()
 
 
 def test_the_next_command_that_it_names_gives_a_result_and_a_report(tmp_path: Path) -> None:
@@ -147,7 +150,7 @@ def test_killed_it_leaves_no_project_and_repeated_it_is_whole(tmp_path: Path, st
         assert not (folder / "mine").exists()
         assert orip(folder, "init", "--sample", SMALLEST, "mine").code == 0
         assert [path.name for path in folder.iterdir()] == ["mine"], "what was left is removed"
-        assert set(contents(folder / "mine")) == {"orip.toml", "README.md", "DCS260.MEA", "DCS260.PNT"}
+        assert set(contents(folder / "mine")) == {".gitignore", "orip.toml", "README.md", "DCS260.MEA", "DCS260.PNT"}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kills by SIGKILL")
@@ -160,7 +163,7 @@ def test_killed_in_an_empty_folder_the_project_file_is_missing_and_repeated_it_i
         assert _killed(folder.parent, step).returncode == -9
         assert not (folder / "orip.toml").exists()
         assert orip(folder.parent, "init", "--sample", SMALLEST, "mine").code == 0
-        assert set(contents(folder)) == {"orip.toml", "README.md", "DCS260.MEA", "DCS260.PNT"}
+        assert set(contents(folder)) == {".gitignore", "orip.toml", "README.md", "DCS260.MEA", "DCS260.PNT"}
 
 
 @pytest.mark.parametrize("exists", [True, False])

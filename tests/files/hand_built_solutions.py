@@ -27,7 +27,7 @@ from orip.records.results.solution import (
     SingularUnknown,
     Solution,
 )
-from orip.report.trouble import suspect_rows
+from orip.report.misfits import suspect_rows
 
 NAN = float("nan")
 INF = float("inf")

@@ -198,7 +198,7 @@ def emulsion_up(folder: Path) -> None:
 
 
 @mistake(
-    "Film scanned emulsion up, marks named as on the film", CLIFF, "template LEFT", "mirror image",
+    "Film scanned emulsion up, marks named as on the film", CLIFF, "templates LEFT and RIGHT", "mirror image",
     mend="Nothing, if it was intended: the marks undo it, and the result is right.", upto="measure",
 )  # fmt: skip
 def emulsion_up_named(folder: Path) -> None:

@@ -138,3 +138,7 @@ def test_redundancy_counts_what_takes_part() -> None:
     alone = rays_that_count(rays, np.arange(4) == 0, held)
     assert alone.any()
     assert held[rays.point[alone]].all()
+
+
+def test_no_parts_are_no_block() -> None:
+    assert place_parts([], np.zeros((3, 3))) is None

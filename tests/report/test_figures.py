@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator
 from decimal import Decimal
@@ -9,6 +10,7 @@ from typing import Any
 
 import pytest
 from report.sample_pages import SAMPLES, Page, PageTable, sample
+from workflow.small_projects import REPOSITORY
 
 LISTS = ("iterations", "check_points", "blunders", "singular")
 
@@ -108,7 +110,11 @@ class TestSample:
             assert all(text in words for text in finding.values())
         inputs = next(table for table in page.tables if not table.records and "SHA-256" not in table.keys and table.rows
                       and len(table.rows[0]) == 2)  # fmt: skip
-        assert dict(inputs.rows) == found.result["inputs"]
+        shown = dict(inputs.rows)
+        measured = {file: shown.pop(file) for file in list(shown) if file.endswith(".MEA")}
+        assert shown == found.result["inputs"]
+        folder = REPOSITORY / "sample_projects" / name
+        assert measured == {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.glob("*.MEA")}
 
     def test_what_is_drawn_in_three_dimensions(self, name: str) -> None:
         found, page = sample(name), Page(sample(name).page)

@@ -16,9 +16,9 @@ from orip.bundle.groups.words import CODE
 from orip.files.listings.errors import error_listing_lines
 from orip.records.results.gate import Gate, GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
+from orip.report.misfits import suspect_rows, suspects, suspicious_w
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
-from orip.report.trouble import suspect_rows, suspects, suspicious_w
 
 ORDER = ["status", "sigma0", "check", "gate", "misfit", "note", "weak", "points", "photos", "camera"]
 HEIGHT = partial(textwrap.wrap, width=80 - 9, break_on_hyphens=False)

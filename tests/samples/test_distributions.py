@@ -54,6 +54,8 @@ def test_an_installed_wheel_writes_the_samples_of_the_repository(tmp_path: Path,
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "installed")}
     subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     installed = tmp_path / "installed" / "orip" / "sample_projects" / name
-    assert set(contents(tmp_path / "mine")) == {path.name for path in installed.iterdir()} != set()
-    for path in (tmp_path / "mine").iterdir():
-        assert path.read_bytes() == (REPOSITORY / "sample_projects" / name / path.name).read_bytes()
+    written = contents(tmp_path / "mine")
+    del written[".gitignore"]
+    assert set(written) == {path.name for path in installed.iterdir()} != set()
+    for file, content in written.items():
+        assert content == (REPOSITORY / "sample_projects" / name / file).read_bytes()

@@ -255,6 +255,16 @@ def test_geojson_is_in_longitude_and_latitude(drone: Path) -> None:
     assert pyogrio.read_info(drone / "orip.geojson")["features"] == len(collection["features"])
 
 
+def test_a_format_that_is_written_new_does_not_claim_to_be_a_copy(adjusted: Path, tmp_path: Path) -> None:
+    assert orip(adjusted / "project", "export", "nvm", str(tmp_path / "a.nvm"), "--exact-distortion").code == 0
+    assert orip(tmp_path, "import", "nvm", "a.nvm", "new", "--frame", "4000x3000").code == 0
+    assert orip(tmp_path / "new", "run", "--no-report").code == 0
+    said = orip(tmp_path / "new", "export")
+    assert said.code == 0, said.err
+    assert "what is written has the result alone" in said.err
+    assert "in a copy of" not in said.err
+
+
 def test_geojson_without_a_system_says_so(adjusted: Path) -> None:
     said = orip(adjusted / "project", "export", "geojson")
     assert said.code == 0, said.err

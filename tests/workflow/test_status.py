@@ -100,6 +100,15 @@ def test_each_step_makes_the_next_one_due(project: Path) -> None:
     assert project_status(project).next_command is None
 
 
+def test_an_adjustment_that_did_not_converge_is_not_up_to_date(project: Path) -> None:
+    settings = "max_iterations = 2\nenp_stop = 300"
+    replace_in(project / "orip.toml", '[[bundle]]\nname = "MAIN"', f'[[bundle]]\nname = "MAIN"\n{settings}')
+    run_quietly(project)
+    status = project_status(project)
+    assert [(step.command, step.state) for step in status.steps if step.state != "up to date"] == [(SOLVE, "failed")]
+    assert status.next_command == "orip report"
+
+
 @pytest.mark.parametrize("command", [initialise, measure, solve_quietly, run_quietly])
 @pytest.mark.parametrize("lost", [("residuals.csv",), ("result.json", "BUNDLE_ERROR.OUT"), ("INTERIOR_RESULT.OUT",)])
 def test_the_next_command_rewrites_lost_outputs(

@@ -26,7 +26,7 @@ from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.groups.ground_rows import ground_design, inverse_of
 from orip.bundle.groups.observation_groups import ObservationGroup
-from orip.bundle.groups.strips import STATIONS, Strip, strip_errors
+from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.group_test import GroupTest
@@ -135,6 +135,8 @@ class GroundGroups:
         The check observations that are tested together.
     strips : tuple of Strip
         Of exposure stations; the drifts of one after the other follow the groups in `sums` and `errors`.
+    together : tuple of AllStations
+        Their errors follow the drifts.
     """
 
     groups: tuple[ObservationGroup, ...]
@@ -143,6 +145,7 @@ class GroundGroups:
     errors: FloatArray
     checks: BoolArray
     strips: tuple[Strip, ...] = ()
+    together: tuple[AllStations, ...] = ()
 
     @classmethod
     def of(cls, solved: SolvedBlock, groups: Sequence[ObservationGroup], figures: GroupFigures) -> GroundGroups:
@@ -161,13 +164,14 @@ class GroundGroups:
         weight = figures.weight[rows]
         factors = np.where(is_check, 1.0, weight)[:, None] * errors
         strips: tuple[Strip, ...] = ()
+        together: tuple[AllStations, ...] = ()
         if any(group.kind in STATIONS for group in groups):
             found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
-            strips, errors, factors = found.strips, found.errors, found.factors
+            strips, errors, factors, together = found.strips, found.errors, found.factors, found.together
         tested = RowsUnderTest(
             ground_design(solved, rows), figures.residual[rows], weight, inverse_of(solved), figures.photo_variance
         )
-        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks, strips)
+        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks, strips, together)
 
     def unit_sums(self, rows: IntArray) -> ResidualSums:
         """Return single residuals as sums."""

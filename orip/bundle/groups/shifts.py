@@ -17,7 +17,7 @@ from orip.adjustment.group_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
-from orip.records.results.group_test import CommonError
+from orip.records.results.group_test import CommonError, CommonExtent
 
 _ALIKE = 6.0
 """Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
@@ -40,7 +40,9 @@ class CommonShift(NamedTuple):
     shift, shift_sd : float
         Of the first one.
     common : tuple of CommonError
-        Of a strip: all components.
+        Of stations: all components.
+    extent : CommonExtent
+        Whose stations these are.
     """
 
     log_p: float
@@ -49,15 +51,32 @@ class CommonShift(NamedTuple):
     shift: float
     shift_sd: float
     common: tuple[CommonError, ...] = ()
+    extent: CommonExtent = "strip"
 
 
 @dataclass(frozen=True, slots=True)
 class _Together:
-    """Sums that are tested together: their columns, the number of them that are shifts, and the group's number."""
+    """Sums that are tested together.
+
+    Parameters
+    ----------
+    columns : tuple of int
+    components : tuple of (str, bool)
+        Of each column: what it is called, and whether it is a drift; shifts come first.
+    groups : tuple of int
+        Those that it concerns.
+    extent : CommonExtent
+    """
 
     columns: tuple[int, ...]
-    shifts: int
-    group: int
+    components: tuple[tuple[str, bool], ...]
+    groups: tuple[int, ...]
+    extent: CommonExtent = "strip"
+
+    @property
+    def group(self) -> int:
+        """Return the group that it is named by."""
+        return self.groups[0]
 
 
 def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Iterator[CommonShift]:
@@ -88,38 +107,72 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         )
         # the first of those that are equal up to rounding, so that the words are the same on all processors
         best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
+        best = _rather_shift(tests, squares, best)
         log_p = float(two_sided_normal(np.sqrt(squares[best])))
         if log_p >= limit:
             return
         alike = possible & (squares > squares[best] - _ALIKE)
         others = [
-            tests[number] for number in np.flatnonzero(alike).tolist() if tests[number].group != tests[best].group
+            tests[number]
+            for number in np.flatnonzero(alike).tolist()
+            if tests[number].extent == "strip" and tests[number].group not in tests[best].groups
         ]
         named = tuple(dict.fromkeys(test.group for test in (tests[best], *others)))
-        doubted = tuple(column for test in (tests[best], *others) for column in test.columns[: test.shifts])
+        doubted = tuple(dict.fromkeys(group for test in (tests[best], *others) for group in test.groups))
         chosen = _without_drift(tests, tests[best], ground, sums, testable, limit)
         first, common = chosen.group, _common(ground, sums, chosen, testable)
-        yield CommonShift(log_p, named, doubted, float(shift[first]), float(shift_sd[first]), common)
+        yield CommonShift(log_p, named, doubted, float(shift[first]), float(shift_sd[first]), common, chosen.extent)
         values, covariance = _without(chosen, values, covariance, testable)
         testable &= is_testable(most, np.diag(covariance))
-        gone = {test.group for test in (tests[best], *others)}
+        gone = {test.group for test in (tests[best], *others) if test.extent == "strip"}
+        gone_with = {tests[best].groups} if tests[best].extent != "strip" else set()
         possible &= np.array(
-            [test.group not in gone and bool(testable[list(test.columns)].any()) for test in tests], dtype=bool
+            [
+                not (test.extent == "strip" and test.group in gone)
+                and test.groups not in gone_with
+                and bool(testable[list(test.columns)].any())
+                for test in tests
+            ],
+            dtype=bool,
         )
 
 
 def _tested_together(ground: GroundGroups) -> list[_Together]:
     """Return each group by itself, and strips as a shift and, where times are known, as a shift with a drift."""
     of_strips = {number for strip in ground.strips for number in strip.groups}
-    tests = [_Together((number,), 1, number) for number in range(len(ground.groups)) if number not in of_strips]
+    tests = [
+        _Together((number,), ((group.component, False),), (number,))
+        for number, group in enumerate(ground.groups)
+        if number not in of_strips
+    ]
     first = len(ground.groups)
     for strip in ground.strips:
-        count, group = len(strip.groups), strip.groups[0]
-        tests.append(_Together(strip.groups, count, group))
+        names = [ground.groups[number].component for number in strip.groups]
+        shifts = tuple((name, False) for name in names)
+        tests.append(_Together(strip.groups, shifts, strip.groups))
         if strip.has_drift:
-            tests.append(_Together((*strip.groups, *range(first, first + count)), count, group))
-            first += count
+            columns = (*strip.groups, *range(first, first + len(names)))
+            tests.append(_Together(columns, (*shifts, *((name, True) for name in names)), strip.groups))
+            first += len(names)
+    for all_stations in ground.together:
+        count = len(all_stations.components)
+        components = tuple((name, False) for name in all_stations.components)
+        columns = tuple(range(first, first + count))
+        tests.append(_Together(columns, components, all_stations.groups, all_stations.extent))
+        first += count
     return tests
+
+
+def _rather_shift(tests: Sequence[_Together], squares: FloatArray, best: int) -> int:
+    """Return the shift of all stations, or of their only strip, in place of a lever arm that is hardly likelier."""
+    if tests[best].extent != "lever arm":
+        return best
+    alike = [
+        number
+        for number, test in enumerate(tests)
+        if test.extent != "lever arm" and test.groups == tests[best].groups and squares[number] > squares[best] - _ALIKE
+    ]
+    return max(alike, key=lambda number: float(squares[number]), default=best)
 
 
 def _square(test: _Together, values: FloatArray, covariance: FloatArray, testable: BoolArray) -> float:
@@ -167,29 +220,24 @@ def _without_drift(
     Where weights are reduced the statistic of both together overrates the drift.
     """
     found = _estimated(ground, sums, best, testable)
-    drifts = [place for place, column in enumerate(found.columns) if column in best.columns[best.shifts :]]
+    names = dict(zip(best.columns, best.components, strict=True))
+    drifts = [place for place, column in enumerate(found.columns) if names[column][1]]
     if not drifts:
         return best
     of_drifts = np.linalg.pinv(found.covariance[np.ix_(drifts, drifts)])
     quantity = float(found.size[drifts] @ of_drifts @ found.size[drifts])
     if chi_square_tail(quantity, float(len(drifts))) < limit:
         return best
-    return next(test for test in tests if test.columns == best.columns[: best.shifts])
+    return next(test for test in tests if test.columns == best.groups)
 
 
 def _common(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> tuple[CommonError, ...]:
-    """Return the errors in all components of a strip; none of other groups."""
+    """Return the errors in all components of stations; none of other groups."""
     if not any(test.group in strip.groups for strip in ground.strips):
         return ()
     found = _estimated(ground, sums, test, testable)
-    names = dict(zip(test.columns, _components(ground, test), strict=True))
+    names = dict(zip(test.columns, test.components, strict=True))
     return tuple(
         CommonError(*names[column], float(one), float(deviation))
         for column, one, deviation in zip(found.columns, found.size, np.sqrt(np.diag(found.covariance)), strict=True)
     )
-
-
-def _components(ground: GroundGroups, test: _Together) -> Sequence[tuple[str, bool]]:
-    """Return component, and whether it is a drift, of the columns of a test."""
-    shifts = [ground.groups[column].component for column in test.columns[: test.shifts]]
-    return [(name, False) for name in shifts] + [(name, True) for name in shifts[: len(test.columns) - test.shifts]]

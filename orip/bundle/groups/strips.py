@@ -12,6 +12,8 @@ from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.kinds.station_position import PositionObservations
 from orip.bundle.solve import SolvedBlock
 from orip.records.names import record_key
+from orip.records.project.antenna import LEVER_ARM
+from orip.records.results.group_test import CommonExtent
 
 STATIONS = ("station", "attitude")
 """Kinds of group whose observations belong to strips."""
@@ -35,20 +37,35 @@ class Strip:
 
 
 @dataclass(frozen=True, slots=True)
+class AllStations:
+    """An error common to the stations of all strips: the numbers of their groups, and its components.
+
+    Its extent is "all" for a shift along the project's axes, "lever arm" for one along the axes of the photos.
+    """
+
+    groups: tuple[int, ...]
+    components: tuple[str, ...]
+    extent: CommonExtent
+
+
+@dataclass(frozen=True, slots=True)
 class StripErrors:
     """Errors common to the stations of strips; of k observation equations and g groups.
 
     Parameters
     ----------
     strips : tuple of Strip
-    errors, factors : arrays (k, g + drifts)
+    errors, factors : arrays (k, g + drifts + components of all stations)
         An error of one unit common to each group, divided by the a-priori errors, and what its residuals are multiplied
-        by before they are summed up; then, strip by strip, a drift of one unit a second of each of its groups.
+        by before they are summed up; then, strip by strip, a drift of one unit a second of each of its groups; then
+        errors of one unit common to all stations.
+    together : tuple of AllStations
     """
 
     strips: tuple[Strip, ...]
     errors: FloatArray
     factors: FloatArray
+    together: tuple[AllStations, ...] = ()
 
 
 def strip_errors(
@@ -91,8 +108,47 @@ def strip_errors(
         factors[:, numbers] = agrees[:, None] * errors[:, numbers]
         if with_drift:
             drifts.append(elapsed[:, None] * errors[:, numbers])
-    of_drifts = np.hstack(drifts)
-    return StripErrors(tuple(strips), np.hstack([errors, of_drifts]), np.hstack([factors, agrees[:, None] * of_drifts]))
+    together, of_all = _of_all_stations(solved, groups, errors)
+    more = np.hstack([*drifts, *of_all])
+    return StripErrors(
+        tuple(strips), np.hstack([errors, more]), np.hstack([factors, agrees[:, None] * more]), tuple(together)
+    )
+
+
+def _of_all_stations(
+    solved: SolvedBlock, groups: Sequence[ObservationGroup], errors: FloatArray
+) -> tuple[list[AllStations], list[FloatArray]]:
+    """Return the errors that the stations of all strips may have in common, and those of one unit (k, components)."""
+    found, columns = [], []
+    for kind in STATIONS:
+        numbers = tuple(number for number, group in enumerate(groups) if group.kind == kind)
+        components = tuple(dict.fromkeys(groups[number].component for number in numbers))
+        of_component = [
+            errors[:, [number for number in numbers if groups[number].component == name]].sum(axis=1)
+            for name in components
+        ]
+        if len({groups[number].of for number in numbers}) > 1:
+            found.append(AllStations(numbers, components, "all"))
+            columns.append(np.column_stack(of_component))
+        if kind == "station" and components == tuple("XYZ"):
+            found.append(AllStations(numbers, LEVER_ARM, "lever arm"))
+            turned = np.einsum("kj,kja->ka", np.column_stack(of_component), _axes_of_photos(solved, groups))
+            columns.append(turned)
+    return found, columns
+
+
+def _axes_of_photos(solved: SolvedBlock, groups: Sequence[ObservationGroup]) -> FloatArray:
+    """Return the axes (k, 3, 3) of each equation's photo in the project, as columns; zeros where none is concerned."""
+    block, state = solved.block, solved.state
+    axes = block.ground.axes_at(block.ground.to_project(state.centres)) @ state.rotations
+    of_photo = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
+    parts = [
+        axes[[of_photo[record_key(name)] for name in group.names]]
+        if group.kind == "station"
+        else np.zeros((len(group.rows), 3, 3))
+        for group in groups
+    ]
+    return np.concatenate(parts)
 
 
 def _with_correlations(

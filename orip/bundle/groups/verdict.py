@@ -26,7 +26,7 @@ from orip.bundle.groups.figures import (
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.shifts import common_shifts
 from orip.bundle.solve import SolvedBlock
-from orip.records.results.group_test import CommonError, Contradiction, ContradictionKind, GroupTest
+from orip.records.results.group_test import CommonError, CommonExtent, Contradiction, ContradictionKind, GroupTest
 
 FAMILY = 0.03
 """Probability that any group of a block is doubted although all a-priori errors are right."""
@@ -64,6 +64,7 @@ class _Candidate(NamedTuple):
     shift_sd: float = math.nan
     doubted: tuple[int, ...] = ()
     common: tuple[CommonError, ...] = ()
+    extent: CommonExtent = "strip"
 
 
 def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVerdict:
@@ -81,7 +82,8 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
     of_photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
     ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
     tested = [*of_photos, *ground_tests(ground, figures)]
-    limit = float(np.log(FAMILY / max(sum(len(group.log_p) for group in tested), 1)))
+    number = sum(len(group.log_p) for group in tested) + len(ground.together)
+    limit = float(np.log(FAMILY / max(number, 1)))
     sigma0 = solved.variance.sigma0
     shifts = [
         _Candidate(
@@ -92,6 +94,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
             found.shift_sd,
             tuple(len(of_photos) + place for place in found.doubted),
             found.common,
+            found.extent,
         )
         for found in common_shifts(ground, ground.sums_with_checks(), limit)
     ]
@@ -109,6 +112,7 @@ def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVe
             candidate.shift,
             candidate.shift_sd,
             candidate.common,
+            candidate.extent,
         )
         for candidate in found
     )
@@ -138,9 +142,12 @@ def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[Jud
     """Return the gravest contradiction, and of the others those that it does not explain.
 
     A shift makes groups scatter, and one wrong check point moves the mean of all; but further shifts were found after
-    the first had been allowed for. Of several failed tests of a kind of observation the gravest is enough.
+    the first had been allowed for. An error of all stations moves the whole block: what else is wrong shows once it
+    is modelled. Of several failed tests of a kind of observation the gravest is enough.
     """
     ordered = sorted(candidates)
+    if ordered and ordered[0].extent != "strip":
+        return ordered[:1]
     if not ordered or ordered[0].what == "shift":
         return [candidate for candidate in ordered if candidate.what == "shift"]
     kinds = set()

@@ -53,12 +53,13 @@ _REMEDIES = {
 
 def group_diagnosis(contradictions: Sequence[Contradiction], ground_unit: str) -> tuple[Diagnosis, ...]:
     """Return a diagnosis for each contradiction, in their order."""
-    return tuple(
-        Diagnosis(
-            CODE, joined([group_name(group) for group in found.groups]), _text(found, ground_unit), _remedy(found)
-        )
-        for found in contradictions
-    )
+    return tuple(Diagnosis(CODE, _where(found), _text(found, ground_unit), _remedy(found)) for found in contradictions)
+
+
+def _where(found: Contradiction) -> str:
+    if found.extent != "strip":
+        return "exposure stations" if found.groups[0].kind == "station" else "attitudes"
+    return joined([group_name(group) for group in found.groups])
 
 
 def group_name(group: GroupTest) -> str:
@@ -123,7 +124,13 @@ def _of_strip(group: GroupTest) -> str:
 def _common(found: Contradiction, unit: str) -> str:
     """Return by what the stations of a strip are off together."""
     group = found.groups[0]
-    names = f"the {_stations(group)}" if group.kind == "station" else f"the attitudes{_of_strip(group)}"
+    if found.extent == "lever arm":
+        sizes_of_arm = ", ".join(f"{error.component} {_with_sd(error.size, error.sd, '+')}" for error in found.common)
+        return f"the exposure stations are all off by a lever arm of {sizes_of_arm}{unit}"
+    if found.extent == "all":
+        names = "the exposure stations" if group.kind == "station" else "the attitudes"
+    else:
+        names = f"the {_stations(group)}" if group.kind == "station" else f"the attitudes{_of_strip(group)}"
     others = [f"those{_of_strip(other)}" for other in found.groups[1:]]
     sizes = {
         is_drift: ", ".join(
@@ -163,6 +170,11 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
 
 def _remedy(found: Contradiction) -> str:
     group = found.groups[0]
+    if found.extent == "lever arm":
+        arm = ", ".join(f"{error.size:.3f}" for error in found.common)
+        return f"set lever_arm = [{arm}] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
+    if found.extent == "all" and group.kind == "station":
+        return f'set shift = "session" in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     if found.common and group.kind == "station":
         kinds = ['shift = "strip"', *(['drift = "strip"'] if any(error.is_drift for error in found.common) else [])]
         kinds += [f'strips = ["{group.of}"]'] if group.of else []

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 _VERDICT_STYLES: dict[Level, Style] = {"good": "bold", "caution": "bold yellow", "bad": "bold red"}
 _STYLES: dict[Level, Style | None] = {"good": None, "caution": "yellow", "bad": "red"}
 
+REMINDERS = {"crs-without-heights"}
+"""Codes of warnings that are printed after the summary: what the adjustment shows is said first."""
+
 _HEADING = "         iteration      ENP  down-weighted  singular       sigma0"
 _NARROW_HEADING = "pass    ENP   down  sing      sigma0"
 """Heading of pass lines on a terminal that is too narrow for the other one."""
@@ -128,7 +131,8 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
 
     outcome = solved.outcome
     solution = outcome.solution
-    terminal.warn(ProjectWarning(*row) for row in solution.warnings)
+    warnings = [ProjectWarning(*row) for row in solution.warnings]
+    terminal.warn(warning for warning in warnings if warning.code not in REMINDERS)
     project, files = outcome.project, outcome.files
     for line in summary(solution, outcome.gates, project.shown(files[1])):
         style = None if line.level is None else _STYLES[line.level]
@@ -136,6 +140,7 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
             terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
         else:
             terminal.point(line.label, line.text, style)
+    terminal.warn(warning for warning in warnings if warning.code in REMINDERS)
     same = "" if solved.changed else "; unchanged: the store holds this solution already"
     terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
 

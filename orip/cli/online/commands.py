@@ -80,8 +80,10 @@ def _serve(invocation: Invocation, session: OnlineSession) -> None:
 
 
 def _read(lines: queue.Queue[str | None]) -> None:
-    for line in iter(sys.stdin.buffer.readline, b""):
-        lines.put(line.decode("utf-8", errors="replace"))
+    # a stream of its own: Python cannot end while a thread waits in that of sys.stdin
+    with open(sys.stdin.fileno(), "rb", closefd=False) as stream:
+        for line in stream:
+            lines.put(line.decode("utf-8", errors="replace"))
     lines.put(None)
 
 

@@ -42,6 +42,8 @@ def contradicting_check_points(solution: Solution) -> list[ProjectWarning]:
     compared = _compared(solution)
     if compared is None:
         return []
+    if any(group.kind == "station" and group.doubted for group in solution.groups):
+        return []  # stations that are all off displace the check points
     together = list(_in_another_system(compared, solution.ground_unit))
     return together or list(_single(compared, solution.ground_unit))
 

@@ -115,6 +115,10 @@ def _differences(
 # -------------------------------------------------------------------------------------------------------------- texts
 
 
+_BESIDE = 0.3
+"""Largest difference beside those that slips explain, as a part of these: a block is bent by a wrong control point."""
+
+
 def _exchange_text(name: str, other: str) -> str:
     return (
         f"the photos see it where control point {other} is given, and {other} where {name} is: the two are exchanged; "
@@ -126,13 +130,17 @@ def _slips_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, small: fl
     """Return which slips in writing explain a point; "" where none does. A 0 that is nearly right was meant."""
     if _axes_exchanged(point, seen, sd):
         return "the photos see it where it would be with X and Y exchanged; exchange them in the control file"
-    slips = [
-        f"{kind} = {value:.10g} {meant}"
-        for kind, value, coordinate, _, tolerance in _differences(point, seen, sd)
-        if not (value == 0.0 and abs(coordinate) < small)
-        and (meant := slip_of_pen(value, coordinate, tolerance)) is not None
-    ]
-    if not slips:
+    slips, explained, unexplained = [], 0.0, 0.0
+    for kind, value, coordinate, _, tolerance in _differences(point, seen, sd):
+        meant = None
+        if not (value == 0.0 and abs(coordinate) < small):
+            meant = slip_of_pen(value, coordinate, tolerance)
+        if meant is None:
+            unexplained = max(unexplained, abs(value - coordinate))
+        else:
+            slips.append(f"{kind} = {value:.10g} {meant}")
+            explained = max(explained, abs(value - coordinate))
+    if not slips or unexplained > _BESIDE * explained:
         return ""
     return f"{'; '.join(slips)} (the photos see {_shown(point, seen)}); correct it in the control file"
 

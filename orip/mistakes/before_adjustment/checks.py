@@ -6,10 +6,12 @@ from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.mistakes.before_adjustment.coordinate_units import coordinates_in_other_units
+from orip.mistakes.before_adjustment.free_datum import observations_without_weight
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.names import name_warnings
 from orip.mistakes.before_adjustment.outside_frame import points_outside_frames
+from orip.mistakes.before_adjustment.reduced_pictures import reduced_pictures
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
 from orip.records.observations.control import Control
@@ -39,8 +41,14 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in coordinates_in_other_units(definitions, observations)
     )
+    reduced = (
+        warning
+        for observations in measured.observations.values()
+        for warning in reduced_pictures(definitions, observations)
+    )
     # photos of several bundles are checked once for each bundle
-    return tuple(dict.fromkeys((*cameras, *units, *misnamed_marks(interior.adjustments), *interior.warnings, *outside)))
+    marks = (*misnamed_marks(interior.adjustments), *interior.warnings)
+    return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
 
 
 def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:
@@ -52,4 +60,5 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     control : Control
         All control of the project, even what the block does not use.
     """
-    return (*photos_under_two_names(block), *name_warnings(block, control, block.preliminary))
+    names = name_warnings(block, control, block.preliminary)
+    return (*photos_under_two_names(block), *names, *observations_without_weight(block))

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 
 from orip.errors import ProjectWarning
+from orip.mistakes.before_adjustment.spelling import control_spelt_otherwise, stations_spelt_otherwise
 from orip.records.block import Block
 from orip.records.names import look_alikes, near_names, record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
@@ -25,6 +26,7 @@ _UNMEASURED = "is not measured in any photo"
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
     """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
     points = set(block.point_names)
+    otherwise = _spelt_otherwise(block, control)
     unused: list[tuple[str, str, str]] = [
         ("control", f"control point {point.name}", _UNMEASURED) for point in control.points if point.name not in points
     ]
@@ -63,7 +65,24 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
         similar.append(ProjectWarning("look-alike-names", f"point {group[0]}", text))
-    return [*_first_of_each_code(warnings), *_first_of_each_code(similar)]
+    return [*otherwise, *_first_of_each_code(warnings), *_first_of_each_code(similar)]
+
+
+def _spelt_otherwise(block: Block, control: Control) -> list[ProjectWarning]:
+    """Return warnings of control points and stations that are there under names that are spelt differently."""
+    measured, given = set(block.point_names), {point.name for point in control.points}
+    photos = {record_key(photo.name): photo.name for photo in block.photos}
+    of_stations = {record_key(station.photo) for station in control.stations}
+    return [
+        *control_spelt_otherwise(
+            [point.name for point in control.points if point.name not in measured],
+            [name for name in block.point_names if name not in given],
+        ),
+        *stations_spelt_otherwise(
+            [station.photo for station in control.stations if record_key(station.photo) not in photos],
+            [name for key, name in photos.items() if key not in of_stations],
+        ),
+    ]
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:

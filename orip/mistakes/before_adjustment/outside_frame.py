@@ -30,6 +30,9 @@ _MOST = 0.5
 _FAR = 2.0
 """Margin from which a single point cannot be on the film, as part of the extent of the fiducial marks."""
 
+_FEW = 0.2
+"""Largest part of the photos of a camera that are turned by mistake; of more, columns and rows are exchanged in all."""
+
 _PIXEL = 1.0
 """Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
 
@@ -76,6 +79,9 @@ def _off_sensors(
         off = [photo.name for photo in of_camera if _off(points[record_key(photo.name)], size).any()]
         if not off:
             continue
+        if len(off) <= max(1.0, _FEW * len(of_camera)) and _are_turned(off, points, size):
+            yield from _in_portrait(off, points, size)
+            continue
         xy = np.vstack([points[record_key(photo.name)] for photo in of_camera])
         text = (
             f"{_count(_off(xy, size))} lie outside the {sensor.columns} columns and {sensor.rows} rows of the sensor "
@@ -89,6 +95,22 @@ def _off_sensors(
         else:
             text += "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
         yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+
+
+def _are_turned(off: list[str], points: Mapping[str, FloatArray], size: FloatArray) -> bool:
+    """Tell whether no point of some photos lies outside if the photos are turned by 90 degrees."""
+    return not any(_off(points[record_key(name)], size[::-1]).any() for name in off)
+
+
+def _in_portrait(off: list[str], points: Mapping[str, FloatArray], size: FloatArray) -> Iterator[ProjectWarning]:
+    for name in off:
+        text = (
+            f"{_count(_off(points[record_key(name)], size))} lie outside the {size[0]:.0f} columns and {size[1]:.0f} "
+            "rows of the sensor, and none would in portrait format, unlike the other photos: its picture seems to be "
+            "turned by 90 degrees (or its columns and rows are exchanged); turn it as the others are, and measure it "
+            "again"
+        )
+        yield ProjectWarning("outside-frame", f"photo {name}", text)
 
 
 def _off(pixels: FloatArray, size: FloatArray) -> NDArray[np.bool_]:

@@ -13,11 +13,11 @@ from itertools import combinations
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.part_of_block import without_unmeasured_points
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.similarity import fit_similarity
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.control_coordinates import mirrored_control, with_multiplied_control
+from orip.mistakes.hypotheses.free_network import free_network
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.misread_control import misread_control
@@ -67,7 +67,7 @@ def control_of_free_network(readjuster: Readjuster) -> Iterator[Hypothesis]:
     block = readjuster.block
     if not isinstance(block.ground, PlainGround) or any(photo.constant for photo in block.photos):
         return
-    free = readjuster.adjust(_free(block))
+    free = readjuster.adjust(free_network(block))
     if free is None or not is_good(fit_of_adjustment(free)):
         return
     yield from _read_otherwise(block, free)
@@ -75,26 +75,6 @@ def control_of_free_network(readjuster: Readjuster) -> Iterator[Hypothesis]:
     if len(common.names) >= _FEWEST:
         yield from _exchanged_points(block, common)
         yield from released_control(block, _suspects(common))
-
-
-def _free(block: Block) -> Block:
-    """Return a block as a free network in a system of its own."""
-    free = replace(
-        block,
-        definition=replace(block.definition, datum="free", datum_points=()),
-        control_points=(),
-        constant_points=np.zeros_like(block.constant_points),
-        photo_orientation=np.full_like(block.photo_orientation, np.nan),
-        point_start=np.full_like(block.point_start, np.nan),
-        elements=tuple(element for element in block.elements if element.group == "CAMERA"),
-        distances=(),
-        directions=(),
-        stations=(),
-        theodolites=(),
-        constant_elements=(),
-        preliminary=(),
-    )
-    return without_unmeasured_points(free)
 
 
 def _read_otherwise(block: Block, free: SolvedBlock) -> Iterator[Hypothesis]:

@@ -13,6 +13,7 @@ from orip.mistakes.doubted_observations import (
 )
 from orip.mistakes.fit_comparison import Fit, is_good
 from orip.mistakes.hypotheses.angle_units import angle_units
+from orip.mistakes.hypotheses.another_flight import another_flight
 from orip.mistakes.hypotheses.camera_parameters import distortion_of_lens, distortion_sign, principal_point_sign
 from orip.mistakes.hypotheses.control_coordinates import control_axes, control_units, mirrored_control
 from orip.mistakes.hypotheses.control_of_free_network import control_of_free_network
@@ -22,6 +23,7 @@ from orip.mistakes.hypotheses.exchanged_photos import exchanged_photos
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
 from orip.mistakes.hypotheses.misread_photos import misread_photos
+from orip.mistakes.hypotheses.moved_stations import moved_stations
 from orip.mistakes.hypotheses.other_cameras import other_cameras
 from orip.mistakes.hypotheses.principal_distance import other_principal_distance
 from orip.mistakes.hypotheses.reduced_pictures import reduced_pictures
@@ -33,6 +35,9 @@ from orip.records.results.solution import Solution
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2
 """Part of the directions, and of the control coordinates, that loses weight where not only single ones are wrong."""
+
+_MANY_STATIONS = 0.3
+"""Part of the coordinates of stations that loses weight where they are not those of their photos."""
 
 _PHOTOS, _CONTROL_POINTS = 2, 3
 """Most photos and control points that are tried one by one, those that fit worst first."""
@@ -59,10 +64,12 @@ def hypotheses_of_misfit(
     # cameras and directions hardly influence the preliminary orientations: those found before are used again
     oriented = replace(block, photo_orientation=started.photo_orientation)
     fits = is_good(given)
+    if down_weighted_share(solution, "station") > _MANY_STATIONS or (block.stations and _has_failed(solution)):
+        yield from moved_stations(block)
     if not fits:
         yield from reduced_pictures(block)
         yield from measurement_precision_units(block)
-        if readjuster.is_oriented and (solution.status == "not_converged" or is_in_the_picture(solution)):
+        if readjuster.is_oriented and _has_failed(solution):
             yield from mirrored_photos(block)
             yield from exchanged_photos(block)
             yield from angle_units(block)
@@ -80,6 +87,10 @@ def hypotheses_of_misfit(
         yield from released_control(block, _worst_constant_control(block, given))
 
 
+def _has_failed(solution: Solution) -> bool:
+    return solution.status == "not_converged" or is_in_the_picture(solution)
+
+
 def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block cannot be adjusted at all.
 
@@ -90,6 +101,8 @@ def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -
         Photos for which no preliminary orientation was found.
     """
     block = readjuster.block
+    yield from another_flight(block, not_oriented)
+    yield from moved_stations(block)
     yield from measurement_precision_units(block)
     yield from control_error_units(block)
     yield from reduced_pictures(block)

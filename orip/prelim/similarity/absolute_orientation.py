@@ -18,6 +18,8 @@ from orip.prelim.similarity.start import start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.wording import agreeing, counted
 
+NO_CONTROL = "no control point is in the block, 3 are needed"
+
 _CONSTANT = 0.1
 """Part of the median a-priori error that is used in place of the error 0 of a constant coordinate."""
 
@@ -192,7 +194,7 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
 
 def _too_few(full: int, points: int, axes: IntArray) -> str:
     if not points:
-        return "no control point is in the block, 3 are needed"
+        return NO_CONTROL
     control = counted(points, "control point")
     if full == points:
         return f"{control} in the block, 3 are needed"

@@ -65,9 +65,13 @@ class GroupTest:
     doubted: bool
 
 
+CommonExtent = Literal["strip", "all", "lever arm"]
+"""Whose stations have an error in common: those of a strip or all; in the project's axes, or in those of the photos."""
+
+
 @dataclass(frozen=True, slots=True)
 class CommonError:
-    """An error common to the stations of a strip in one component: a shift, or a drift each second."""
+    """An error common to stations in one component: a shift, or a drift each second."""
 
     component: str
     is_drift: bool
@@ -90,7 +94,9 @@ class Contradiction:
         The error common to the first group that all other observations and the check points suggest; NaN unless `what`
         is a shift on the ground.
     common : tuple of CommonError
-        Of a strip of stations: its shift in all components, and its drift if it has one.
+        Of stations: their shift in all components, and their drift if they have one.
+    extent : CommonExtent
+        Of these.
     """
 
     what: ContradictionKind
@@ -99,3 +105,4 @@ class Contradiction:
     shift: float = math.nan
     shift_sd: float = math.nan
     common: tuple[CommonError, ...] = ()
+    extent: CommonExtent = "strip"

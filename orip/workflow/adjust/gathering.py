@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from orip.bundle.assemble import BlockInput
+from orip.workflow.adjust.unread_files import unread_files
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 
@@ -41,6 +42,6 @@ def block_input_so_far(bundle: BundleState) -> BlockInput:
         given.value.preliminary,
         definition.ground_unit,
         definition.crs,
-        given.warnings,
+        (*unread_files(bundle, given.value.control), *given.warnings),
         definition.antennas,
     )

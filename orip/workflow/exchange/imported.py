@@ -9,6 +9,7 @@ from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
+from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.new_folder import write_new_folder
@@ -43,7 +44,7 @@ class ImportedProject:
     def file_names(self) -> tuple[str, ...]:
         """Return the names of the files of the project folder, orip.toml last."""
         *names, definition = self.content.texts
-        return (*names, SOURCE_FILE, definition)
+        return (IGNORE_FILE, *names, SOURCE_FILE, definition)
 
 
 def read_source(format_name: str | None, source: Path, settings: ExchangeSettings) -> ImportedProject:
@@ -100,11 +101,14 @@ def write_project(imported: ImportedProject, folder: Path) -> None:
 
 
 def texts_with_source(imported: ImportedProject, folder: Path) -> dict[str, str]:
-    """Return the texts of a project folder by their names, orip.toml last, with the place of the original."""
+    """Return the texts of a project folder by their names, orip.toml last.
+
+    Beside those of the project: what git ignores, and the place of the original.
+    """
     texts = dict(imported.content.texts)
     definition = texts.popitem()
     original = {"format": imported.format.name, "path": place_from(folder, imported.source)}
-    return {**texts, SOURCE_FILE: toml_table("[source]", original), **dict([definition])}
+    return {IGNORE_FILE: IGNORED, **texts, SOURCE_FILE: toml_table("[source]", original), **dict([definition])}
 
 
 def _title(source: Path) -> str:

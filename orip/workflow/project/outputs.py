@@ -21,7 +21,7 @@ from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.results.solution import Solution
-from orip.report.trouble import suspect_rows
+from orip.report.misfits import suspect_rows
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import read_state

@@ -6,18 +6,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-StepState = Literal["missing", "out of date", "up to date"]
+StepState = Literal["missing", "out of date", "failed", "up to date"]
+"""Failed: with this input it comes to nothing, and doing it again would not help."""
 
 WRITTEN_BY = "the next init, measure, solve or run writes it"
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One step of the work: its command, its state, and why."""
+    """One step of the work: its command, its state, and why; and what comes next where it is not this command."""
 
     command: str
     state: StepState
     text: str
+    instead: str | None = None
+
+    @property
+    def following(self) -> str:
+        """Return what comes next while the step is not up to date."""
+        return self.command if self.instead is None else self.instead
 
 
 def changed_inputs(old: Sequence[tuple[str, str]], new: Sequence[tuple[str, str]]) -> list[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from bundle.solving import noisy
-from bundle.stations_of_block import MADE, STRIP, stations, with_stations
+from bundle.stations_of_block import ARM, MADE, NO_VECTOR, STRIP, stations, with_stations
 
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.snooping.search import SnoopingSettings
@@ -19,13 +20,17 @@ SHIFT = np.array([0.4, -0.3, 0.5])
 ERROR = 0.03
 
 
-def observed(seed: int, shift=0.0, drift=0.0, wrong: int | None = None):
-    """Return stations with errors, those of strip 2 shifted and drifting, and one of them perhaps wrong by 2 m."""
+def observed(seed: int, shift=0.0, drift=0.0, wrong: int | None = None, of_all=0.0, arm=NO_VECTOR):
+    """Return stations with errors, those of strip 2 shifted and drifting, and one of them perhaps wrong by 2 m.
+
+    `of_all` is a shift of all strips, `arm` the way from the projection centres to where the stations are.
+    """
     random = np.random.default_rng(seed)
-    shifts, drifts = np.zeros((3, 3)), np.zeros((3, 3))
-    shifts[1], drifts[1] = shift, drift
+    shifts, drifts = np.zeros((3, 3)) + of_all, np.zeros((3, 3))
+    shifts[1] += shift
+    drifts[1] = drift
     found = []
-    for row, station in enumerate(stations(shifts=shifts, drifts=drifts, error=ERROR)):
+    for row, station in enumerate(stations(arm=arm, shifts=shifts, drifts=drifts, error=ERROR)):
         position = np.array(station.position) + ERROR * random.normal(size=3) + (2.0 if row == wrong else 0.0)
         found.append(replace(station, position=tuple(position.tolist()), angles=NOT_GIVEN, angle_error=NOT_GIVEN))
     return tuple(found)
@@ -67,6 +72,36 @@ def test_a_drift_is_named_with_its_rate() -> None:
     assert "the exposure stations of strip 2 are all off by" in first.text
     assert "with a drift of X +0.0" in first.text
     assert 'drift = "strip"' in first.remedy
+
+
+def sizes(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the errors that a sentence states, and their standard deviations."""
+    found = np.array(re.findall(r"[LXYZ]+ ([+-][0-9.]+) ± ([0-9.]+)", text), dtype=np.float64)
+    return found[:, 0], found[:, 1]
+
+
+def test_a_shift_of_all_strips_is_named_as_one() -> None:
+    found = adjusted(4, of_all=SHIFT)
+    first = found.diagnosis[0]
+    assert first.text.startswith("the exposure stations are all off by X ")
+    assert "strip" not in first.text
+    assert 'shift = "session"' in first.remedy
+    size, sd = sizes(first.text)
+    assert (np.abs(size - SHIFT) < 4.0 * sd).all()
+    assert len([each for each in found.diagnosis if each.code == "group"]) == 1
+
+
+def test_a_lever_arm_is_a_shift_where_all_photos_are_turned_alike() -> None:
+    (first, *others) = [each for each in adjusted(5, arm=ARM).diagnosis if each.code == "group"]
+    assert not others
+    assert "lever arm of" not in first.text
+    size, sd = sizes(first.text)
+    # the photos are turned by some degrees only: their axes are those of the ground within 0.1 of the arm
+    assert (np.abs(size - ARM) < 4.0 * sd + 0.1 * np.linalg.norm(ARM)).all()
+
+
+def test_without_errors_in_common_no_stations_are_doubted() -> None:
+    assert not [group for group in adjusted(6).groups if group.doubted]
 
 
 def test_a_single_wrong_station_is_no_shift_of_its_strip() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,6 +116,28 @@ def test_some_mutated_files(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize("name", SOUND)
 def test_a_hundred_thousand_mutated_files(tmp_path: Path, name: str) -> None:
     fuzz(tmp_path, name, 100_000 // len(SOUND), 8)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SOUND)
+def test_no_mutated_file_takes_much_memory(tmp_path: Path, name: str) -> None:
+    """Not more than some times its size: numbers of a text take some times the room of their digits."""
+    source = SOUND[name](tmp_path)
+    files = [source] if source.is_file() else sorted(path for path in source.rglob("*") if path.is_file())
+    size = sum(path.stat().st_size for path in files)
+    read = format_named(name).read
+    assert read is not None
+    read(source, name)  # what is imported on demand is there now
+
+    def use(_: Path) -> None:
+        tracemalloc.start()
+        try:
+            project_or_complaints(read(source, name))
+            assert tracemalloc.get_traced_memory()[1] < 60 * size + 2_000_000
+        finally:
+            tracemalloc.stop()
+
+    use_mutated_files([(path, path.read_bytes()) for path in files], 300, 9, use)
 
 
 def test_entities_are_refused_before_they_expand(tmp_path: Path) -> None:

@@ -1,0 +1,93 @@
+"""Control far from where the photos were taken: in feet, with the number of the zone before the easting, exchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.records.observations.control import Control
+from orip.units import METRES_PER_FOOT
+from orip.wording import counted_names
+
+CODE = "ground-system"
+
+_FAR, _NEAR = 20.0, 3.0
+"""Distances of control and photos, as parts of the larger extent of the two: what cannot be, and what is usual."""
+
+_FEWEST_PLACES = 3
+
+_ZONE = 1e6
+"""Eastings have six digits before the decimal point; what precedes them is the zone."""
+
+_ZONES = (1, 60)
+
+Reading = tuple[FloatArray, FloatArray, str]
+"""Control and photos (n, 2) as they were probably meant, and what is wrong then."""
+
+
+def contradicting_ground_systems(control: Control, given: FloatArray) -> list[ProjectWarning]:
+    """Return a warning if control is far from where the photos were taken, and near it if read differently.
+
+    Parameters
+    ----------
+    control : Control
+        Of the project, with its exposure stations in the project's coordinates.
+    given : array (n, 2)
+        X0 and Y0 of the photos, NaN where not given.
+    """
+    in_project = not control.station_reference.crs
+    observed = [station.position[:2] for station in control.stations if station.has_position and in_project]
+    places = np.vstack([np.array(observed, dtype=np.float64).reshape(-1, 2), given])
+    places = places[np.isfinite(places).all(axis=1)]
+    known = [point for point in control.points if None not in point.coordinates[:2]]
+    if len(places) < _FEWEST_PLACES or not known:
+        return []
+    points = np.array([point.coordinates[:2] for point in known], dtype=np.float64)
+    if _apart(points, places) < _FAR:
+        return []
+    where = counted_names("control point", [point.name for point in known])
+    other = "exposure stations" if observed else "photos"
+    readings = chain(_feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other))
+    texts = (text for read, photos, text in readings if _apart(read, photos) < _NEAR)
+    return [ProjectWarning(CODE, where, text) for text in list(texts)[:1]]
+
+
+def _apart(points: FloatArray, places: FloatArray) -> float:
+    """Return the distance of the middles of points and places over the larger extent of the two."""
+    extent = max(float(np.ptp(points, axis=0).max()), float(np.ptp(places, axis=0).max()), 1e-9)
+    return float(np.linalg.norm(np.median(points, axis=0) - np.median(places, axis=0))) / extent
+
+
+def _feet(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:
+    for factor, unit, of_others in ((METRES_PER_FOOT, "feet", "metres"), (1.0 / METRES_PER_FOOT, "metres", "feet")):
+        text = (
+            f"they are near the {other} when multiplied by {factor:.4f}: they seem to be in {unit}, and the {other} in "
+            f"{of_others}; write both in one unit (US survey feet: 1200/3937 m, international feet: 0.3048 m)"
+        )
+        yield points * factor, places, text
+
+
+def _zones(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:
+    for concerned, is_control in ((points, True), (places, False)):
+        zones = np.unique(np.floor(concerned[:, 0] / _ZONE))
+        if len(zones) == 1 and _ZONES[0] <= zones[0] <= _ZONES[1]:
+            zone = int(zones[0])
+            without = concerned - [zone * _ZONE, 0.0]
+            own, others = ("their X", f"those of the {other}") if is_control else (f"X of the {other}", "theirs")
+            text = (
+                f"{own} begins with the number of a zone, {zone}, and {others} {'do' if is_control else 'does'} not: "
+                "write eastings of six digits before the decimal point in all files"
+            )
+            yield (without, places, text) if is_control else (points, without, text)
+
+
+def _exchanged(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:
+    text = (
+        f"they are near the {other} when X and Y are exchanged: X is the easting, Y the northing; exchange the columns "
+        "X and Y of the control file"
+    )
+    yield points[:, ::-1], places, text

@@ -1,0 +1,56 @@
+"""Files of the project folder that are not read although they have what the bundle lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.files.text.named_numbers import tables_in_folder
+from orip.records.names import record_key
+from orip.records.observations.control import Control
+from orip.wording import first_names
+from orip.workflow.project.bundle_state import BundleState
+
+_FEWEST = 2
+"""Names that a table shares with the project; more than one, as a single one may be a number by chance."""
+
+_MOST = 0.5
+"""Part of the measured points that a table of control has at most: of all points it is a result."""
+
+_NAMED = 3
+
+
+def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarning]:
+    """Yield a warning for each table of control points, or of projection centres, that the bundle has not.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With definitions and observations.
+    control : Control
+        What is read.
+    """
+    project = bundle.project
+    measured = set(bundle.observations.points)
+    has_control = any(point.name in measured for point in control.points)
+    photos = {record_key(name): name for name in bundle.observations.photos} if not control.stations else {}
+    if has_control and not photos:
+        return
+    for path, names in tables_in_folder(project.folder).items():
+        known = [name for name in names if name in measured]
+        placed = [photos[key] for name in names if (key := record_key(name.partition(".")[0])) in photos]
+        base = project.definition.control_files
+        if not has_control and _FEWEST <= len(known) <= _MOST * len(measured):
+            text = _text(known, "control", f"{base}.PNT (name X Y Z and their errors, separated by blanks)")
+        elif len(placed) >= _FEWEST:
+            text = _text(placed, "projection centres", f"{base}.STA, see 'orip stations import'")
+        else:
+            continue
+        yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
+def _text(names: Sequence[str], what: str, where: str) -> str:
+    return (
+        f"this file is not read, but has coordinates of {first_names(names, _NAMED)}, which have no {what} in this "
+        f"project; {what} belong{'s' if what == 'control' else ''} into {where}"
+    )
