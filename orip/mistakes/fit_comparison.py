@@ -36,6 +36,9 @@ _SEVERAL, _ALMOST_ALL = 4, 0.1
 _GOOD_SCALE, _BLUNDERS = 1.5, 0.05
 """Largest standard error of unit weight, and part of the observations that may be blunders, where a block fits."""
 
+_LARGEST_SIGMA0 = 2.0
+"""sigma0 above which the observations that were not left out do not fit: where few check each other, leaving out a
+handful makes most residuals small."""
 
 _OF_A_GROUP = 0.15
 """Largest part of the coordinates of a photo, or of the control, that may be blunders."""
@@ -51,10 +54,13 @@ class Fit:
         Kind, photo, point and component of the observations.
     standard : array (n,)
         Standard residuals; infinite for what could not be computed, such as a point behind its photo.
+    sigma0 : float
+        Of the observations with full weight; NaN without redundancy.
     """
 
     columns: tuple[Sequence[str], Sequence[str], Sequence[str], Sequence[str]]
     standard: FloatArray
+    sigma0: float = np.nan
 
     @property
     def observations(self) -> tuple[tuple[str, str, str, str], ...]:
@@ -89,7 +95,7 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
     photo_kind, photo, point, component = (list(compress(names, used)) for names in columns)
     names = (photo_kind, photo, point, component)
-    return Fit(names, np.where(np.isfinite(standard), standard, np.inf)[used])
+    return Fit(names, np.where(np.isfinite(standard), standard, np.inf)[used], solved.variance.sigma0)
 
 
 def explains(other: Fit, given: Fit) -> bool:
@@ -127,6 +133,8 @@ def is_good(fit: Fit) -> bool:
 
     No photo and no kind of observation is wrong as a whole: a block can be bent to fit photos, and wrong control less.
     """
+    if fit.sigma0 > _LARGEST_SIGMA0:
+        return False
     return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_group(fit)
 
 
