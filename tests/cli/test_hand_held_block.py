@@ -63,6 +63,8 @@ def test_forty_photos_are_adjusted_and_the_two_others_named_first_with_what_they
 
 
 def test_preliminary_values_name_the_two_before_anything_else(folder: Path) -> None:
+    for command in ("init", "measure"):
+        assert orip(folder, command).code == 0
     said = orip(folder, "prelim")
     assert said.code == 4
     error = said.err[said.err.index("error: ") :]

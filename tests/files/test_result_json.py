@@ -24,6 +24,7 @@ TOP = [
     *(
         "iterations",
         "cameras",
+        "projections",
         "photos",
         "points",
         "antennas",
