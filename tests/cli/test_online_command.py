@@ -35,3 +35,27 @@ def test_demonstration_names_the_three_blunders() -> None:
     wrong = [line.split(" by ")[0].strip() for line in done.stderr.splitlines() if " by (" in line]
     assert len(wrong) == 3
     assert sorted(found["suspects"]) == sorted(wrong)
+
+
+def test_a_killed_session_has_every_measurement_that_it_has_answered(tmp_path: Path) -> None:
+    folder = first_project(tmp_path / "first")
+    subprocess.run([*PROGRAM, "-C", folder, "init", "-q"], check=True, env=ENVIRONMENT)
+    asked = {"do": "measure", "photo": "left", "point": "K9", "x": 1500.25, "y": 1600.5}
+    with subprocess.Popen(
+        [*PROGRAM, "-C", folder, "online"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=ENVIRONMENT
+    ) as session:
+        assert session.stdin is not None
+        assert session.stdout is not None
+        session.stdout.readline()
+        session.stdin.write(json.dumps(asked) + "\n")
+        session.stdin.flush()
+        answer = json.loads(session.stdout.readline())
+        session.kill()
+    assert "error" not in answer
+    again = subprocess.run(
+        [*PROGRAM, "-C", folder, "online"], input='{"do": "show", "what": "waiting"}\n', capture_output=True, text=True,
+        check=True, env=ENVIRONMENT,
+    )  # fmt: skip
+    assert "K9 1500.2500 1600.5000" in " ".join((folder / "EDITS.MEA").read_text().split())
+    assert "11 photo points measured" in again.stdout
+    assert "K9" in again.stdout

@@ -86,8 +86,8 @@ ONLY_READING = frozenset(
     | {f"control {kind} list" for kind in _CONTROL}
 )  # fmt: skip
 
-UNTIL_A_SIGNAL = frozenset({"drive emulate"})
-"""Run until a signal ends them; killed in tests/link."""
+UNTIL_A_SIGNAL = frozenset({"drive emulate", "online"})
+"""Run until somebody ends them; killed in tests/link and in tests/cli/test_online_command.py."""
 
 
 def _of_control() -> Iterator[str]:

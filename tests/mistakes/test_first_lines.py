@@ -10,8 +10,13 @@ from mistakes.catalogue import CLIFF, DCS, MISTAKES, ZURICH
 from mistakes.edits import sample
 from mistakes.first_line import BEGIN, DOCUMENT, END, first_line, row, said_of
 
+LONG = ("directions_in_gon", "rows_upwards", "sensor_size", "equivalent_focal_length", "feet_against_orientations")
+"""Mistakes whose explanation takes about ten seconds, as all others are tried before; each has a planted sibling."""
 
-@pytest.mark.parametrize("name", MISTAKES)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] if name in LONG else []) for name in MISTAKES]
+)
 def test_the_first_line_says_what_is_wrong(tmp_path: Path, name: str) -> None:
     mistake = MISTAKES[name]
     line = first_line(said_of(mistake, tmp_path / name))
