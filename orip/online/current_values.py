@@ -87,6 +87,10 @@ class CurrentValues:
         if doubt := self.adjust(started.block):
             text = f"the first photos wait: their adjustment {doubt}; measure more of their common and known points"
             self.photos_wait = {photo.name: text for photo in block.photos}
+            return
+        for name in block.point_names:
+            if name not in self.points:
+                self._place(block, name)
 
     def adjust(self, started: Block) -> str:
         """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
