@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.online.answers import Answer, Suspect, words_of
-from orip.online.online_block import Measurement, OnlineBlock
+from orip.online.measurements import Measurement, Measurements
+from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
 from orip.wording import counted
@@ -57,9 +58,10 @@ class Measuring:
         self.suspects: dict[ObservationKey, Suspect] = {}
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
+        self._next_adjustment = 0.0
         self._test = OutlierTest(ALPHA, 1.0, None)
-        if block.block is not None:
-            self._start()
+        if len(block.measurements):
+            self._start(block.measurements.photos)
             self._snoop(set(block.equations.included))
 
     def measure(self, measurement: Measurement) -> Answer:
@@ -70,14 +72,9 @@ class Measuring:
         InputError
             If the photo is not defined or has no interior orientation; nothing has changed then.
         """
-        photo, point, _ = measurement
-        before = self.block.sigma0
-        measured_before = self.block.put(measurement)
-        row = self.block.row_of(photo, point)
-        assert row is not None, "it has just been measured"
-        photo = self.block.observations.photos[row]
-        key = self._key(photo, point)
-        if measured_before:
+        photo, point, xy = measurement
+        before, key = self.block.sigma0, self.block.key(photo, point)
+        if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._forgive([key])
             self.excluded.discard(key)
@@ -123,7 +120,7 @@ class Measuring:
         key = self._measured(photo, point)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
-        self.block.remove(key.photo, point)
+        self.block.remove(key)
 
     def answer(self, photo: str, point: str) -> Answer:
         """Return how a photo point stands now.
@@ -148,76 +145,79 @@ class Measuring:
         return {**photos, **points}
 
     def _measured(self, photo: str, point: str) -> ObservationKey:
-        row = self.block.row_of(photo, point)
-        if row is None:
+        key = self.block.key(photo, point)
+        if self.block.measurements.at(key.photo, point) is None:
             message = f"point {point} is not measured in photo {photo}"
             raise KeyError(message)
-        return self._key(self.block.observations.photos[row], point)
-
-    def _key(self, photo: str, point: str) -> ObservationKey:
-        """Return the key of a photo point, with the name of the photo as it is defined."""
-        assert self.block.block is not None, "something is measured"
-        names = {record_key(record.name): record.name for record in self.block.block.photos}
-        return ObservationKey("photo", names[record_key(photo)], point)
+        return key
 
     def _advance(self, point: str, key: ObservationKey) -> _Found:
         """Find values that can be found now, take in what has them, and test it."""
         block, found = self.block, _Found([], [], [], [])
-        assert block.block is not None, "something is measured"
         if not block.values.orientations:
-            self._start()
+            self._start([key.photo])
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
             found.suspects = self._snoop(set(block.equations.included), key)
             return found
-        found.oriented, found.placed = block.values.advance(block.block, [key.photo], [point])
+        found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
         again = [other for other in self.suspects if other.point == point]
         self._forgive(again)
-        new = block.include(found.oriented, {point, *found.placed})
+        rays = block.rays_with_values(found.oriented, {point, *found.placed})
+        new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
         if found.oriented:
-            block.adjust()
-        block.settle()
+            self._adjust_cameras()
+        block.settle({point, *found.placed})
         found.suspects = self._snoop(self._concerned(key, new), key)
         found.cleared = [other for other in again if other in block.equations.included]
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
 
-    def _start(self) -> None:
-        """Orient the first photos, if there is enough for that."""
+    def _start(self, photos: Iterable[str]) -> None:
+        """Orient the first photos, if there is enough in some of them for that."""
         block = self.block
-        assert block.block is not None, "something is measured"
-        if len(block.observations.photos) < self._next_start:
+        if len(block.measurements) < self._next_start:
             return
-        if not _may_start(block):
+        if not any(_may_start(block.measurements, photo) for photo in photos):
             block.values.photos_wait = {
-                photo.name: f"photo {photo.name} waits: no two photos have {_PAIR} common points, and no photo has "
+                photo: f"photo {photo} waits: no two photos have {_PAIR} common points, and no photo has "
                 f"{_PAIR - 1} known points"
-                for photo in block.block.photos
+                for photo in block.measurements.photos
             }
             return
-        block.values.start(block.block)
-        self._next_start = len(block.observations.photos) * (1.0 + _LATER)
+        block.values.start(block.measurements)
+        self._next_start = len(block.measurements) * (1.0 + _LATER)
         if block.values.orientations:
             block.start()
             block.settle()
 
+    def _adjust_cameras(self) -> None:
+        """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
+        block = self.block
+        records = block.measurements.inputs.records
+        has_unknowns = any(
+            records.camera_of(records.photos[record_key(photo)]).unknown for photo in block.values.orientations
+        )
+        if has_unknowns and len(block.measurements) >= self._next_adjustment:
+            block.adjust()
+            self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
+
     def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> set[ObservationKey]:
         """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
-        included = self.block.equations.included
         fresh = {key, *new}
         points = {other.point for other in fresh if other.point}
-        sizes: dict[str, int] = {}
-        for other in included:
-            sizes[other.photo] = sizes.get(other.photo, 0) + 1
-        photos = {other.photo for other in fresh if other.photo and sizes.get(other.photo, 0) <= _FEW_POINTS}
-        return {other for other in included if other in fresh or other.point in points or other.photo in photos}
+        photos = {other.photo for other in fresh if other.photo}
+        few = [photo for photo in photos if len(self.block.measurements.points_in(photo)) <= _FEW_POINTS]
+        included = self.block.equations.included
+        return self.block.included_of(few, points) | {other for other in fresh if other in included}
 
     def _snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
         """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
         found: list[Suspect] = []
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
-            worst, w, limit = max(((key, *self._tested(key)) for key in tested), key=lambda one: one[1] / one[2])
+            results = zip(tested, self._all_tested(tested), strict=True)
+            worst, (w, limit) = max(results, key=lambda one: one[1][0] / one[1][1])
             if w <= limit:
                 break
             alike = self._alike(worst, tested)
@@ -237,7 +237,7 @@ class Measuring:
     def _gives_up(self, photo: str) -> bool:
         """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
         wrong = [key for key in self.suspects if photo and key.photo == photo]
-        fitting = sum(key.photo == photo for key in self.block.equations.included)
+        fitting = len(self.block.included_of(photos=[photo]))
         if len(wrong) < _MANY or len(wrong) <= fitting:
             return False
         self._forgive(wrong)
@@ -248,10 +248,10 @@ class Measuring:
         self.block.values.photos_wait[photo] = text
         return True
 
-    def _tested(self, key: ObservationKey) -> tuple[float, float]:
-        """Return the root of the fall of the square sum without an observation, and its limit."""
-        square, checked = self.block.equations.standing(key).square()
-        return float(np.sqrt(square)), self._test.group_limit(max(checked, 1))
+    def _all_tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
+        """Return the root of the fall of the square sum without each observation, and its limit."""
+        squares = [standing.square() for standing in self.block.equations.standings(keys)]
+        return [(float(np.sqrt(square)), self._test.group_limit(max(checked, 1))) for square, checked in squares]
 
     def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
         others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
@@ -288,7 +288,7 @@ class Measuring:
             if checked:
                 w, limit = float(np.sqrt(square)), self._test.group_limit(checked)
             return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = self._tested(key)
+        w, limit = float(np.sqrt(square)), self._test.group_limit(checked)
         text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
         return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
 
@@ -307,18 +307,14 @@ def _also(suspect: Suspect) -> str:
     return f"; an error in {names} would look the same: measure these again, or the point in one more photo"
 
 
-def _may_start(block: OnlineBlock) -> bool:
-    """Return whether two photos may be oriented by common points, or one by known points."""
-    assert block.block is not None, "something is measured"
-    measured = block.block
-    shown = np.zeros((len(measured.photos), len(measured.point_names)), dtype=bool)
-    shown[measured.photo_points.photo, measured.photo_points.point] = True
-    known = {point.name for point in measured.control_points if None not in point.coordinates}
-    control = np.array([name in known for name in measured.point_names], dtype=bool)
-    common = shown.astype(np.int64) @ shown.T.astype(np.int64)
-    np.fill_diagonal(common, 0)
-    given = bool(np.isfinite(measured.photo_orientation).all(axis=1).any())
-    return given or bool((common >= _PAIR).any() or ((shown & control).sum(axis=1) >= _PAIR - 1).any())
+def _may_start(measurements: Measurements, photo: str) -> bool:
+    """Return whether a photo may be oriented by points in common with another one, or by known points."""
+    mine = set(measurements.points_in(photo))
+    common = (len(mine.intersection(measurements.points_in(other))) for other in measurements.sharing(mine) - {photo})
+    if max(common, default=0) >= _PAIR or sum(map(measurements.control.has_coordinates, mine)) >= _PAIR - 1:
+        return True
+    part = measurements.part((photo, point) for point in mine)
+    return part is not None and bool(np.isfinite(part.photo_orientation).all())
 
 
 def summary(measuring: Measuring) -> str:
@@ -326,7 +322,7 @@ def summary(measuring: Measuring) -> str:
     block = measuring.block
     values, sigma0 = block.values, block.sigma0
     parts = [
-        f"{counted(len(block.observations.photos), 'photo point')} measured",
+        f"{counted(len(block.measurements), 'photo point')} measured",
         f"{counted(len(values.orientations), 'photo')} oriented",
         f"{counted(len(values.points), 'point')} placed",
         "no redundancy" if sigma0 is None else f"sigma0 {sigma0:.3f} with redundancy {block.equations.redundancy}",

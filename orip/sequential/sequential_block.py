@@ -24,6 +24,9 @@ LEAST_REDUNDANCY = 1e-4
 """Below this redundancy number an observation is not taken out of the triangle, which would lose more than four digits
 (of sixteen, as -log10 r are lost): it is built again."""
 
+_MOST_REPLACED = 4
+"""Points up to which replacing their equations one by one takes less time than to build the triangle."""
+
 _MOST_DOWNDATES = 1000
 """Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
 
@@ -33,6 +36,15 @@ class _Point(NamedTuple):
 
     hyper_row: HyperRow
     reduced: tuple[ReducedRows, ...]
+
+
+class _Whitened(NamedTuple):
+    """R^-T a^T of k equations in a hyper-row (3, k) and in the triangle (n, k), l - a x (k,), and which are open."""
+
+    own: FloatArray
+    spread: FloatArray
+    innovation: FloatArray
+    is_open: BoolArray
 
 
 class Standing(NamedTuple):
@@ -170,6 +182,23 @@ class SequentialBlock(Generic[Key]):
         else:
             self._point_changed(rows.point)
 
+    def replace_all(self, rows: Mapping[Key, ObservationRows]) -> None:
+        """Replace the equations of some observations that are in, of the same points: those of a photo that has moved.
+
+        The triangle is changed point by point where that is less work than to build it.
+        """
+        self._included.update(rows)
+        of_none = [key for key, new in rows.items() if new.point is None]
+        points = dict.fromkeys(new.point for new in rows.values() if new.point is not None)
+        if of_none or len(points) > _MOST_REPLACED:
+            self.rebuild()
+            return
+        built = self.rebuilt
+        for name in points:
+            self._point_changed(name)
+            if self.rebuilt != built:
+                return
+
     def exclude_all(self, keys: Iterable[Key]) -> None:
         """Take many observations out, those of a photo, and build the triangle again."""
         for key in keys:
@@ -231,8 +260,32 @@ class SequentialBlock(Generic[Key]):
 
     def standing(self, key: Key) -> Standing:
         """Return how an observation that is in fits."""
-        own, spread, innovation, _ = self._whitened(self._included[key])
-        return Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
+        return self.standings([key])[0]
+
+    def standings(self, keys: Sequence[Key]) -> list[Standing]:
+        """Return how observations that are in fit."""
+        return [
+            Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
+            for own, spread, innovation, _ in self._all_whitened([self._included[key] for key in keys])
+        ]
+
+    def predicted(self, rows: Sequence[ObservationRows]) -> list[tuple[FloatArray, FloatArray, BoolArray]]:
+        """Return what the observations that are in say about others.
+
+        Returns
+        -------
+        list of (difference, cofactor, is_open)
+            Observed minus predicted (k,), divided by the a-priori errors; cofactors (k, k) of the prediction; and which
+            of it (k,) nothing determines. An observation of a point without equations is one of the reduced unknowns.
+        """
+        return [
+            (innovation, own.T @ own + spread.T @ spread, is_open)
+            for own, spread, innovation, is_open in self._all_whitened(rows)
+        ]
+
+    def has_point(self, name: str) -> bool:
+        """Return whether all coordinates of a point are determined by equations that are in."""
+        return name in self._points and self._points[name].hyper_row.is_complete
 
     def correlations(self, key: Key, others: Sequence[Key]) -> list[FloatArray]:
         """Return the correlations (k, k') of the residuals of an observation with those of others that are in.
@@ -240,12 +293,11 @@ class SequentialBlock(Generic[Key]):
         Where it is near 1 or -1, an error of one cannot be told from an error of the other. 0 where nothing checks one.
         """
         rows = self._included[key]
-        own, spread, _, _ = self._whitened(rows)
+        of_others = [self._included[other] for other in others]
+        (own, spread, _, _), *whitened = self._all_whitened([rows, *of_others])
         scale = _scale(np.sum(own**2, axis=0) + np.sum(spread**2, axis=0))
         found = []
-        for other in others:
-            their_rows = self._included[other]
-            theirs, their_spread, _, _ = self._whitened(their_rows)
+        for their_rows, (theirs, their_spread, _, _) in zip(of_others, whitened, strict=True):
             product = spread.T @ their_spread
             if rows.point is not None and rows.point == their_rows.point:
                 product = product + own.T @ theirs
@@ -258,14 +310,38 @@ class SequentialBlock(Generic[Key]):
         reduced = self.triangle.solution()
         return reduced, {name: point.hyper_row.coordinates_at(reduced) for name, point in self._points.items()}
 
-    def _whitened(self, rows: ObservationRows) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-        """Return R^-T a^T of an observation in its hyper-row and in the triangle, l - a x, and which rows are open."""
-        own: FloatArray = np.zeros((0, len(rows.right)))
-        reduced = rows.reduced
-        if rows.point is not None:
-            own, reduced = self._points[rows.point].hyper_row.whitened(rows)
-        spread, is_open = self.triangle.whitened(reduced.columns, reduced.rows)
-        return own, spread, np.asarray(reduced.right - spread.T @ self.triangle.right), is_open
+    def point_correction(self, name: str, reduced: FloatArray) -> FloatArray:
+        """Return the corrections (3,) of a point for corrections of the reduced unknowns; 0 where nothing tells."""
+        point = self._points.get(name)
+        return np.zeros(3) if point is None else point.hyper_row.coordinates_at(reduced)
+
+    def _whitened(self, rows: ObservationRows) -> _Whitened:
+        return self._all_whitened([rows])[0]
+
+    def _all_whitened(self, observations: Sequence[ObservationRows]) -> list[_Whitened]:
+        """Return R^-T a^T of observations in their hyper-rows and in the triangle, l - a x, and which rows are open.
+
+        One substitution serves all of them.
+        """
+        owns, parts = [], []
+        for rows in observations:
+            own: FloatArray = np.zeros((0, len(rows.right)))
+            reduced = rows.reduced
+            if rows.point is not None and rows.point in self._points:
+                own, reduced = self._points[rows.point].hyper_row.whitened(rows)
+            owns.append(own)
+            parts.append(reduced)
+        columns = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.columns for part in parts)]))
+        ends = np.cumsum([0, *(len(part.right) for part in parts)])
+        stacked = np.zeros((int(ends[-1]), len(columns)))
+        for part, start, end in zip(parts, ends, ends[1:], strict=False):
+            stacked[start:end, np.searchsorted(columns, part.columns)] = part.rows
+        spread, is_open = self.triangle.whitened(columns, stacked)
+        explained = spread.T @ self.triangle.right
+        return [
+            _Whitened(own, spread[:, start:end], part.right - explained[start:end], is_open[start:end])
+            for own, part, start, end in zip(owns, parts, ends, ends[1:], strict=False)
+        ]
 
     def _factored(self, name: str) -> _Point:
         return _factored_point([self._included[key] for key in self._of_points[name]])

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from orip.online.measuring import Measuring, summary
-from orip.online.online_block import Measurement, OnlineBlock
+from orip.online.measurements import Measurement
+from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
 from orip.sequential.observation_rows import ObservationKey
 
@@ -100,7 +101,7 @@ def test_excluded_and_included_again(clean) -> None:
 def test_started_with_all_measurements_it_is_where_the_session_ended(clean) -> None:
     """What is kept on the disk are the measurements: a session that starts from them goes on where it was."""
     session, played = clean[0], deepcopy(clean[1])
-    measured = replace(session.inputs.measured, observations={"DEMO": played.block.observations})
+    measured = replace(session.inputs.measured, observations={"DEMO": played.block.measurements.observations})
     again = Measuring(OnlineBlock(replace(session.inputs, measured=measured)))
     assert not again.suspects
     for measuring in (played, again):

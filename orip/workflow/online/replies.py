@@ -43,7 +43,7 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
             undone = session.undo()
             return {"state": "removed"} if undone is None else reply_of(undone)
         case "relinearise":
-            if session.measuring.block.block is None:
+            if not len(session.measuring.block.measurements):
                 message = "nothing is measured yet"
                 raise UsageError(message)
             session.measuring.relinearise()

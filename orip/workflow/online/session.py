@@ -170,7 +170,7 @@ class OnlineSession:
         excluded = {(record_key(key.photo), key.point) for key in self.measuring.excluded}
         before = {
             (photo, point): (xy, (record_key(photo), point) in excluded)
-            for (photo, point), (xy, _) in _places(self.measuring.block.observations).items()
+            for (photo, point), (xy, _) in _places(self.measuring.block.measurements.observations).items()
         }
         for photo, point in before.keys() - after.keys():
             self.measuring.remove(photo, point)
@@ -197,11 +197,7 @@ class OnlineSession:
         return tuple(found)
 
     def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
-        row = self.measuring.block.row_of(photo, point)
-        if row is None:
-            return None
-        x, y = self.measuring.block.observations.measured[row]
-        return float(x), float(y)
+        return self.measuring.block.measurements.at(photo, point)
 
     def _required(self, photo: str, point: str) -> tuple[str, tuple[float, float]]:
         record = self._films.photo(photo)
