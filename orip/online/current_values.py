@@ -182,8 +182,13 @@ class CurrentValues:
             return None
         common = {photo: mine.intersection(measurements.points_in(photo)) for photo in others}
         best = max(others, key=lambda photo: (len(common[photo]), photo))
-        part = measurements.part((photo, point) for photo in (best, name) for point in common[best])
-        return None if part is None else orientation_by_model(self.started(part), name)
+        part = measurements.part((photo, point) for photo in (name, best) for point in common[best])
+        if part is None:
+            return None
+        of_photo = part.photo_points.xy[part.photo_points.photo == 0]
+        if part.cameras[0].frame is not None and image_configuration(of_photo, part.cameras[0].frame, of_photo).shortcoming:
+            return None
+        return orientation_by_model(self.started(part), name)
 
     def _wanting_points(self, measurements: Measurements, name: str, count: int) -> str:
         """Return that a photo has too few known points, and which to measure."""

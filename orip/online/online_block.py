@@ -25,6 +25,11 @@ _LINEAR = 1e-3
 """Corrections of a photo or point, in radians and parts of its distance, up to which the equations stay as they are:
 what they neglect is the square of it, a tenth of a micrometre in the photo."""
 
+_LOST = 0.5
+"""Corrections, in the same measure, of a photo that is not oriented: its equations mean nothing."""
+
+_UNSETTLED = "photo {} waits: its points do not determine its orientation; measure more of them, far from each other"
+
 _RELINEARISATIONS = 8
 
 _FEW = 3
@@ -162,13 +167,21 @@ class OnlineBlock:
     def settle(self, points: Collection[str] = ()) -> None:
         """Linearise again at the solution while corrections are too large for the equations.
 
+        Photos whose corrections do not become smaller are taken out again, and wait.
+
         Parameters
         ----------
         points : collection of str
             Points that may have moved.
         """
-        for _ in range(_RELINEARISATIONS):
+        for attempt in range(_RELINEARISATIONS + 1):
             reduced = self.equations.triangle.solution()
+            lost = self._far_photos(reduced, _LOST) if attempt < _RELINEARISATIONS else self._far_photos(reduced)
+            if lost:
+                for photo in lost:
+                    self.forget_photo(photo)
+                    self.values.photos_wait[photo] = _UNSETTLED.format(photo)
+                continue
             photos = self._far_photos(reduced)
             if len(photos) > _FEW:
                 self.relinearise()
@@ -178,14 +191,14 @@ class OnlineBlock:
                 return
             self._relinearise_some(photos, far, reduced)
 
-    def _far_photos(self, reduced: FloatArray) -> list[str]:
-        """Return the photos whose corrections are too large for the linearisation."""
+    def _far_photos(self, reduced: FloatArray, limit: float = _LINEAR) -> list[str]:
+        """Return the photos whose corrections are larger than a limit, in radians and parts of their distance."""
         turns, moves = self._corrections.largest(reduced)
         if not len(turns):
             return []
-        far = turns > _LINEAR
+        far = turns > limit
         if (moves > 0.0).any():
-            far |= moves > _LINEAR * self._distance()
+            far |= moves > limit * self._distance()
         names = self._corrections.photos
         return [names[row] for row in np.flatnonzero(far).tolist() if names[row] in self.values.orientations]
 

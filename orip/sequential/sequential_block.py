@@ -8,7 +8,7 @@ before the old ones are taken out, so that the triangle keeps its rank.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -36,6 +36,30 @@ class _Point(NamedTuple):
 
     hyper_row: HyperRow
     reduced: tuple[ReducedRows, ...]
+
+
+class _Points(dict[str, _Point]):
+    """Points by name, and how many coordinates of them are determined."""
+
+    def __init__(self, points: Mapping[str, _Point] | None = None) -> None:
+        super().__init__(points or {})
+        self.coordinates = sum(len(point.hyper_row.coordinates) for point in self.values())
+
+    def __setitem__(self, name: str, point: _Point) -> None:
+        before = self.get(name)
+        self.coordinates += len(point.hyper_row.coordinates)
+        self.coordinates -= 0 if before is None else len(before.hyper_row.coordinates)
+        super().__setitem__(name, point)
+
+    def taken(self, name: str) -> _Point:
+        """Take a point out, and return it."""
+        point = self.pop(name)
+        self.coordinates -= len(point.hyper_row.coordinates)
+        return point
+
+    def copy(self) -> _Points:
+        """Return the same points, to go back to them."""
+        return _Points(self)
 
 
 class _Whitened(NamedTuple):
@@ -86,7 +110,8 @@ class SequentialBlock(Generic[Key]):
         self.triangle = Triangle()
         self._included: dict[Key, ObservationRows] = {}
         self._of_points: dict[str, list[Key]] = {}
-        self._points: dict[str, _Point] = {}
+        self._points = _Points()
+        self._equations = 0
         self._downdates = 0
         self.rebuilt = 0
 
@@ -103,9 +128,7 @@ class SequentialBlock(Generic[Key]):
     @property
     def redundancy(self) -> int:
         """Return the number of equations less that of the unknowns that they determine."""
-        equations = sum(len(rows.right) for rows in self._included.values())
-        of_points = sum(len(point.hyper_row.coordinates) for point in self._points.values())
-        return equations - of_points - self.triangle.rank
+        return self._equations - self._points.coordinates - self.triangle.rank
 
     def append(self, count: int) -> None:
         """Append reduced unknowns: a new photo."""
@@ -126,6 +149,7 @@ class SequentialBlock(Generic[Key]):
         """
         if key in self._included:
             raise KeyError(key)
+        self._equations += len(rows.right)
         if rows.point is None:
             self._included[key] = rows
             return self.triangle.update(rows.reduced)
@@ -163,6 +187,7 @@ class SequentialBlock(Generic[Key]):
     def exclude(self, key: Key) -> None:
         """Take an observation out."""
         rows = self._included.pop(key)
+        self._equations -= len(rows.right)
         if rows.point is None:
             self._replace((rows.reduced,), ())
         else:
@@ -177,6 +202,7 @@ class SequentialBlock(Generic[Key]):
             self.include(key, rows)
             return
         self._included[key] = rows
+        self._equations += len(rows.right) - len(before.right)
         if rows.point is None:
             self._replace((before.reduced,), (rows.reduced,))
         else:
@@ -191,7 +217,7 @@ class SequentialBlock(Generic[Key]):
         of_none = [key for key, new in rows.items() if new.point is None]
         points = dict.fromkeys(new.point for new in rows.values() if new.point is not None)
         if of_none or len(points) > _MOST_REPLACED:
-            self.rebuild()
+            self.rebuild(points)
             return
         built = self.rebuilt
         for name in points:
@@ -201,24 +227,29 @@ class SequentialBlock(Generic[Key]):
 
     def exclude_all(self, keys: Iterable[Key]) -> None:
         """Take many observations out, those of a photo, and build the triangle again."""
-        for key in keys:
-            rows = self._included.pop(key)
-            if rows.point is not None:
-                self._of_points[rows.point].remove(key)
-        self.rebuild()
+        removed = [self._included.pop(key) for key in keys]
+        self.rebuild({rows.point for rows in removed if rows.point is not None})
 
     def relinearise(self, rows: Mapping[Key, ObservationRows]) -> None:
         """Replace all observations by the given ones, and build the triangle again."""
         self._included = dict(rows)
         self.rebuild()
 
-    def rebuild(self) -> None:
-        """Build the triangle from the equations of all observations that are in."""
+    def rebuild(self, changed: Collection[str] | None = None) -> None:
+        """Build the triangle from the equations of all observations that are in.
+
+        Parameters
+        ----------
+        changed : collection of str or None
+            Points whose observations have changed; those of all others are factored already. None: all points.
+        """
         self._of_points = {}
         for key, rows in self._included.items():
             if rows.point is not None:
                 self._of_points.setdefault(rows.point, []).append(key)
-        self._points = {name: self._factored(name) for name in self._of_points}
+        known = {} if changed is None else {name: point for name, point in self._points.items() if name not in changed}
+        self._points = _Points({name: known.get(name) or self._factored(name) for name in self._of_points})
+        self._equations = sum(len(rows.right) for rows in self._included.values())
         of_points = [reduced for point in self._points.values() for reduced in point.reduced]
         of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
         self.triangle.build([*of_points, *of_none])
@@ -248,10 +279,11 @@ class SequentialBlock(Generic[Key]):
         # a point with equations in the triangle that is not determined may have it built again
         all_of_it = point is not None and bool(point.reduced)
         saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
-        points, downdates = dict(self._points), self._downdates
+        points, downdates = self._points.copy(), self._downdates
         self.include(key, rows)
         standing = self.standing(key)
         del self._included[key]
+        self._equations -= len(rows.right)
         if name is not None:
             self._of_points[name].remove(key)
         self._points, self._downdates = points, downdates
@@ -348,7 +380,7 @@ class SequentialBlock(Generic[Key]):
 
     def _point_changed(self, name: str) -> None:
         """Bring what the observations of a point say about the reduced unknowns up to date."""
-        before = self._points.pop(name)
+        before = self._points.taken(name)
         if not self._of_points[name]:
             del self._of_points[name]
             self._replace(before.reduced, ())
