@@ -30,6 +30,12 @@ _LATER = 0.1
 _MANY = 3
 """Points of a photo that do not fit from which its orientation may be wrong."""
 
+_ALL = 200
+"""Observations up to which all are tested again when one of them was taken out; of more, those that nearly failed."""
+
+_NEARLY = 0.7
+"""Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
+
 _PAIR = 5
 """Points common to two photos, or control points of one, from which the first photos may be oriented."""
 
@@ -216,8 +222,8 @@ class Measuring:
         found: list[Suspect] = []
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
-            results = zip(tested, self._all_tested(tested), strict=True)
-            worst, (w, limit) = max(results, key=lambda one: one[1][0] / one[1][1])
+            results = dict(zip(tested, self._all_tested(tested), strict=True))
+            worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
             if w <= limit:
                 break
             alike = self._alike(worst, tested)
@@ -232,6 +238,8 @@ class Measuring:
             self.block.settle()
             if self._gives_up(worst.photo):
                 break
+            if len(tested) > _ALL:
+                keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
         return [one for one in found if one.key in self.suspects]
 
     def _gives_up(self, photo: str) -> bool:

@@ -24,6 +24,9 @@ LEAST_REDUNDANCY = 1e-4
 """Below this redundancy number an observation is not taken out of the triangle, which would lose more than four digits
 (of sixteen, as -log10 r are lost): it is built again."""
 
+_AT_ONCE = 256
+"""Observations that are substituted together, which bounds memory."""
+
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
@@ -298,7 +301,10 @@ class SequentialBlock(Generic[Key]):
         """Return how observations that are in fit."""
         return [
             Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
-            for own, spread, innovation, _ in self._all_whitened([self._included[key] for key in keys])
+            for first in range(0, len(keys), _AT_ONCE)
+            for own, spread, innovation, _ in self._all_whitened(
+                [self._included[key] for key in keys[first : first + _AT_ONCE]]
+            )
         ]
 
     def predicted(self, rows: Sequence[ObservationRows]) -> list[tuple[FloatArray, FloatArray, BoolArray]]:
