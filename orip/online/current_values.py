@@ -23,12 +23,19 @@ from orip.online.model_orientation import orientation_by_model
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
+from orip.records.observations.control import ControlPoint
 from orip.solving.better_minimum import doubt_about
 from orip.solving.starting_values import started_block
 from orip.wording import counted
 
 _KNOWN_POINTS = 4
 """Known points that orient a photo: three leave up to four orientations."""
+
+_ROBUST_FROM = 2
+_ITERATIONS = 20
+
+_LARGER = 5.0
+"""How many times larger errors than those a priori are tried for the first photos."""
 
 _NAMED = 5
 """Points that are named as what to measure next."""
@@ -86,8 +93,15 @@ class CurrentValues:
             reason = str(error).splitlines()[0]
             self.photos_wait = {photo.name: reason for photo in block.photos}
             return
-        self.photos_wait = {warning.where: warning.text for warning in started.left_out}
-        if doubt := self.adjust(started.block):
+        oriented = {photo.name for photo in started.block.photos}
+        left_out = [photo.name for photo in block.photos if photo.name not in oriented]
+        self.photos_wait = {name: why.text for name, why in zip(left_out, started.left_out, strict=True)}
+        doubt = self.adjust(started.block)
+        # few photos do not determine what is unknown of a camera, and a-priori errors may be too small
+        held = with_cameras_held(started.block)
+        for attempt in (held, _with_larger_errors(held)):
+            doubt = doubt and self.adjust(attempt)
+        if doubt:
             text = f"the first photos wait: their adjustment {doubt}; measure more of their common and known points"
             self.photos_wait = {photo.name: text for photo in block.photos}
             return
@@ -95,8 +109,15 @@ class CurrentValues:
 
     def adjust(self, started: Block) -> str:
         """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
+        definition = started.definition
+        # the first photos have blunders that nobody has seen, whatever the bundle is to do with them in the end
+        robust = replace(
+            definition, start_down_weight=_ROBUST_FROM, max_iterations=max(definition.max_iterations, _ITERATIONS)
+        )
         try:
-            solved = solve_block(started, lambda _: None, lambda: False)
+            # what is wrong may lead anywhere: such a result is refused
+            with np.errstate(all="ignore"):
+                solved = solve_block(replace(started, definition=robust), lambda _: None, lambda: False)
         except (NotSolvableError, InputError) as error:
             return f"failed ({str(error).splitlines()[0]})"
         if doubt := doubt_about(solved):
@@ -186,7 +207,10 @@ class CurrentValues:
         if part is None:
             return None
         of_photo = part.photo_points.xy[part.photo_points.photo == 0]
-        if part.cameras[0].frame is not None and image_configuration(of_photo, part.cameras[0].frame, of_photo).shortcoming:
+        if (
+            part.cameras[0].frame is not None
+            and image_configuration(of_photo, part.cameras[0].frame, of_photo).shortcoming
+        ):
             return None
         return orientation_by_model(self.started(part), name)
 
@@ -232,6 +256,26 @@ class CurrentValues:
         missing = f"{rays} of 2 rays of oriented photos" if rays else "none of its photos is oriented"
         self.points_wait[name] = f"point {name} waits: {missing}"
         return False
+
+
+def with_cameras_held(block: Block) -> Block:
+    """Return a block in which nothing of the cameras is unknown."""
+    return replace(block, cameras=tuple(replace(camera, unknown=()) for camera in block.cameras))
+
+
+def _with_larger_errors(block: Block) -> Block:
+    """Return a block whose photo points and control are several times less precise."""
+
+    def less_precise(point: ControlPoint) -> ControlPoint:
+        x, y, z = (error and _LARGER * error for error in point.errors)
+        return replace(point, errors=(x, y, z))
+
+    rays = block.photo_points
+    return replace(
+        block,
+        photo_points=replace(rays, error=_LARGER * rays.error),
+        control_points=tuple(map(less_precise, block.control_points)),
+    )
 
 
 def _given(measurements: Measurements, name: str) -> FloatArray | None:

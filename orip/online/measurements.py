@@ -38,6 +38,33 @@ class _Ray:
     errors: Pair = _NO_ERRORS
 
 
+def _testable(inputs: BlockInput) -> Control:
+    """Return the control with held coordinates as observations that are as precise as photo points are on the ground.
+
+    Only what is observed can be tested: control that is held would make what is measured near to a wrong point suspect.
+    """
+    control = inputs.control
+    known = [point.coordinates for point in control.points if None not in point.coordinates]
+    if inputs.definition.datum == "free" or len(known) < 2:
+        return control
+    error = _ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
+
+    def observed(point: ControlPoint) -> ControlPoint:
+        x, y, z = (error if given == 0.0 else given for given in point.errors)
+        return replace(point, errors=(x, y, z)) if point.kind == "control" and error > 0.0 else point
+
+    return replace(control, points=tuple(map(observed, control.points)))
+
+
+def _ray_error(inputs: BlockInput) -> float:
+    """Return the a-priori error of the direction of a ray, radians: that of photo coordinates over the typical C."""
+    precision = inputs.definition.measurement_precision
+    sizes = [size for pair in inputs.interior.pixel_sizes.values() for size in pair]
+    pixel = float(np.median(sizes)) if precision.unit == "px" and sizes else 1.0
+    distances = [camera.parameters[0] for camera in inputs.records.cameras.values() if camera.parameters[0] > 0.0]
+    return precision.value * pixel / float(np.median(distances)) if distances else 0.0
+
+
 class _ControlByName:
     """All control of a project, found by the points and photos that it is about."""
 
@@ -77,7 +104,7 @@ class _ControlByName:
         given = {
             place
             for point in self.points.get(name, ())
-            if not point.rejected
+            if point.kind == "control"
             for place in range(3)
             if point.coordinates[place] is not None
         }
@@ -114,8 +141,8 @@ class Measurements:
     """
 
     def __init__(self, inputs: BlockInput) -> None:
-        self._inputs = inputs
-        self.control = _ControlByName(inputs.control, inputs.preliminary)
+        self._inputs = replace(inputs, control=_testable(inputs))
+        self.control = _ControlByName(self._inputs.control, inputs.preliminary)
         antennas = tuple(replace(antenna, unknown=()) for antenna in inputs.antennas if antenna.shift == "none")
         self._has_steady_antennas = len(antennas) == len(inputs.antennas)
         self._antennas = antennas if self._has_steady_antennas else ()

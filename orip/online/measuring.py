@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from orip.adjustment.outlier_tests import OutlierTest
+from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.online.answers import Answer, Suspect, words_of
 from orip.online.measurements import Measurement, Measurements
 from orip.online.online_block import OnlineBlock
@@ -27,6 +28,9 @@ _FEW_POINTS = 12
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
 
+_RAYS_AGAINST_CONTROL = 2
+"""Rays of a control point that do not fit from which the control may be what is wrong."""
+
 _MANY = 3
 """Points of a photo that do not fit from which its orientation may be wrong."""
 
@@ -35,6 +39,18 @@ _ALL = 200
 
 _NEARLY = 0.7
 """Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
+
+_ENOUGH = 20
+"""Redundancy from which the observations tell how large their errors are."""
+
+_SAMPLE = 200
+"""Photo points that these are estimated from."""
+
+_WELL_CHECKED = 0.1
+"""Redundancy number from which an observation counts for that."""
+
+_TOO_SMALL = 1.5
+"""Estimated errors over those a priori up to which the latter are believed."""
 
 _PAIR = 5
 """Points common to two photos, or control points of one, from which the first photos may be oriented."""
@@ -65,9 +81,12 @@ class Measuring:
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
         self._next_adjustment = 0.0
+        self._next_scale = 0
+        self._scale = 1.0
         self._test = OutlierTest(ALPHA, 1.0, None)
         if len(block.measurements):
             self._start(block.measurements.photos)
+            self._estimate_scale()
             self._snoop(set(block.equations.included))
 
     def measure(self, measurement: Measurement) -> Answer:
@@ -139,9 +158,11 @@ class Measuring:
         return self._answer(self._measured(photo, point), self.block.sigma0, _Found([], [], [], []))
 
     def relinearise(self) -> None:
-        """Linearise all equations at the solution, until nothing moves any more."""
+        """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
         for _ in range(3):
             self.block.relinearise()
+        if self.suspects:
+            self._review()
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
@@ -163,6 +184,7 @@ class Measuring:
         if not block.values.orientations:
             self._start([key.photo])
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
+            self._estimate_scale()
             found.suspects = self._snoop(set(block.equations.included), key)
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
@@ -173,8 +195,10 @@ class Measuring:
         if found.oriented:
             self._adjust_cameras()
         block.settle({point, *found.placed})
+        if self._estimate_scale():
+            again += self._review()
         found.suspects = self._snoop(self._concerned(key, new), key)
-        found.cleared = [other for other in again if other in block.equations.included]
+        found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
@@ -238,13 +262,47 @@ class Measuring:
             self.block.settle()
             if self._gives_up(worst.photo):
                 break
+            if worst.kind == "photo":
+                found += self._blamed_control(worst.point)
             if len(tested) > _ALL:
                 keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
         return [one for one in found if one.key in self.suspects]
 
+    def _blamed_control(self, point: str) -> list[Suspect]:
+        """Suspect the control of a point, and not its rays, where several of these fit each other without it."""
+        of_point = [key for key in self.suspects if key.point == point]
+        rays = [key for key in of_point if key.kind == "photo"]
+        control = ObservationKey("control", "", point)
+        if len(rays) < _RAYS_AGAINST_CONTROL or control not in self.block.equations.included:
+            return []
+        before = {key: self.suspects[key] for key in rays}
+        (w, limit) = max((one.w, one.limit) for one in before.values())
+        self.block.take_out(control)
+        self.block.left_out.add(control)
+        self._forgive(rays)
+        self.block.include((key.photo, key.point) for key in rays)
+        self.block.settle([point])
+        inside = [key for key in rays if key in self.block.equations.included]
+        wrong = [key for key, (w, limit) in zip(inside, self._all_tested(inside), strict=True) if w > limit]
+        if len(wrong) < len(rays) - 1:
+            self.suspects[control] = Suspect(control, w, limit, ())
+            return [self.suspects[control]]
+        for key in rays:
+            self.block.take_out(key)
+        self.suspects |= before
+        self.block.left_out.update(rays)
+        self.block.left_out.discard(control)
+        self.block.include(self.block.rays_with_values(points=[point]))
+        self.block.settle([point])
+        return []
+
     def _gives_up(self, photo: str) -> bool:
         """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
         wrong = [key for key in self.suspects if photo and key.photo == photo]
+        if photo and photo not in self.block.values.orientations:
+            # it has not settled, and is out already
+            self._forgive(wrong)
+            return True
         fitting = len(self.block.included_of(photos=[photo]))
         if len(wrong) < _MANY or len(wrong) <= fitting:
             return False
@@ -259,7 +317,46 @@ class Measuring:
     def _all_tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
         """Return the root of the fall of the square sum without each observation, and its limit."""
         squares = [standing.square() for standing in self.block.equations.standings(keys)]
-        return [(float(np.sqrt(square)), self._test.group_limit(max(checked, 1))) for square, checked in squares]
+        return [(float(np.sqrt(square)), self._limit(max(checked, 1))) for square, checked in squares]
+
+    def _limit(self, checked: int) -> float:
+        return self._scale * self._test.group_limit(checked)
+
+    def _review(self) -> list[ObservationKey]:
+        """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
+        tried = sorted(self.suspects, key=lambda key: self.suspects[key].w)
+        taken = []
+        for key in tried:
+            rays = self.block.rays_with_values(points=[key.point])
+            rows = self.block.rows(rays).get(key)
+            if rows is None:
+                continue
+            square, checked = self.block.equations.trial(key, rows).square()
+            if np.sqrt(square) <= self._limit(max(checked, 1)):
+                self._forgive([key])
+                self.block.equations.include(key, rows)
+                taken.append(key)
+        self.block.settle({key.point for key in taken})
+        self._snoop(self.block.included_of(points={key.point for key in taken}))
+        return taken
+
+    def _estimate_scale(self) -> bool:
+        """Estimate how many times too small the a-priori errors are, from the median of what is in.
+
+        It is estimated again when enough more has been measured, from a sample: half of it may be wrong. False: that is
+        not so yet.
+        """
+        included = self.block.equations.included
+        if self.block.equations.redundancy < _ENOUGH or len(included) < self._next_scale:
+            return False
+        self._next_scale = int(len(included) * (1.0 + _LATER))
+        keys = [key for key in included if key.kind == "photo"]
+        sample = keys[:: max(1, len(keys) // _SAMPLE)]
+        w = np.concatenate([standing.normalised(_WELL_CHECKED) for standing in self.block.equations.standings(sample)])
+        w = np.abs(w[np.isfinite(w)])
+        scale = float(np.median(w)) / MEDIAN_OF_NORMAL if len(w) >= _ENOUGH else 1.0
+        self._scale = scale if scale > _TOO_SMALL else 1.0
+        return True
 
     def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
         others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
@@ -294,9 +391,9 @@ class Measuring:
             )  # fmt: skip
             w, limit = None, None
             if checked:
-                w, limit = float(np.sqrt(square)), self._test.group_limit(checked)
+                w, limit = float(np.sqrt(square)), self._limit(checked)
             return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = float(np.sqrt(square)), self._test.group_limit(checked)
+        w, limit = float(np.sqrt(square)), self._limit(checked)
         text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
         return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from orip.bundle.assemble import BlockInput
 from orip.bundle.part_of_block import part_of_block
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
-from orip.online.current_values import CurrentValues
+from orip.online.current_values import CurrentValues, with_cameras_held
 from orip.online.measurements import Measurements, RayName
 from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
@@ -27,6 +26,9 @@ what they neglect is the square of it, a tenth of a micrometre in the photo."""
 
 _LOST = 0.5
 """Corrections, in the same measure, of a photo that is not oriented: its equations mean nothing."""
+
+_UNSTEADY = 0.05
+"""The same after all attempts to linearise at the solution."""
 
 _UNSETTLED = "photo {} waits: its points do not determine its orientation; measure more of them, far from each other"
 
@@ -148,7 +150,7 @@ class OnlineBlock:
 
     def linearised(self, part: Block) -> dict[ObservationKey, ObservationRows]:
         """Return the equations of a block at its values, its cameras held."""
-        part = _with_cameras_held(part)
+        part = with_cameras_held(part)
         known = self.values.is_placed(part)
         if not known.all():
             part = part_of_block(part, np.ones(len(part.photos), dtype=bool), known)
@@ -174,9 +176,9 @@ class OnlineBlock:
         points : collection of str
             Points that may have moved.
         """
-        for attempt in range(_RELINEARISATIONS + 1):
+        for attempt in range(_RELINEARISATIONS + 2):
             reduced = self.equations.triangle.solution()
-            lost = self._far_photos(reduced, _LOST) if attempt < _RELINEARISATIONS else self._far_photos(reduced)
+            lost = self._far_photos(reduced, _LOST if attempt < _RELINEARISATIONS else _UNSTEADY)
             if lost:
                 for photo in lost:
                     self.forget_photo(photo)
@@ -222,8 +224,10 @@ class OnlineBlock:
         """Move some photos and points to the solution, and linearise what is observed of them there."""
         part = self.measurements.part(self.rays_with_values(photos=photos))
         if part is not None:
-            part = _with_cameras_held(self.values.started(part))
-            moved = starting_state(part).moved(self._of_block(part, reduced), number_unknowns(part, self._tied_rows(part)))
+            part = with_cameras_held(self.values.started(part))
+            moved = starting_state(part).moved(
+                self._of_block(part, reduced), number_unknowns(part, self._tied_rows(part))
+            )
             for row, photo in enumerate(part.photos):
                 self.values.orientations[photo.name] = np.concatenate([moved.centres[row], moved.angles()[row]])
         for name, move in points.items():
@@ -238,7 +242,7 @@ class OnlineBlock:
         part = self._valued()
         if part is None:
             return
-        part = _with_cameras_held(part)
+        part = with_cameras_held(part)
         reduced, points = self.equations.solution()
         unknowns = number_unknowns(part, self._tied_rows(part))
         correction = self._of_block(part, reduced)
@@ -282,7 +286,3 @@ class OnlineBlock:
             return None
         oriented, placed = self.values.is_oriented(block), self.values.is_placed(block)
         return part_of_block(self.values.started(block), oriented, placed)
-
-
-def _with_cameras_held(block: Block) -> Block:
-    return replace(block, cameras=tuple(replace(camera, unknown=()) for camera in block.cameras))

@@ -57,4 +57,3 @@ class PhotoCorrections:
             rows.append(self._rows[name.name])
             places.append(place)
         self._seen = len(self._columns.names)
-

@@ -102,13 +102,16 @@ def _measured(
 ) -> list[Measurement]:
     """Return the measurements without blunders, photo by photo."""
     rotations = rotation_from_angles(orientations[:, 3:])
-    found: list[Measurement] = []
+    places, found = np.array(list(points.values())), list[Measurement]()
     for name, centre, rotation in zip(names, orientations[:, :3], rotations, strict=True):
-        for point, coordinates in points.items():
-            ray = (coordinates - centre) @ rotation
-            xy = -_PRINCIPAL_DISTANCE * ray[:2] / ray[2] + _PRECISION_MM * random.normal(size=2)
-            if (np.abs(xy) < _FRAME / 2.0).all():
-                found.append((name, point, (float(xy[0]), float(xy[1]))))
+        rays = (places - centre) @ rotation
+        image = -_PRINCIPAL_DISTANCE * rays[:, :2] / rays[:, 2:] + _PRECISION_MM * random.normal(size=(len(rays), 2))
+        shown = (np.abs(image) < _FRAME / 2.0).all(axis=1)
+        found += [
+            (name, point, (float(x), float(y)))
+            for point, (x, y), is_shown in zip(points, image, shown, strict=True)
+            if is_shown
+        ]
     return found
 
 
