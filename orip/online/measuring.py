@@ -9,7 +9,8 @@ import numpy as np
 
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
-from orip.online.answers import Answer, Suspect, words_of
+from orip.online.advice import advice
+from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.measurements import Measurement, Measurements
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
@@ -21,6 +22,9 @@ ALPHA = 0.001
 
 _ALIKE = 0.9
 """Correlation of residuals from which an error of one observation cannot be told from one of the other."""
+
+_ADVISED = 3
+"""What to measure next, in an answer."""
 
 _FEW_POINTS = 12
 """Points of a photo up to which a new one is also a check of the others."""
@@ -163,6 +167,10 @@ class Measuring:
             self.block.relinearise()
         if self.suspects:
             self._review()
+
+    def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
+        """Return what to measure next in some photos, the most profitable first."""
+        return advice(self.block, photos, most) if self.block.values.orientations else ()
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
@@ -373,6 +381,7 @@ class Measuring:
             key.photo, key.point, "waiting", "",
             sigma0=self.block.sigma0, sigma0_before=before, suspects=tuple(found.suspects),
             cleared=tuple(found.cleared), oriented=tuple(found.oriented), placed=tuple(found.placed),
+            next=self.next([key.photo], _ADVISED),
         )  # fmt: skip
         if key in self.excluded:
             return replace(answer, state="excluded", text=f"{words_of(key)} is left out by your decision")

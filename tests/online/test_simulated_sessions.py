@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
 from orip.online.measurements import Measurement
 from orip.online.measuring import ALPHA, Measuring, summary

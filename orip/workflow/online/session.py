@@ -16,7 +16,6 @@ import numpy as np
 from orip.errors import UsageError
 from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import LogFile, measurement_line, points_header
-from orip.interior.log_coordinates import stored_to_log
 from orip.online.answers import Answer
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
@@ -101,14 +100,14 @@ class OnlineSession:
             message = f"photo {record.name} has no interior orientation; measure its fiducial marks first"
             raise UsageError(message)
         before = self._measured(record.name, point)
-        self._undo.append(_Undo(record.name, point, None if before is None else self._to_log(record.name, before)))
+        self._undo.append(_Undo(record.name, point, None if before is None else self.to_log(record.name, before)))
         self._write(record.name, point, xy, again=before is not None)
         return self.measuring.measure((record.name, point, stored))
 
     def remove(self, photo: str, point: str) -> None:
         """Delete what was measured of a point in a photo."""
         name, before = self._required(photo, point)
-        self._undo.append(_Undo(name, point, self._to_log(name, before)))
+        self._undo.append(_Undo(name, point, self.to_log(name, before)))
         self._edit("KILL", name, point)
         self.measuring.remove(name, point)
 
@@ -217,7 +216,13 @@ class OnlineSession:
         x, y = to_log.inverse().apply(np.array([xy]))[0]
         return float(x), float(y)
 
-    def _to_log(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+    def to_photo(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+        """Return the photo coordinates, mm, of stored ones."""
+        x, y = self._films.interior.to_photo[record_key(photo)].apply(np.array([stored]))[0]
+        return float(x), float(y)
+
+    def to_log(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+        """Return the coordinates of a measurement file of stored ones."""
         to_log = stored_to_log(self._films.photo(photo), self._films.definitions, self._films.interior.to_template)
         assert to_log is not None, "it has been measured"
         x, y = to_log.apply(np.array([stored]))[0]
