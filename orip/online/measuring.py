@@ -44,7 +44,7 @@ _ALL = 200
 _NEARLY = 0.7
 """Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
 
-_ENOUGH = 20
+_ENOUGH = 40
 """Redundancy from which the observations tell how large their errors are."""
 
 _SAMPLE = 200
@@ -53,7 +53,7 @@ _SAMPLE = 200
 _WELL_CHECKED = 0.1
 """Redundancy number from which an observation counts for that."""
 
-_TOO_SMALL = 1.5
+_TOO_SMALL = 2.0
 """Estimated errors over those a priori up to which the latter are believed."""
 
 _PAIR = 5

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,29 @@ def page_of(invocation: Invocation, session: ServedSession) -> Iterator[None]:
     finally:
         server.shutdown()
         server.server_close()
+
+
+@contextmanager
+def answered_online(invocation: Invocation, bundle: str | None) -> Iterator[Callable[..., None]]:
+    """Answer what is digitised meanwhile: each point that is written is handed to the function that is yielded."""
+    from threadpoolctl import threadpool_limits
+
+    from orip.workflow.online.served import ServedSession
+    from orip.workflow.online.session import OnlineSession
+
+    with threadpool_limits(invocation.terminal.threads, user_api="blas"):
+        session = ServedSession(OnlineSession(invocation.folder, bundle), invocation.folder)
+
+        def written(photo: str, point: str, xy: tuple[float, float] | None) -> None:
+            reply = session.written(photo, point, xy)
+            if reply is not None:
+                invocation.terminal.say(reply["text"])
+                for suspect in reply["suspects"]:
+                    if (suspect["photo"], suspect["point"]) != (photo, point):
+                        invocation.terminal.say(f"{suspect['observation']} does not fit: measure it again")
+
+        with page_of(invocation, session):
+            yield written
 
 
 def serve_programs(invocation: Invocation, session: ServedSession, address: tuple[str, int]) -> None:

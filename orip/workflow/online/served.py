@@ -39,6 +39,16 @@ class ServedSession:
                 self.page.answered(reply)
             return reply
 
+    def written(self, photo: str, point: str, xy: tuple[float, float] | None) -> Reply | None:
+        """Return the reply to what this program has written to a log; see `OnlineSession.written`."""
+        with self._lock:
+            answer = self._session.written(photo, point, xy)
+            if answer is None:
+                return None
+            reply = reply_of(self._session, answer)
+            self.page.answered(reply)
+            return reply
+
     def appended(self) -> Iterator[Reply]:
         """Yield replies to what others have written to measurement files since."""
         with self._lock:

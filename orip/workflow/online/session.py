@@ -104,6 +104,23 @@ class OnlineSession:
         self._write(record.name, point, xy, again=before is not None)
         return self.measuring.measure((record.name, point, stored))
 
+    def written(self, photo: str, point: str, xy: tuple[float, float] | None) -> Answer | None:
+        """Answer a measurement that this program has written to a measurement file itself.
+
+        Parameters
+        ----------
+        photo, point : str
+        xy : tuple or None
+            As in the file; None: what was measured of the point there is deleted, and there is no answer.
+        """
+        name = self._films.photo(photo).name
+        self._seen = self._files_now()
+        if xy is not None:
+            return self.measuring.measure((name, point, self._to_stored(name, (round(xy[0], 4), round(xy[1], 4)))))
+        if self._measured(name, point) is not None:
+            self.measuring.remove(name, point)
+        return None
+
     def remove(self, photo: str, point: str) -> None:
         """Delete what was measured of a point in a photo."""
         name, before = self._required(photo, point)
