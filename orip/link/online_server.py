@@ -21,6 +21,9 @@ LONGEST_LINE = 4096
 _LOOKS_EVERY_S = 0.5
 """Seconds after which is looked for what others have written to measurement files."""
 
+_ENDING_S = 1.0
+"""Seconds for connections to end."""
+
 _LARGEST_BACKLOG = 1024 * 1024
 """Bytes that a client has not read; with more the connection ends."""
 
@@ -49,6 +52,7 @@ class OnlineServer:
     def __init__(self, answering: Answering) -> None:
         self._answering = answering
         self._clients: dict[asyncio.StreamWriter, str] = {}
+        self._serving: set[asyncio.Task[None]] = set()
         self._writing: asyncio.StreamWriter | None = None
 
     async def serve(self, host: str, port: int, listening: Callable[[str, int], None], end: Awaitable[object]) -> None:
@@ -71,10 +75,15 @@ class OnlineServer:
                 await looking
             for client in list(self._clients):
                 client.close()
+            if self._serving:
+                await asyncio.wait(set(self._serving), timeout=_ENDING_S)
 
     async def _serve_client(self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         host, port = (writer.get_extra_info("peername") or ("unknown", 0))[:2]
         self._clients[writer] = f"{host}:{port}"
+        task = asyncio.current_task()
+        assert task is not None, "asyncio calls it in a task"
+        self._serving.add(task)
         try:
             self._writing = self._writing or writer
             self._say(
@@ -87,6 +96,7 @@ class OnlineServer:
         except OSError:
             writer.transport.abort()
         finally:
+            self._serving.discard(task)
             del self._clients[writer]
             if self._writing is writer:
                 self._writing = None

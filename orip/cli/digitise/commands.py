@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from contextlib import nullcontext
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 

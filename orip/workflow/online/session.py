@@ -16,6 +16,7 @@ import numpy as np
 from orip.errors import UsageError
 from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import LogFile, measurement_line, points_header
+from orip.interior.log_coordinates import stored_to_log
 from orip.online.answers import Answer
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
