@@ -143,7 +143,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
 def _impossible(project: ExchangedProject) -> Iterator[str]:
     """Yield what no project can have: a file that says it is damaged, or was read as what it is not."""
     if not project.photos and not project.is_calibration:
-        yield "there are no photos in it"
+        yield "the project has no photos"
     image = ~(np.abs(project.rays.image) <= _LARGEST_IMAGE).all(axis=1)
     if image.any():
         row = int(np.flatnonzero(image)[0])
