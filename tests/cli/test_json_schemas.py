@@ -32,7 +32,7 @@ observations disregard point 101 1107 --dry-run; control points list; control di
 control points edit CP1 aX=0.5 --dry-run; control distances disregard T1 --dry-run; drive table; export-toml
 camera plot REFLEX35; camera list; photo show 101; bundle edit MAIN enp_stop=5 --dry-run
 digitise points --dry-run; export csv tables; export --list; import --list; init --sample; init NEW new
-init --sample dcs260_calibration grid; prelim
+init --sample dcs260_calibration grid; prelim; results photos NONE
 """.replace("\n", ";").split(";")
 """Commands that are run one after the other in the sample with models; each prints its document, or why it failed."""
 
