@@ -18,8 +18,9 @@ from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-_MOST_ROWS, _MOST_REDUCED = 1000, 20
-"""Observations that are all tried; of more, so many that have lost weight, with the others of their points."""
+_MOST_ROWS, _MOST_REDUCED = 1000, 60
+"""Observations that are all tried, of more those of the points in doubt; and those that may have lost weight: where more
+have, only some could be taken back, and which of them would depend on the start."""
 
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
@@ -91,7 +92,7 @@ def exchanges_to_try(
         Standard residual up to which an observation has full weight.
     """
     judged = weights[equations.active & ~equations.exact]
-    if np.count_nonzero(judged < 1.0) > max(_FEW, _MOST_PART * len(judged)):
+    if np.count_nonzero(judged < 1.0) > min(max(_FEW, _MOST_PART * len(judged)), _MOST_REDUCED):
         return ()
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
@@ -126,15 +127,11 @@ def _with_their_groups(rows: IntArray, equations: Equations) -> IntArray:
 
 
 def _rows_to_exchange(equations: Equations, weights: FloatArray, layout: Layout) -> IntArray:
-    """Return the observations that may be exchanged: all, or in large blocks those of the points least in doubt.
-
-    In large blocks they are the observations of the points with the smallest residuals among those that lost weight.
-    """
+    """Return the observations that may be exchanged: all, or in large blocks those of points that have lost some."""
     judged = np.flatnonzero(equations.active & ~equations.exact)
     if len(judged) <= _MOST_ROWS:
         return judged
     reduced = judged[weights[judged] < 1.0]
-    reduced = reduced[np.argsort(np.abs(equations.residual[reduced]), kind="stable")[:_MOST_REDUCED]]
     points = equations.design[:, layout.reduced :]
     touched = np.unique(points[reduced].indices // 3)
     columns = (3 * touched[:, None] + np.arange(3)).ravel()

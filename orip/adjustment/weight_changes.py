@@ -17,9 +17,6 @@ import numpy as np
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-_MOST_TAKEN_BACK = 60
-"""Observations that are taken back for trial: of more, those with the smallest residuals."""
-
 _LEAST_GAIN, _DOUBT = 0.002, 0.01
 """Part of the square of the limit by which the cost has to fall; changes after which it is higher by no more than the
 second are doubtful: residuals of dozens of a-priori errors are not linear, and only an adjustment tells."""
@@ -239,7 +236,7 @@ def _first_changes(start: LinearAdjustment, limit: float) -> tuple[_Ways, IntArr
     An observation is taken back by itself, or in exchange for one of those that gain most from it; or one is left out.
     """
     reduced = np.flatnonzero(start.weight < 1.0)
-    nearest = reduced[np.argsort(np.abs(start.residual[reduced]), kind="stable")[:_MOST_TAKEN_BACK]]
+    nearest = reduced[np.argsort(np.abs(start.residual[reduced]), kind="stable")]
     alone = _begun(start, 1)
     of_all, other_weights = (values[0] for values in alone.gains(limit))
     of_all[reduced] = np.inf
