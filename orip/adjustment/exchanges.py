@@ -19,8 +19,8 @@ from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_co
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _MOST_ROWS, _MOST_REDUCED = 1000, 60
-"""Observations that are all tried, of more those of the points in doubt; and those that may have lost weight: of more, only
-some could be taken back, and which of them would depend on the start."""
+"""Observations that are all tried, of more those of the points in doubt; and those that may have lost weight: of more,
+only some could be taken back, and which of them would depend on the start."""
 
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
