@@ -143,7 +143,7 @@ def _flight(camera: _Camera, random: np.random.Generator) -> _Flight:
     plan = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
     plan = plan + random.uniform(-0.1, 0.1, plan.shape) * base
     wave = 0.05 * height * np.sin(plan[:, 0] / base + 1.0) * np.cos(plan[:, 1] / spacing)
-    ground = np.column_stack([plan, wave + random.normal(size=len(plan)) * 0.01 * height]) + [*origin[:2], origin[2]]
+    ground = origin + np.column_stack([plan, wave + random.normal(size=len(plan)) * 0.01 * height])
     return _Flight(names, centres, angles, {str(1001 + place): row for place, row in enumerate(ground)})
 
 
@@ -202,12 +202,11 @@ def _control(flight: _Flight, fault: Fault, random: np.random.Generator) -> str:
 def _definition(name: str, camera: _Camera, flight: _Flight, fault: Fault, shared: str) -> str:
     height = camera.rows * camera.pixel
     gate = "1e-3" if fault == "gate" else "1.5"
+    sensor = f"columns = {camera.columns}, rows = {camera.rows}, width = {camera.width}, height = {height:.6g}"
     parts = [
         f'[project]\nname = "{name}"\nuser = "simulated"\nground_unit = "m"',
         f'[check]\ngates = ["sigma0<={gate}", "check_points.max<=0.5"]',
-        f'[[camera]]\nname = "{camera.name}"\nc = {camera.c}\n'
-        f"sensor = {{ columns = {camera.columns}, rows = {camera.rows}, "
-        f"width = {camera.width}, height = {height:.6g} }}",
+        f'[[camera]]\nname = "{camera.name}"\nc = {camera.c}\nsensor = {{ {sensor} }}',
         '[[bundle]]\nname = "MAIN"\nmeasurement_precision = "0.4px"',
         *(f'[[photo]]\nname = "{photo}"\ncamera = "{camera.name}"' for photo in flight.photos),
     ]

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
-from orip.workflow.archive.task import Limits, ProjectTask, TaskSettings, carry_out, keep_over_limit
+from orip.workflow.archive.task import ProjectTask, TaskReply, TaskSettings, carry_out, keep_over_limit
 from orip.workflow.archive.worker import DIED, ENDED
 
 _PIECE = 1 << 16
@@ -80,21 +80,28 @@ def _as_copy(task: ProjectTask, writing: int) -> None:
         nowhere = os.open(os.devnull, os.O_RDWR)
         for standard in (0, 1, 2):
             os.dup2(nowhere, standard)
-        _limit(task.settings.limits)
+        reply = _within_limits(task)
         with os.fdopen(writing, "wb") as stream:
-            pickle.dump(carry_out(task), stream)
+            pickle.dump(reply, stream)
         code = 0
     finally:
         os._exit(code)
 
 
-def _limit(limits: Limits) -> None:
+def _within_limits(task: ProjectTask) -> TaskReply:
+    """Carry out a task with the memory that it may have; what is written if that is too little may take more."""
     import resource
 
+    megabytes, began = task.settings.limits.megabytes, time.monotonic()
     # data, not address space: libraries that are only mapped do not count
-    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    resource.setrlimit(resource.RLIMIT_DATA, (limits.megabytes * _MEGABYTE, hard))
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_DATA, (megabytes * _MEGABYTE, hard))
+    try:
+        return carry_out(task)
+    except MemoryError:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+    return keep_over_limit(task, f"needs more than {megabytes} MB of memory; see --memory", time.monotonic() - began)
 
 
 def _reply(reading: int, process: int, seconds: float) -> bytes | None:

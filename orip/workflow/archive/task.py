@@ -17,7 +17,7 @@ from orip.archive.rows import AdjustedBundle, rows_of_bundles
 from orip.archive.tables import Row
 from orip.bundle.methods import Method
 from orip.errors import InputError, LockedError, OripError
-from orip.files.archive.finished import read_head, write_finished
+from orip.files.archive.finished import FinishedHead, read_head, write_finished
 from orip.files.archive.layout import ResultsFolder
 from orip.files.text.digest import file_digest
 from orip.solving.solve import NOBODY, PLAIN
@@ -98,23 +98,28 @@ def carry_out(task: ProjectTask) -> TaskReply:
     """Adjust a project unless it is finished; what is kept of it is written when this returns.
 
     What the machine is to blame for is returned and not written: the same may go well next time.
+
+    Raises
+    ------
+    MemoryError
     """
     texts = _digest_of_texts(Path(task.folder))
     head = read_head(ResultsFolder(Path(task.results)), task.name)
-    if (
-        head is not None
-        and not task.settings.again
-        and head.settings == _settings_of(task, head.state)
-        and head.state != "machine"
-        and head.texts == texts
-        and head.steps == _digest_of_steps(Path(task.folder))
-    ):
+    if head is not None and not task.settings.again and _is_finished(task, head, texts):
         return TaskReply(task.name, head.state, head.message, repeated=True)
     began = time.monotonic()
-    state, message, tables = _ended(lambda: _adjusted(task), task)
+    state, message, tables = _ended(lambda: _adjusted(task))
     if state != "machine":
         keep(task, state, message, tables, texts, time.monotonic() - began)
     return TaskReply(task.name, state, message)
+
+
+def _is_finished(task: ProjectTask, head: FinishedHead, texts: str) -> bool:
+    """Tell whether what is kept of a project is what would be found now."""
+    if head.state == "machine" or head.settings != _settings_of(task, head.state) or head.texts != texts:
+        return False
+    # a project that was ended by its limits may have got anywhere
+    return head.state == "over limit" or head.steps == _digest_of_steps(Path(task.folder))
 
 
 def keep(
@@ -144,17 +149,17 @@ def _settings_of(task: ProjectTask, state: State) -> str:
     return f"{settings.digest} {settings.limits}" if state == "over limit" else settings.digest
 
 
-def _ended(adjust: Callable[[], Tables], task: ProjectTask) -> tuple[State, str, Tables | None]:
-    """Return how an adjustment ended."""
+def _ended(adjust: Callable[[], Tables]) -> tuple[State, str, Tables | None]:
+    """Return how an adjustment ended; the end of the memory is for the caller, who may have some left."""
     try:
         return "adjusted", "", adjust()
-    except MemoryError:
-        return "over limit", f"needs more than {task.settings.limits.megabytes} MB of memory; see --memory", None
     except OSError as error:
         return "machine", f"the system refused: {error}", None
     except OripError as error:
         is_refused = isinstance(error, LockedError) or isinstance(error.__cause__, OSError)
         return "machine" if is_refused and not isinstance(error, InputError) else "wrong", first_line(error), None
+    except MemoryError:
+        raise
     except Exception as error:  # noqa: BLE001  # one faulty project must not end the archive
         return "wrong", f"internal error: {type(error).__name__}: {error}; please report it", None
 

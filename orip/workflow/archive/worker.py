@@ -89,10 +89,11 @@ def run_project(version: str, task: bytes, *_waited_for: object) -> bytes:
     if version != __version__:
         message = f"a worker has orip {__version__}, and this is {version}; install the same version on both"
         raise UnfitWorkerError(message)
+    server = _server()
     try:
-        how, reply = _server().ask(task)
+        how, reply = server.ask(task)
     except (EOFError, OSError, pickle.UnpicklingError) as error:
-        _of_thread.server = None
+        server.close()
         message = f"the process that adjusts projects ended: {error or 'without a word'}"
         raise MachineFailureError(message) from None
     if how == DIED:
@@ -113,6 +114,11 @@ class _Server:
             start_new_session=True,
         )
 
+    def close(self) -> None:
+        """End it, with the project that it works on."""
+        self._process.kill()
+        self._process.communicate()
+
     @property
     def is_running(self) -> bool:
         return self._process.poll() is None
@@ -130,5 +136,7 @@ class _Server:
 def _server() -> _Server:
     server: _Server | None = getattr(_of_thread, "server", None)
     if server is None or not server.is_running:
+        if server is not None:
+            server.close()
         server = _of_thread.server = _Server()
     return server
