@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -133,12 +133,13 @@ class BlockProblem:
         return self._stored(state).design
 
     def _stored(self, state: BlockState) -> Equations:
-        if not self.observations:
+        measured = [kind for kind in self.observations if len(kind.rows.error)]
+        if not measured:
             nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
             return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
-        indices, indptr, kept = self._pattern()
+        indices, indptr, kept = _pattern(measured)
         data, residual, active, exact = [], [], [], []
-        for observations, keep in zip(self.observations, kept, strict=True):
+        for observations, keep in zip(measured, kept, strict=True):
             values = observations.linearise_with_partials(state)
             error = observations.rows.error
             data.append((values.partials / error[:, None])[keep])
@@ -147,14 +148,6 @@ class BlockProblem:
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
         return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
-
-    def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
-        """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-        columns = [kind.columns() for kind in self.observations]
-        kept = [table != CONSTANT for table in columns]
-        indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
-        counts = np.concatenate([keep.sum(axis=1) for keep in kept])
-        return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
     def _streamed(self, state: BlockState, loop: PhotoPointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
@@ -175,7 +168,9 @@ class BlockProblem:
             correction = self.datum.transformed(correction, state, self.unknowns)
         moved = state.moved(correction, self.unknowns)
         memory = {
-            kind.rows.kind.name: kept for kind in self.observations if (kept := kind.remembered(moved)) is not None
+            kind.rows.kind.name: kept
+            for kind in self.observations
+            if len(kind.rows.error) and (kept := kind.remembered(moved)) is not None
         }
         return replace(moved, memory=memory)
 
@@ -288,6 +283,15 @@ class BlockProblem:
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps the rotation of every photo within the range of the linearisation."""
         return rotation_limit(correction, self.unknowns)
+
+
+def _pattern(observations: Sequence[Observations]) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
+    """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
+    columns = [kind.columns() for kind in observations]
+    kept = [table != CONSTANT for table in columns]
+    indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
+    counts = np.concatenate([keep.sum(axis=1) for keep in kept])
+    return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
 
 def pose_problem(block: Block) -> BlockProblem:

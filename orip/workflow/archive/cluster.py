@@ -59,7 +59,8 @@ def connected(address: str | None, workers: int | None) -> Iterator[Client]:
     import dask
     from distributed import Client, LocalCluster
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)  # what matters is told by the program itself
+    for library in ("distributed", "tornado", "asyncio"):  # what matters is told by the program itself
+        logging.getLogger(library).setLevel(logging.CRITICAL + 1)
     if address is None:
         settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS}
         with (
