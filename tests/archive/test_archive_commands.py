@@ -30,6 +30,7 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @needs_fork
+@pytest.mark.slow
 def test_a_run_on_this_machine(tmp_path: Path) -> None:
     for name in ("a", "b", "c"):
         (tmp_path / "surveys" / name).mkdir(parents=True)

@@ -56,26 +56,39 @@ def connected(address: str | None, workers: int | None) -> Iterator[Client]:
     UsageError
         If the address is malformed.
     """
+    logging.disable(logging.CRITICAL)  # what matters is told by the program itself
+    try:
+        with _own_cluster(workers) if address is None else _scheduler(address) as client:
+            yield client
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+@contextmanager
+def _own_cluster(workers: int | None) -> Iterator[Client]:
+    """Start a cluster on this machine, and end it."""
     import dask
     from distributed import Client, LocalCluster
 
-    for library in ("distributed", "tornado", "asyncio"):  # what matters is told by the program itself
-        logging.getLogger(library).setLevel(logging.CRITICAL + 1)
-    if address is None:
-        settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS}
-        with (
-            dask.config.set(settings),
-            LocalCluster(
-                n_workers=workers or cores(),
-                threads_per_worker=1,
-                memory_limit=0,  # projects have limits of their own, and none is in the worker's process
-                dashboard_address="127.0.0.1:8787",
-                silence_logs=logging.CRITICAL + 1,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            yield client
-        return
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": _MOST_DEATHS}),
+        LocalCluster(
+            n_workers=workers or cores(),
+            threads_per_worker=1,
+            memory_limit=0,  # projects have limits of their own, and none is in the worker's process
+            dashboard_address="127.0.0.1:8787",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _scheduler(address: str) -> Iterator[Client]:
+    """Connect to a scheduler, and leave it."""
+    from distributed import Client
+
     try:
         client = Client(address, timeout=_CONNECT_SECONDS)
     except ValueError as error:
