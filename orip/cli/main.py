@@ -41,6 +41,7 @@ app = typer.Typer(
 
 for group in (
     project.init,
+    project.new,
     observations.measure,
     adjust.prelim,
     adjust.solve,

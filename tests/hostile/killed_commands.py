@@ -49,7 +49,7 @@ _OTHERS = {
     FILM: (
         "init", "measure", "solve", "run", "prelim", "prelim update", "report",
         "update photos", "update points", "export-toml --output orip.toml --force", "load FIRST.PHO FIRST.dump",
-        "init --sample small_frame_block sample", "init MINE mine",
+        "init --sample small_frame_block sample", "init MINE mine", "new MINE mine --kind drone",
         "observations disregard point left P1", "observations include point left 4",
         "observations kill point left P1 --yes", "observations rename point left P1 P2",
         "observations remeasure again.txt", "stations import flown.csv --camera C35 --replace",
