@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli.command_line import orip
+from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
 pytest.importorskip("distributed")
@@ -44,7 +45,11 @@ def test_a_run_on_this_machine(tmp_path: Path) -> None:
     assert "Traceback" not in first.stderr
     status = orip(tmp_path, "--json", "archive", "status").document
     assert (status["projects"], status["running"]) == (3, False)
-    assert [row["project"] for row in status["wrong"]] == ["b"]
+    assert [row["project"] for row in status["not_adjusted"]] == ["b"]
+    report = orip(tmp_path, "--json", "archive", "report").document
+    assert report["rows"]["projects"] == 3
+    for document in (json.loads(first.stdout), status, report):
+        assert schema_faults(document) == []
     assert "finished" in orip(tmp_path, "archive", "status").out
 
 

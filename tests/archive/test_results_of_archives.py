@@ -13,6 +13,7 @@ import pytest
 from cli.command_line import orip
 from documentation.pages import DOCS
 from files.hand_built_solutions import awkward
+from support.json_schemas import schema_faults
 
 from orip.archive.differences import Changed, Moved, changed_words, moved_values
 from orip.archive.outcome import ProjectOutcome, rows_of_error
@@ -146,4 +147,5 @@ def test_two_runs_are_compared_by_a_command(tmp_path: Path) -> None:
     assert f"point {solution.points.names[0]} X" in said.out
     document = orip(tmp_path, "--json", "archive", "diff", "one", "other").document
     assert len(document["changed"]) == 2
+    assert schema_faults(document) == []
     assert one.is_dir()

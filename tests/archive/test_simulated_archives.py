@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from cli.command_line import orip
+from support.json_schemas import schema_faults
 from workflow.quiet import run_quietly
 
 from orip.archive.simulation import FAULTS, simulated_project
@@ -26,6 +28,12 @@ def test_a_project_does_not_depend_on_the_others(tmp_path: Path) -> None:
     assert simulated_project(2, 8, 1.0).texts != last.texts
     with pytest.raises(UsageError, match="has something in it already"):
         simulate_archive(tmp_path / "archive", 3, seed=7, faults=0.0)
+
+
+def test_the_command_says_what_it_wrote(tmp_path: Path) -> None:
+    document = orip(tmp_path, "--json", "archive", "simulate", "2", "surveys", "--faults", "1").document
+    assert schema_faults(document) == []
+    assert sum(document["faults"].values()) == 2
 
 
 def test_a_project_without_a_fault_fits(tmp_path: Path) -> None:

@@ -63,6 +63,12 @@ def register(app: typer.Typer) -> None:
 
 
 def _register(group: typer.Typer) -> None:
+    _register_run(group)
+    _register_reading(group)
+    _register_simulate(group)
+
+
+def _register_run(group: typer.Typer) -> None:
     @command(group, "run")
     def run_command(
         invocation: Invocation,
@@ -87,11 +93,13 @@ def _register(group: typer.Typer) -> None:
         request = _request(invocation.folder, roots or [Path()], run, cluster, limits, method)
         done = run_archive(request, watcher(terminal))
         if terminal.json:
-            terminal.document(run_document(done))
+            terminal.document("archive-run", run_document(done))
         tell_run(terminal, done)
         if done.progress.states["machine"]:
             raise typer.Exit(OripError.exit_code)
 
+
+def _register_reading(group: typer.Typer) -> None:
     @command(group, "status")
     def status_command(invocation: Invocation, results: _Results = RESULTS) -> None:
         """Tell how far a run is, also while it runs elsewhere.
@@ -109,7 +117,7 @@ def _register(group: typer.Typer) -> None:
 
         Example: orip archive report results
         """
-        from orip.cli.archive.output import tell_collected
+        from orip.cli.archive.output import report_document, tell_collected
         from orip.files.archive.layout import ResultsFolder
         from orip.files.archive.plan import read_plan
         from orip.workflow.archive.cluster import require_dask
@@ -118,7 +126,10 @@ def _register(group: typer.Typer) -> None:
         from orip.workflow.archive.collecting import collect
 
         folder = (invocation.folder / results).resolve()
-        tell_collected(invocation.terminal, collect(ResultsFolder(folder), read_plan(folder, str(results))))
+        collected = collect(ResultsFolder(folder), read_plan(folder, str(results)))
+        if invocation.terminal.json:
+            invocation.terminal.document("archive-report", report_document(collected))
+        tell_collected(invocation.terminal, collected)
 
     @command(group, "diff")
     def diff_command(
@@ -143,6 +154,8 @@ def _register(group: typer.Typer) -> None:
         if not found.is_equal:
             raise typer.Exit(GateError.exit_code)
 
+
+def _register_simulate(group: typer.Typer) -> None:
     @command(group, "simulate")
     def simulate_command(
         invocation: Invocation,

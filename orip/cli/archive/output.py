@@ -61,6 +61,16 @@ def run_document(done: ArchiveRun) -> dict[str, object]:
     }
 
 
+def report_document(collected: Collected) -> dict[str, object]:
+    """Return the JSON document of tables and overview."""
+    return {
+        "command": "archive report",
+        "rows": dict(collected.rows),
+        "tables": str(collected.tables),
+        "overview": str(collected.overview),
+    }
+
+
 def tell_run(terminal: Terminal, done: ArchiveRun) -> None:
     """Say how a run ended."""
     terminal.say(f"archive  {done.progress} in {duration(done.progress.seconds)}", "bold")
@@ -96,9 +106,9 @@ def show_status(terminal: Terminal, status: ArchiveStatus) -> None:
         "projects_a_second": round(progress.rate, 3),
         "seconds_left": progress.seconds_left,
         "dashboard": plan.dashboard,
-        "wrong": [{"project": name, "message": message} for name, message in status.wrong],
+        "not_adjusted": [{"project": name, "message": message} for name, message in status.wrong],
     }
-    terminal.answer(content, "\n".join(lines))
+    terminal.answer("archive-status", content, "\n".join(lines))
 
 
 def show_differences(terminal: Terminal, found: ArchiveDifferences) -> None:
@@ -119,7 +129,7 @@ def show_differences(terminal: Terminal, found: ArchiveDifferences) -> None:
         for value in values
     ]
     if terminal.json or lines:
-        terminal.answer(content, "\n".join(lines))
+        terminal.answer("archive-diff", content, "\n".join(lines))
     hidden = len(found.changed) + len(found.moved) - len(lines)
     more = f" ({hidden} more; -v lists all)" if hidden else ""
     projects = len({change.project for change in found.changed} | {value.project for value in found.moved})
@@ -148,6 +158,6 @@ def tell_simulated(terminal: Terminal, written: SimulatedArchive) -> None:
         "faults": dict(written.faults),
     }
     if terminal.json:
-        terminal.document(content)
+        terminal.document("archive-simulate", content)
     mistakes = f"; with a mistake: {kinds}" if kinds else ""
     terminal.say(f"simulate {counted(written.projects, 'project')} in {written.folder}{mistakes}")
