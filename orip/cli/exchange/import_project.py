@@ -29,7 +29,7 @@ class SourceOptions(NamedTuple):
         str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Size of images, where no file says it.")
     ] = None
     exact_distortion: Annotated[
-        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera cannot represent.")
+        bool, typer.Option("--exact-distortion", help="Accept any camera: measurements are corrected by its misfit.")
     ] = False
     hold_cameras: Annotated[bool, typer.Option("--hold-cameras", help="Do not adjust cameras.")] = False
     precision: Annotated[
