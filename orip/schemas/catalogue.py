@@ -8,15 +8,16 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import measuring, preliminary, project, result
+from orip.schemas import archive, measuring, preliminary, project, result
 
 SchemaName = Literal[
-    "absolute", "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "digitise",
-    "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
-    "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "import", "init",
-    "measure", "model-coordinates", "observation-edit", "observations", "online-demo", "prelim", "project-made",
-    "record", "record-edit", "records", "relative", "report", "result", "result-part", "results", "sample-written",
-    "samples", "similarities", "stations-import", "status", "todo", "update", "update-undone",
+    "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status", "camera-plot",
+    "check", "compare", "control-edit", "control-list", "covariance", "digitise", "digitise-ground", "drive-download",
+    "drive-emulate", "drive-panel", "drive-profile", "drive-table", "drive-to", "drive-watch", "drive-where", "error",
+    "export", "export-toml", "formats", "import", "init", "measure", "model-coordinates", "observation-edit",
+    "observations", "online-demo", "prelim", "project-made", "record", "record-edit", "records", "relative", "report",
+    "result", "result-part", "results", "sample-written", "samples", "similarities", "stations-import", "status",
+    "todo", "update", "update-undone",
 ]  # fmt: skip
 
 
@@ -48,6 +49,11 @@ _CONTROL = _each(["control"], "points elements distances directions stations pre
 
 DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "absolute": DocumentType(preliminary.Absolute, ("prelim absolute",)),
+    "archive-diff": DocumentType(archive.ArchiveDiff, ("archive diff",)),
+    "archive-report": DocumentType(archive.ArchiveReport, ("archive report",)),
+    "archive-run": DocumentType(archive.ArchiveRun, ("archive run",)),
+    "archive-simulate": DocumentType(archive.ArchiveSimulate, ("archive simulate",)),
+    "archive-status": DocumentType(archive.ArchiveStatus, ("archive status",)),
     "camera-plot": DocumentType(project.CameraPlot, ("camera plot",)),
     "check": DocumentType(result.Check, ("check",)),
     "compare": DocumentType(result.Compare, ("compare",)),

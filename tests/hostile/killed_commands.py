@@ -77,7 +77,8 @@ _OTHERS = {
 ONLY_READING = frozenset(
     {
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
-        "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo",
+        "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
+        "archive diff",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",
@@ -88,6 +89,9 @@ ONLY_READING = frozenset(
 
 UNTIL_A_SIGNAL = frozenset({"drive emulate", "online"})
 """Run until somebody ends them; killed in tests/link and in tests/cli/test_online_command.py."""
+
+OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
+"""Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""
 
 
 def _of_control() -> Iterator[str]:
