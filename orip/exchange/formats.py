@@ -27,15 +27,17 @@ from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.images import is_images, read_images_project
 from orip.exchange.metashape.copy import is_copied
+from orip.exchange.metashape.lens import is_lens, read_lens
+from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.metashape.source import is_metashape, read_metashape
 from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
-from orip.exchange.micmac.writer import write_micmac
+from orip.exchange.micmac.writer import is_copied_folder, write_micmac
 from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
-from orip.exchange.opensfm.writer import write_opensfm
+from orip.exchange.opensfm.writer import is_copied_reconstruction, write_opensfm
 from orip.exchange.patb import AXES as PATB_AXES
 from orip.exchange.patb import READINGS as PATB
 from orip.exchange.patb import is_patb, read_patb
@@ -72,23 +74,27 @@ FORMATS: tuple[Format, ...] = (
         read_opensfm,
         is_opensfm,
         write_opensfm,
-        Conventions("opencv", OPENSFM, fisheye_lens="equidistant"),
+        Conventions("opencv", OPENSFM, fisheye_lens="equidistant", is_copied=is_copied_reconstruction),
     ),
     Format(
         "metashape",
-        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
+        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers and reference tables (CSV) beside it",
         read_metashape,
         is_metashape,
         write_metashape,
-        Conventions("agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", returns_to=is_copied),
+        Conventions(
+            "agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", is_copied=is_copied, has_terms_of_original=True
+        ),
+        add_references=with_references,
     ),
+    Format("lens", "Agisoft camera calibration (XML): a camera without photos", read_lens, is_lens),
     Format(
         "blocks",
         "Blocks Exchange XML: ContextCapture, iTwin Capture",
         read_blocks_exchange,
         is_blocks_exchange,
         write_blocks_exchange,
-        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False),
+        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False, is_copied=_never),
         is_file=True,
     ),
     Format(
@@ -97,7 +103,7 @@ FORMATS: tuple[Format, ...] = (
         read_micmac,
         is_micmac,
         write_micmac,
-        Conventions("fraser", MICMAC),
+        Conventions("fraser", MICMAC, is_copied=is_copied_folder),
     ),
     Format(
         "bundler",
@@ -112,7 +118,7 @@ FORMATS: tuple[Format, ...] = (
             BUNDLER_AXES,
             terms=BUNDLER_TERMS,
             counts_from_principal_point=True,
-            returns_to=_never,
+            is_copied=_never,
         ),
     ),
     Format(
@@ -131,7 +137,7 @@ FORMATS: tuple[Format, ...] = (
         is_nvm,
         write_nvm,
         Conventions(
-            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, returns_to=_never
+            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, is_copied=_never
         ),
         is_file=True,
     ),
@@ -143,7 +149,7 @@ FORMATS: tuple[Format, ...] = (
         read_bingo,
         is_bingo,
         write_bingo,
-        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, returns_to=_never),
+        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, is_copied=_never),
     ),
     Format(
         "patb",
@@ -158,7 +164,7 @@ FORMATS: tuple[Format, ...] = (
             PATB_AXES,
             is_cartesian=False,
             terms=PATB_TERMS,
-            returns_to=_never,
+            is_copied=_never,
             counts_from_principal_point=True,
         ),
     ),
@@ -193,7 +199,7 @@ FORMATS: tuple[Format, ...] = (
         read_tables,
         is_tables,
         write=write_tables,
-        conventions=Conventions(None, DRAWN, is_cartesian=False, returns_to=_never),
+        conventions=Conventions(None, DRAWN, is_cartesian=False, is_copied=_never),
     ),
 )
 
@@ -227,7 +233,7 @@ def guessed_format(path: Path) -> Format:
     found = [one for one in FORMATS if one.read is not None and one.recognises(path)]
     if len(found) == 1:
         return found[0]
-    names = ", ".join(one.name for one in found or FORMATS)
+    names = ", ".join(one.name for one in found or FORMATS if one.read is not None)
     what = "may be of several formats" if found else "looks like none of the formats"
     message = f"{path} {what}; name the format first: 'orip import FORMAT {path}', one of {names}"
     raise UsageError(message)

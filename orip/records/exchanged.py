@@ -126,6 +126,8 @@ class ExchangedPhoto:
         Standard deviations of the adjusted projection centre.
     position_covariance : tuple of 9 float, or None
         Its covariances, by rows.
+    pose_covariance : tuple of 36 float, or None
+        By rows, of the rotation vector from the camera's axes to the ground (radians) and of the projection centre.
     angle_deviation : tuple of 3 float, or None
         Standard deviations of the adjusted omega, phi and kappa, degrees.
     key : int
@@ -140,6 +142,7 @@ class ExchangedPhoto:
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
     position_covariance: tuple[float, ...] | None = None
+    pose_covariance: tuple[float, ...] | None = None
     angle_deviation: tuple[float, float, float] | None = None
     key: int = 0
     footprint: tuple[tuple[float, float, float], ...] = ()
@@ -230,6 +233,21 @@ class GroundFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class MappedPlaces:
+    """Adjusted places in the system that control is given in, where photos and points have another one.
+
+    Parameters
+    ----------
+    photos : array (n, 3)
+        Projection centres.
+    points : array (m, 3)
+    """
+
+    photos: FloatArray
+    points: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class ExchangedProject:
     """All that is exchanged with another program.
 
@@ -259,6 +277,10 @@ class ExchangedProject:
     precision : float
         A-priori error of a measurement, in the unit of `ray_axes`.
     stated : StatedError or None
+    is_calibration : bool
+        It has cameras, and no photos.
+    mapped : MappedPlaces or None
+        Of a result whose frame is not the system of `control_crs`.
     notes : tuple of str
         What orip has no place for and is lost, a sentence each.
     """
@@ -279,4 +301,6 @@ class ExchangedProject:
     frame: GroundFrame = field(default_factory=GroundFrame)
     precision: float = 1.0
     stated: StatedError | None = None
+    is_calibration: bool = False
+    mapped: MappedPlaces | None = None
     notes: tuple[str, ...] = ()

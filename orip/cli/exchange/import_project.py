@@ -29,11 +29,19 @@ class SourceOptions(NamedTuple):
         str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Size of images, where no file says it.")
     ] = None
     exact_distortion: Annotated[
-        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera cannot represent.")
+        bool, typer.Option("--exact-distortion", help="Accept any camera: measurements are corrected by its misfit.")
     ] = False
     hold_cameras: Annotated[bool, typer.Option("--hold-cameras", help="Do not adjust cameras.")] = False
     precision: Annotated[
         float | None, typer.Option("--precision", metavar="PIXELS", help="A-priori error of the measurements.")
+    ] = None
+    reference: Annotated[
+        Path | None,
+        typer.Option("--reference", metavar="TABLE", help="Metashape's references of cameras and markers."),
+    ] = None
+    reference_columns: Annotated[
+        str | None,
+        typer.Option("--reference-columns", metavar="LETTERS", help="Its columns, if it has no heading: nxyzXYZabc."),
     ] = None
 
 
@@ -59,7 +67,7 @@ def register(app: typer.Typer) -> None:
             tell_formats(invocation.terminal, is_read=True)
             return
         name, given, folder = split_words(words or [], "import")
-        imported = read_source(name, invocation.folder / given, settings_of(source))
+        imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
         target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
         write_project(imported, target)
         tell_import(invocation.terminal, imported, target)
@@ -84,7 +92,7 @@ def split_words(words: list[str], verb: str) -> tuple[str | None, Path, Path | N
     return name, Path(rest[0]), Path(rest[1]) if len(rest) == 2 else None
 
 
-def settings_of(options: SourceOptions) -> ExchangeSettings:
+def settings_of(options: SourceOptions, folder: Path) -> ExchangeSettings:
     """Return the settings that options stand for.
 
     Raises
@@ -92,13 +100,20 @@ def settings_of(options: SourceOptions) -> ExchangeSettings:
     UsageError
         If a value is impossible.
     """
+    from orip.exchange.metashape.reference_table import require_letters
     from orip.workflow.exchange.block import ExchangeSettings
 
     if options.precision is not None and not 1e-4 <= options.precision <= 1e5:
         message = f"--precision {options.precision}: write pixels, 0.0001 to 100000"
         raise UsageError(message)
+    letters = options.reference_columns or ""
+    fault = require_letters(letters) if letters else None
+    if fault is not None:
+        message = f"--reference-columns {letters}: {fault}"
+        raise UsageError(message)
     frame = None if options.frame is None else _frame(options.frame)
-    return ExchangeSettings(frame, options.exact_distortion, options.hold_cameras, options.precision)
+    table = None if options.reference is None else folder / options.reference
+    return ExchangeSettings(frame, options.exact_distortion, options.hold_cameras, options.precision, table, letters)
 
 
 def _frame(text: str) -> tuple[int, int]:
@@ -116,7 +131,7 @@ def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
     shown = [one for one in FORMATS if (one.read if is_read else one.write) is not None]
     if terminal.json:
         rows = [{"name": one.name, "title": one.title} for one in shown]
-        terminal.document({"command": "import" if is_read else "export", "formats": rows})
+        terminal.document("formats", {"command": "import" if is_read else "export", "formats": rows})
         return
     width = max(len(one.name) for one in shown)
     for one in shown:
@@ -138,11 +153,15 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         return
     terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
-    terminal.point("next", f"orip -C {quoted} run", "bold")
+    if block.project.is_calibration:
+        terminal.point("next", f"write photos of the camera into {folder / 'orip.toml'}", "bold")
+    else:
+        terminal.point("next", f"orip -C {quoted} run", "bold")
     if terminal.json:
         has_residuals = block.found.lengths.size > 0
         stated = block.project.stated
         terminal.document(
+            "import",
             {
                 "command": "import",
                 "format": imported.format.name,
@@ -154,5 +173,5 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
                 "stated_error": None if stated is None else {"of": stated.of, "value": stated.value},
                 "notes": list(imported.content.notes),
                 "files": list(imported.file_names),
-            }
+            },
         )
