@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.adjustment.outlier_tests import OutlierTest
-from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.online.advice import advice
 from orip.online.answers import Answer, Candidate, Suspect, words_of
-from orip.online.measurements import Measurement, Measurements
+from orip.online.error_scale import ErrorScale
+from orip.online.first_photos import COMMON_POINTS, may_start
+from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
@@ -44,21 +44,6 @@ _ALL = 200
 _NEARLY = 0.7
 """Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
 
-_ENOUGH = 40
-"""Redundancy from which the observations tell how large their errors are."""
-
-_SAMPLE = 200
-"""Photo points that these are estimated from."""
-
-_WELL_CHECKED = 0.1
-"""Redundancy number from which an observation counts for that."""
-
-_TOO_SMALL = 2.0
-"""Estimated errors over those a priori up to which the latter are believed."""
-
-_PAIR = 5
-"""Points common to two photos, or control points of one, from which the first photos may be oriented."""
-
 
 @dataclass(slots=True)
 class _Found:
@@ -85,12 +70,10 @@ class Measuring:
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
         self._next_adjustment = 0.0
-        self._next_scale = 0
-        self._scale = 1.0
-        self._test = OutlierTest(ALPHA, 1.0, None)
+        self._scale = ErrorScale(block, ALPHA)
         if len(block.measurements):
             self._start(block.measurements.photos)
-            self._estimate_scale()
+            self._scale.estimated()
             self._snoop(set(block.equations.included))
 
     def measure(self, measurement: Measurement) -> Answer:
@@ -192,7 +175,7 @@ class Measuring:
         if not block.values.orientations:
             self._start([key.photo])
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
-            self._estimate_scale()
+            self._scale.estimated()
             found.suspects = self._snoop(set(block.equations.included), key)
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
@@ -203,7 +186,7 @@ class Measuring:
         if found.oriented:
             self._adjust_cameras()
         block.settle({point, *found.placed})
-        if self._estimate_scale():
+        if self._scale.estimated():
             again += self._review()
         found.suspects = self._snoop(self._concerned(key, new), key)
         found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
@@ -216,10 +199,10 @@ class Measuring:
         block = self.block
         if len(block.measurements) < self._next_start:
             return
-        if not any(_may_start(block.measurements, photo) for photo in photos):
+        if not any(may_start(block.measurements, photo) for photo in photos):
             block.values.photos_wait = {
-                photo: f"photo {photo} waits: no two photos have {_PAIR} common points, and no photo has "
-                f"{_PAIR - 1} known points"
+                photo: f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
+                f"{COMMON_POINTS - 1} known points"
                 for photo in block.measurements.photos
             }
             return
@@ -325,10 +308,7 @@ class Measuring:
     def _all_tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
         """Return the root of the fall of the square sum without each observation, and its limit."""
         squares = [standing.square() for standing in self.block.equations.standings(keys)]
-        return [(float(np.sqrt(square)), self._limit(max(checked, 1))) for square, checked in squares]
-
-    def _limit(self, checked: int) -> float:
-        return self._scale * self._test.group_limit(checked)
+        return [(float(np.sqrt(square)), self._scale.limit(max(checked, 1))) for square, checked in squares]
 
     def _review(self) -> list[ObservationKey]:
         """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
@@ -340,31 +320,13 @@ class Measuring:
             if rows is None:
                 continue
             square, checked = self.block.equations.trial(key, rows).square()
-            if np.sqrt(square) <= self._limit(max(checked, 1)):
+            if np.sqrt(square) <= self._scale.limit(max(checked, 1)):
                 self._forgive([key])
                 self.block.equations.include(key, rows)
                 taken.append(key)
         self.block.settle({key.point for key in taken})
         self._snoop(self.block.included_of(points={key.point for key in taken}))
         return taken
-
-    def _estimate_scale(self) -> bool:
-        """Estimate how many times too small the a-priori errors are, from the median of what is in.
-
-        It is estimated again when enough more has been measured, from a sample: half of it may be wrong. False: that is
-        not so yet.
-        """
-        included = self.block.equations.included
-        if self.block.equations.redundancy < _ENOUGH or len(included) < self._next_scale:
-            return False
-        self._next_scale = int(len(included) * (1.0 + _LATER))
-        keys = [key for key in included if key.kind == "photo"]
-        sample = keys[:: max(1, len(keys) // _SAMPLE)]
-        w = np.concatenate([standing.normalised(_WELL_CHECKED) for standing in self.block.equations.standings(sample)])
-        w = np.abs(w[np.isfinite(w)])
-        scale = float(np.median(w)) / MEDIAN_OF_NORMAL if len(w) >= _ENOUGH else 1.0
-        self._scale = scale if scale > _TOO_SMALL else 1.0
-        return True
 
     def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
         others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
@@ -400,9 +362,9 @@ class Measuring:
             )  # fmt: skip
             w, limit = None, None
             if checked:
-                w, limit = float(np.sqrt(square)), self._limit(checked)
+                w, limit = float(np.sqrt(square)), self._scale.limit(checked)
             return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = float(np.sqrt(square)), self._limit(checked)
+        w, limit = float(np.sqrt(square)), self._scale.limit(checked)
         text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
         return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
 
@@ -419,16 +381,6 @@ def _also(suspect: Suspect) -> str:
         return "; measure it again"
     names = ", ".join(map(words_of, suspect.alike))
     return f"; an error in {names} would look the same: measure these again, or the point in one more photo"
-
-
-def _may_start(measurements: Measurements, photo: str) -> bool:
-    """Return whether a photo may be oriented by points in common with another one, or by known points."""
-    mine = set(measurements.points_in(photo))
-    common = (len(mine.intersection(measurements.points_in(other))) for other in measurements.sharing(mine) - {photo})
-    if max(common, default=0) >= _PAIR or sum(map(measurements.control.has_coordinates, mine)) >= _PAIR - 1:
-        return True
-    part = measurements.part((photo, point) for point in mine)
-    return part is not None and bool(np.isfinite(part.photo_orientation).all())
 
 
 def summary(measuring: Measuring) -> str:

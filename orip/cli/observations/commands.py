@@ -167,7 +167,8 @@ def _tell_next(invocation: Invocation, bundle: str | None) -> None:
     invocation.terminal.warn(session.warnings)
     advised = shown(session, "todo")["todo"]
     if invocation.terminal.json:
-        invocation.terminal.document({"command": "observations todo", "bundle": session.bundle.name, "next": advised})
+        document = {"command": "observations todo", "bundle": session.bundle.name, "next": advised}
+        invocation.terminal.document("todo-next", document)
         return
     for one in advised:
         invocation.terminal.data(f"{one['gain']:5.1f} bit  {one['text']}\n")

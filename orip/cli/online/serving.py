@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -69,7 +70,7 @@ def serve_programs(invocation: Invocation, session: ServedSession, address: tupl
 
     def listening(host: str, port: int) -> None:
         at = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-        invocation.terminal.answer({"command": "online", "listening": at}, f"listening on {at}")
+        invocation.terminal.data(json.dumps({"listening": at}) + "\n")
         invocation.terminal.flush()
 
     async def serve() -> None:
