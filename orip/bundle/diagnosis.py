@@ -324,7 +324,8 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
         some = observations.of(idle)
         rows = some.rows
         behind = rows.used & ~some.linearise_with_partials(solved.state).computable
-        for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
+        places = np.flatnonzero(behind).tolist()
+        for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in places):
             yield Diagnosis(
                 "behind",
                 f"photo {photo} point {point}",

@@ -9,6 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.pixels import pixel_size
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
@@ -67,9 +68,9 @@ def seen_points(solution: Solution) -> tuple[IntArray, ...]:
     residuals = solution.residuals
     photo_row = {name: row for row, name in enumerate(solution.photos.names)}
     point_row = {name: row for row, name in enumerate(solution.points.names)}
-    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
-    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
-    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
+    photo = coded(residuals.photo).numbers(lambda name: photo_row.get(name, -1))
+    point = coded(residuals.point).numbers(lambda name: point_row.get(name, -1))
+    of_photos = coded(residuals.kind).where("photo".__eq__) & (photo >= 0) & (point >= 0)
     photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
     return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 

@@ -18,7 +18,7 @@ from orip.adjustment.factorisation.band import Arrangement, BandMatrix, Symmetri
 from orip.adjustment.factorisation.elimination import BlockFactors, EliminatedNormals
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
-from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 
@@ -63,8 +63,8 @@ class PhotoPointLoop:
     photo_columns : array (p, 6) of int
         X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns; `CONSTANT` where there is no unknown.
     pattern : Pattern
-    eliminated : array (n,) of bool
-        Photo points of points that are eliminated; the caller adds the others.
+    block : array (n,) of int
+        Which eliminated point each photo point is of, -1 for those of points that are not; the caller adds these.
     layout : object
         The extension's own copy of all index arrays, checked when it was made; None where there is no extension.
     """
@@ -73,8 +73,13 @@ class PhotoPointLoop:
     cameras: Cameras
     photo_columns: IntArray
     pattern: Pattern
-    eliminated: BoolArray
+    block: IntArray
     layout: object
+
+    @property
+    def eliminated(self) -> BoolArray:
+        """Return which photo points (n,) are of points that are eliminated."""
+        return np.asarray(self.block >= 0)
 
     def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
         """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
@@ -226,6 +231,23 @@ class StreamedCoupling:
         """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
         return np.apply_along_axis(lambda vector: self.loop.forward(self, vector), 0, points)
 
+    def of_blocks(self, chosen: NDArray[np.int64]) -> csr_array:
+        """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
+        points, block = self.loop.points, self.loop.block
+        mine = np.isin(block, chosen)
+        some = points.of(mine)
+        values = some.linearise_with_partials(self.state)
+        partials = values.partials * (self.factor[np.repeat(mine, 2)] * values.computable)[:, None]
+        columns = np.asarray(some.columns(), dtype=np.int64)
+        is_reduced = (columns != CONSTANT) & (columns < self.size)
+        row = 3 * np.repeat(np.searchsorted(chosen, block[mine]), 2)
+        by_point = np.einsum("nij,nj->ni", np.repeat(self.half[block[mine]], 2, axis=0), partials[:, POINT_PARTIALS])
+        at, place = np.nonzero(is_reduced)
+        entries = by_point[at] * partials[at, place][:, None]
+        rows = (row[at][:, None] + np.arange(3)).ravel()
+        shape = (3 * len(chosen), self.size)
+        return csr_array((entries.ravel(), (rows, np.repeat(columns[at, place], 3))), shape=shape)
+
 
 def _whole(size: int) -> Arrangement:
     """Return the arrangement of a full matrix."""
@@ -269,7 +291,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoPoint
         cameras,
         np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
         pattern,
-        block >= 0,
+        block,
         _layout(points, cameras, camera_of_photo, pattern) if _IS_COMPILED else None,
     )
 

@@ -24,6 +24,7 @@ from orip.files.listings.bundle_stations import STATION_KINDS, station_lines
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, one_fixed, root_mean_square
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.results.solution import Reliability, Solution
 
@@ -62,7 +63,7 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
-    if any(kind in STATION_KINDS for kind in solution.residuals.kind):
+    if any(kind in STATION_KINDS for kind in coded(solution.residuals.kind).occurring()):
         yield from section("EXPOSURE STATIONS", station_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
@@ -100,8 +101,7 @@ def _key_figures(solution: Solution) -> list[str]:
 
 def _photo_figures(solution: Solution) -> list[tuple[str, str, str]]:
     residuals = solution.residuals
-    kind = np.array(residuals.kind, dtype=object)
-    used = (kind == "photo") & np.isfinite(residuals.weight_factor)
+    used = coded(residuals.kind).where("photo".__eq__) & np.isfinite(residuals.weight_factor)
     a_priori = residuals.a_priori[used]
     figures = [("Photo observations", str(a_priori.size), "x and y counted one by one")]
     if a_priori.size == 0:

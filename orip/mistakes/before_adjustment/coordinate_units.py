@@ -12,7 +12,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.records.names import record_key
+from orip.mistakes.before_adjustment.rows_of_cameras import rows_by_camera
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
 
@@ -48,11 +48,7 @@ def coordinates_in_other_units(definitions: Definitions, observations: PhotoObse
     observations : PhotoObservations
         Of one bundle.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
-        photo = definitions.photos.get(record_key(name))
-        if photo is not None and photo.template is None and photo.scan is None:
-            rows.setdefault(record_key(photo.camera), []).append(row)
+    rows = rows_by_camera(definitions, observations, lambda photo: photo.template is None and photo.scan is None)
     for key, of_camera in rows.items():
         camera = definitions.cameras[key]
         if camera.sensor is None and not camera.fiducials and len(of_camera) >= _FEWEST:

@@ -8,7 +8,8 @@ import numpy as np
 
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.records.names import record_key
+from orip.mistakes.before_adjustment.rows_of_cameras import rows_by_camera
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 
 CODE = "resolution"
@@ -31,14 +32,10 @@ def reduced_pictures(definitions: Definitions, observations: PhotoObservations) 
     observations : PhotoObservations
         Of one bundle.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
-        photo = definitions.photos.get(record_key(name))
-        if photo is not None and definitions.camera_of(photo).sensor is not None:
-            rows.setdefault(record_key(photo.camera), []).append(row)
+    rows = rows_by_camera(definitions, observations, lambda photo: definitions.camera_of(photo).sensor is not None)
     for key, mine in rows.items():
         camera = definitions.cameras[key]
-        photos = {observations.photos[row] for row in mine}
+        photos = coded(observations.photos)[mine].occurring()
         if camera.sensor is None or len(mine) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
             continue
         reached = (observations.measured[mine] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)

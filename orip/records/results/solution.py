@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -112,10 +113,10 @@ class Residuals:
     number is too small to tell.
     """
 
-    kind: tuple[str, ...]
-    photo: tuple[str, ...]
-    point: tuple[str, ...]
-    component: tuple[str, ...]
+    kind: Sequence[str]
+    photo: Sequence[str]
+    point: Sequence[str]
+    component: Sequence[str]
     observed: FloatArray
     residual: FloatArray
     a_priori: FloatArray

@@ -10,6 +10,7 @@ from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
 from orip.files.stores.contents.solutions import SolutionHead
 from orip.prelim.ground.project_coordinates import absolute_in_project
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.results.gate import GateResult
@@ -106,7 +107,7 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
 def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:
     """Return the photos with photo points that could not be oriented and are not in a solution."""
     solved = set(map(record_key, solution.photos.names))
-    measured = dict.fromkeys(bundle.observations.photos)
+    measured = coded(bundle.observations.photos).occurring()
     return tuple(name for name in measured if record_key(name) not in solved)
 
 
@@ -140,7 +141,7 @@ def _preliminary_output(bundle: BundleState, values: PreliminaryValues, ground: 
 
 def _summaries(bundle: BundleState) -> tuple[InteriorSummary, ...]:
     """Return the interior orientations of the bundle's photos and of the templates they are on."""
-    seen = {record_key(name) for name in bundle.observations.photos}
+    seen = set(map(record_key, coded(bundle.observations.photos).occurring()))
     on = {
         record_key(photo.template)
         for key, photo in bundle.records.photos.items()
