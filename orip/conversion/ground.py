@@ -7,7 +7,7 @@ plane's system, which is Cartesian: nothing is distorted, and no `crs` is needed
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,10 +15,11 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
-from orip.geometry.other_crs import geographic_from_crs
-from orip.records.exchanged import ExchangedProject, GroundFrame
+from orip.geometry.navigation_angles import navigation_from_rotation, rotation_from_navigation
+from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
+from orip.records.exchanged import ExchangedProject, GroundFrame, MappedPlaces
 from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import IN_PROJECT, NOT_GIVEN, Station
+from orip.records.observations.station import NOT_GIVEN, Station, StationReference
 
 _WGS84 = (6_378_137.0, 6_356_752.314245)
 """Semi-axes, metres."""
@@ -71,6 +72,17 @@ class LocalGround:
         geographic, _ = geographic_from_crs(xyz, crs, _ON_WGS84)
         return self.from_geocentric(geocentric_from_geographic(geographic, _WGS84))
 
+    def to_crs(self, local: FloatArray, crs: str) -> FloatArray:
+        """Return coordinates (n, 3) in another system of east, north and up (n, 3), the inverse of `from_crs`.
+
+        Raises
+        ------
+        InputError
+            If the system is not known, or has no such places.
+        """
+        geographic = geographic_from_geocentric(self.to_geocentric(local), _WGS84)
+        return crs_from_geographic(geographic, crs, _ON_WGS84)
+
 
 def local_ground(project: ExchangedProject) -> LocalGround | None:
     """Return the local system of a project on the earth; None of one in a plain system."""
@@ -102,13 +114,13 @@ def in_local_ground(project: ExchangedProject, ground: LocalGround) -> Exchanged
     stations = project.stations
     if reference.crs or is_geocentric:
         places = np.array([station.position for station in stations]).reshape(-1, 3)
-        stations = _stations(stations, _local(places, ground, reference.crs))
+        stations = _stations(stations, _local(places, ground, reference.crs), ground, is_turned=reference.navigation)
     return replace(
         turned,
         control=_control(project.control, ground, project.control_crs, is_geocentric=is_geocentric),
         control_crs="",
         stations=stations,
-        station_reference=IN_PROJECT,
+        station_reference=StationReference(navigation=reference.navigation),
         crs=None,
         ground_unit="m",
         frame=GroundFrame(),
@@ -116,14 +128,47 @@ def in_local_ground(project: ExchangedProject, ground: LocalGround) -> Exchanged
     )
 
 
-def from_local_ground(project: ExchangedProject, ground: LocalGround) -> ExchangedProject:
-    """Return photos and points of a project in a local system in geocentric coordinates; its readings are kept."""
+def from_local_ground(project: ExchangedProject, ground: LocalGround, crs: str = "") -> ExchangedProject:
+    """Return a project in a local system in geocentric coordinates; its readings are kept.
+
+    Parameters
+    ----------
+    project : ExchangedProject
+    ground : LocalGround
+    crs : str
+        The system of control and of observed positions, of which those in the local system are taken there, angles are
+        left out; empty: they are geocentric, too.
+
+    Raises
+    ------
+    InputError
+        If the system is not known.
+    """
     rotations, centres = orip_poses(project.photos, project.readings[0])
-    return _placed(
-        project,
-        ground.axes.T @ rotations,
-        ground.to_geocentric(centres),
-        ground.to_geocentric(project.points.coordinates),
+    coordinates = project.points.coordinates
+
+    def out_of_local(places: FloatArray) -> FloatArray:
+        known = np.isfinite(places).all(axis=1)
+        found = np.full_like(places, np.nan)
+        if known.any():
+            found[known] = ground.to_crs(places[known], crs) if crs else ground.to_geocentric(places[known])
+        return found
+
+    placed = _placed(
+        project, ground.axes.T @ rotations, ground.to_geocentric(centres), ground.to_geocentric(coordinates)
+    )
+    stations = project.stations
+    if not project.station_reference.crs:
+        places = out_of_local(np.array([station.position for station in stations]).reshape(-1, 3))
+        stations = tuple(_moved(station, place) for station, place in zip(stations, places.tolist(), strict=True))
+    return replace(
+        placed,
+        control=_with_places(project.control, out_of_local, 0.0),
+        control_crs=crs,
+        stations=stations,
+        station_reference=StationReference(project.station_reference.crs or crs),
+        frame=GroundFrame("geocentric"),
+        mapped=MappedPlaces(out_of_local(centres), out_of_local(coordinates)) if crs else None,
     )
 
 
@@ -162,22 +207,44 @@ def _control(
     """
     if not control or not (crs or is_geocentric):
         return tuple(control)
-    height = float(ground.geographic[2])
-    complete = [point for point in control if point.coordinates[0] is not None and point.coordinates[1] is not None]
+    return _with_places(control, lambda places: _local(places, ground, crs), float(ground.geographic[2]))
+
+
+def _with_places(
+    control: Sequence[ControlPoint], moved: Callable[[FloatArray], FloatArray], height: float
+) -> tuple[ControlPoint, ...]:
+    """Return control points with X and Y at other places; those without a height are moved at the height given."""
+    complete = [point for point in control if None not in point.coordinates[:2]]
     places = np.array(
         [[height if value is None else value for value in point.coordinates] for point in complete], dtype=np.float64
     ).reshape(-1, 3)
-    found = []
-    for point, (x, y, z) in zip(complete, _local(places, ground, crs).tolist(), strict=True):
-        found.append(replace(point, coordinates=(x, y, None if point.coordinates[2] is None else z)))
-    return tuple(found)
-
-
-def _stations(stations: Sequence[Station], places: FloatArray) -> tuple[Station, ...]:
     return tuple(
-        replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
-        for station, (x, y, z) in zip(stations, places.tolist(), strict=True)
+        replace(point, coordinates=(x, y, None if point.coordinates[2] is None else z))
+        for point, (x, y, z) in zip(complete, moved(places).tolist(), strict=True)
     )
+
+
+def _stations(
+    stations: Sequence[Station], places: FloatArray, ground: LocalGround, *, is_turned: bool
+) -> tuple[Station, ...]:
+    """Return stations at local places; roll, pitch and heading refer to the local axes then, other angles are lost."""
+    if not is_turned or not stations:
+        return tuple(_moved(station, place) for station, place in zip(stations, places.tolist(), strict=True))
+    angles = np.array([station.angles for station in stations])
+    there = place_axes(geographic_from_geocentric(ground.to_geocentric(places), _WGS84))
+    turned = ground.axes @ np.swapaxes(there, -1, -2) @ rotation_from_navigation(angles)
+    return tuple(
+        replace(_moved(station, place), angles=(roll, pitch, heading), angle_error=station.angle_error)
+        for station, place, (roll, pitch, heading) in zip(
+            stations, places.tolist(), navigation_from_rotation(turned).tolist(), strict=True
+        )
+    )
+
+
+def _moved(station: Station, place: Sequence[float]) -> Station:
+    """Return a station at another place, without angles and covariances."""
+    x, y, z = place
+    return replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
 
 
 def _said(ground: LocalGround) -> str:

@@ -19,6 +19,10 @@ What the original has and the project has not stays as it is there.
 """
 
 
+AddReferences = Callable[[ExchangedProject, Path, str, str], Parsed[ExchangedProject]]
+"""From a project, a table of references, its name for messages and letters of its columns, to a project."""
+
+
 @dataclass(frozen=True, slots=True)
 class Conventions:
     """What the numbers of a format mean when it is written.
@@ -75,6 +79,8 @@ class Format:
         Those in which `write` takes a project.
     is_file : bool
         What is written is one file, and no folder.
+    add_references : AddReferences or None
+        Of formats that give positions of photos and control in a table of its own.
     """
 
     name: str
@@ -84,3 +90,4 @@ class Format:
     write: Write | None = None
     conventions: Conventions | None = None
     is_file: bool = False
+    add_references: AddReferences | None = None

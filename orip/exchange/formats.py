@@ -27,6 +27,8 @@ from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.images import is_images, read_images_project
 from orip.exchange.metashape.copy import is_copied
+from orip.exchange.metashape.lens import is_lens, read_lens
+from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.metashape.source import is_metashape, read_metashape
 from orip.exchange.metashape.writer import write_metashape
@@ -76,12 +78,14 @@ FORMATS: tuple[Format, ...] = (
     ),
     Format(
         "metashape",
-        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers in it or beside it",
+        "Agisoft Metashape: project (.psx, .psz), or cameras XML with markers and reference tables (CSV) beside it",
         read_metashape,
         is_metashape,
         write_metashape,
         Conventions("agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", returns_to=is_copied),
+        add_references=with_references,
     ),
+    Format("lens", "Agisoft camera calibration (XML): a camera without photos", read_lens, is_lens),
     Format(
         "blocks",
         "Blocks Exchange XML: ContextCapture, iTwin Capture",
@@ -227,7 +231,7 @@ def guessed_format(path: Path) -> Format:
     found = [one for one in FORMATS if one.read is not None and one.recognises(path)]
     if len(found) == 1:
         return found[0]
-    names = ", ".join(one.name for one in found or FORMATS)
+    names = ", ".join(one.name for one in found or FORMATS if one.read is not None)
     what = "may be of several formats" if found else "looks like none of the formats"
     message = f"{path} {what}; name the format first: 'orip import FORMAT {path}', one of {names}"
     raise UsageError(message)

@@ -48,3 +48,16 @@ def rotation_from_navigation(angles: FloatArray, mount: Literal["body", "gimbal"
     ]
     to_ned = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     return np.asarray(_NED_TO_ENU @ to_ned @ _MOUNTS[mount])
+
+
+def navigation_from_rotation(rotations: FloatArray) -> FloatArray:
+    """Return roll, pitch and heading (n, 3), radians, of rotations (n, 3, 3) from photo axes to east, north, up.
+
+    Those of the vehicle (body), the inverse of `rotation_from_navigation`. At a pitch of 90 degrees roll and heading
+    turn about the same axis: only their difference counts there.
+    """
+    to_ned = _NED_TO_ENU.T @ rotations @ _MOUNTS["body"].T
+    roll = np.arctan2(to_ned[:, 2, 1], to_ned[:, 2, 2])
+    pitch = -np.arcsin(np.clip(to_ned[:, 2, 0], -1.0, 1.0))
+    heading = np.arctan2(to_ned[:, 1, 0], to_ned[:, 0, 0])
+    return np.stack([roll, pitch, heading], axis=1)

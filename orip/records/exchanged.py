@@ -230,6 +230,21 @@ class GroundFrame:
 
 
 @dataclass(frozen=True, slots=True)
+class MappedPlaces:
+    """Adjusted places in the system that control is given in, where photos and points have another one.
+
+    Parameters
+    ----------
+    photos : array (n, 3)
+        Projection centres.
+    points : array (m, 3)
+    """
+
+    photos: FloatArray
+    points: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class ExchangedProject:
     """All that is exchanged with another program.
 
@@ -259,6 +274,10 @@ class ExchangedProject:
     precision : float
         A-priori error of a measurement, in the unit of `ray_axes`.
     stated : StatedError or None
+    is_calibration : bool
+        It has cameras, and no photos.
+    mapped : MappedPlaces or None
+        Of a result whose frame is not the system of `control_crs`.
     notes : tuple of str
         What orip has no place for and is lost, a sentence each.
     """
@@ -279,4 +298,6 @@ class ExchangedProject:
     frame: GroundFrame = field(default_factory=GroundFrame)
     precision: float = 1.0
     stated: StatedError | None = None
+    is_calibration: bool = False
+    mapped: MappedPlaces | None = None
     notes: tuple[str, ...] = ()

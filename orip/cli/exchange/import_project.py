@@ -35,6 +35,14 @@ class SourceOptions(NamedTuple):
     precision: Annotated[
         float | None, typer.Option("--precision", metavar="PIXELS", help="A-priori error of the measurements.")
     ] = None
+    reference: Annotated[
+        Path | None,
+        typer.Option("--reference", metavar="TABLE", help="Metashape's references of cameras and markers."),
+    ] = None
+    reference_columns: Annotated[
+        str | None,
+        typer.Option("--reference-columns", metavar="LETTERS", help="Its columns, if it has no heading: nxyzXYZabc."),
+    ] = None
 
 
 def register(app: typer.Typer) -> None:
@@ -59,7 +67,7 @@ def register(app: typer.Typer) -> None:
             tell_formats(invocation.terminal, is_read=True)
             return
         name, given, folder = split_words(words or [], "import")
-        imported = read_source(name, invocation.folder / given, settings_of(source))
+        imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
         target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
         write_project(imported, target)
         tell_import(invocation.terminal, imported, target)
@@ -84,7 +92,7 @@ def split_words(words: list[str], verb: str) -> tuple[str | None, Path, Path | N
     return name, Path(rest[0]), Path(rest[1]) if len(rest) == 2 else None
 
 
-def settings_of(options: SourceOptions) -> ExchangeSettings:
+def settings_of(options: SourceOptions, folder: Path) -> ExchangeSettings:
     """Return the settings that options stand for.
 
     Raises
@@ -92,13 +100,20 @@ def settings_of(options: SourceOptions) -> ExchangeSettings:
     UsageError
         If a value is impossible.
     """
+    from orip.exchange.metashape.reference_table import require_letters
     from orip.workflow.exchange.block import ExchangeSettings
 
     if options.precision is not None and not 1e-4 <= options.precision <= 1e5:
         message = f"--precision {options.precision}: write pixels, 0.0001 to 100000"
         raise UsageError(message)
+    letters = options.reference_columns or ""
+    fault = require_letters(letters) if letters else None
+    if fault is not None:
+        message = f"--reference-columns {letters}: {fault}"
+        raise UsageError(message)
     frame = None if options.frame is None else _frame(options.frame)
-    return ExchangeSettings(frame, options.exact_distortion, options.hold_cameras, options.precision)
+    table = None if options.reference is None else folder / options.reference
+    return ExchangeSettings(frame, options.exact_distortion, options.hold_cameras, options.precision, table, letters)
 
 
 def _frame(text: str) -> tuple[int, int]:
@@ -138,7 +153,10 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         return
     terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
-    terminal.point("next", f"orip -C {quoted} run", "bold")
+    if block.project.is_calibration:
+        terminal.point("next", f"write photos of the camera into {folder / 'orip.toml'}", "bold")
+    else:
+        terminal.point("next", f"orip -C {quoted} run", "bold")
     if terminal.json:
         has_residuals = block.found.lengths.size > 0
         stated = block.project.stated

@@ -32,7 +32,7 @@ def register(app: typer.Typer) -> None:
 
         terminal = invocation.terminal
         name, given, folder = split_words(words or [], "adjust")
-        imported = read_source(name, invocation.folder / given, settings_of(source))
+        imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
         target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
         with folder_in_the_making(target) as temporary:
             write_project(imported, temporary)

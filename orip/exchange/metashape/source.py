@@ -9,6 +9,8 @@ from pathlib import Path
 from orip.errors import Complaint
 from orip.exchange.metashape.chunk import ChunkReader, Marker, chunk_of
 from orip.exchange.metashape.project_files import TieCloud, is_project, read_project_chunk
+from orip.exchange.metashape.reference_table import reference_tables_beside
+from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.sensors import read_sensor
 from orip.exchange.metashape.ties import add_ties
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -81,7 +83,8 @@ def read_project(path: Path, faults: Faults) -> Document | None:
 def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     """Read a project (`.psx`, `.psz`), or cameras (``Export Cameras``, Agisoft XML) with markers.
 
-    Markers are in the document of the cameras, or in ``markers.xml`` beside it.
+    Markers are in the document of the cameras, or in ``markers.xml`` beside it. References in tables (CSV) beside it
+    count before those in the documents.
     """
     path = source / "cameras.xml" if source.is_dir() else source
     named = f"{shown}/cameras.xml" if source.is_dir() else shown
@@ -97,6 +100,11 @@ def read_metashape(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     project = project_of(document, other or document)
     if project is None and not complaints:
         complaints.append(Complaint("no camera of the chunk is aligned and calibrated; align the photos first", named))
+    elif project is not None and read is read_document:
+        for table in reference_tables_beside(path):
+            referenced = with_references(project, table, str(Path(named).with_name(table.name)))
+            project = referenced.value
+            complaints += referenced.complaints
     return Parsed(None if complaints else project, tuple(complaints))
 
 

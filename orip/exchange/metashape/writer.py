@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from orip.exchange.metashape.copy import copied_document, document_file
+from orip.exchange.metashape.reference_writer import reference_files
 from orip.exchange.metashape.sensors import PARAMETERS
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 from orip.records.observations.control import ControlPoint
@@ -21,7 +22,7 @@ _IDENTITY = "1 0 0 0 1 0 0 0 1"
 
 
 def write_metashape(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
-    """Return the document of cameras and markers; a copy of the original where that is such a document.
+    """Return the document of cameras and markers, a copy of the original where that is one, and reference tables.
 
     Raises
     ------
@@ -30,8 +31,8 @@ def write_metashape(project: ExchangedProject, original: Path | None) -> Mapping
     """
     path = None if original is None else document_file(original)
     if path is not None:
-        return {path.name: copied_document(project, path)}
-    return {_NAME: "\n".join([*_document(project), ""]).encode()}
+        return {path.name: copied_document(project, path), **reference_files(project)}
+    return {_NAME: "\n".join([*_document(project), ""]).encode(), **reference_files(project)}
 
 
 def _document(project: ExchangedProject) -> Iterator[str]:

@@ -94,8 +94,8 @@ def read_table(path: Path, shown: str, headings: Mapping[str, str], needed: Sequ
         if not faults.complaints:
             faults.complain("the table is empty; it needs a line with the names of its columns, and rows")
         return Table((), (), (), faults)
-    separator = next((mark for mark in _SEPARATORS if mark in lines[0][1]), None)
-    written = _fields(lines[0][1], separator)
+    separator = separator_of(lines[0][1])
+    written = fields_of_line(lines[0][1], separator)
     columns, ignored = _columns(written, headings)
     if missing := [name for name in needed if name not in columns.values()]:
         shown_columns = ", ".join(map(shown_token, written))
@@ -134,7 +134,7 @@ def _rows(
     lines: Sequence[tuple[int, str]], separator: str | None, count: int, columns: Mapping[int, str], faults: Faults
 ) -> Iterator[Row]:
     for number, line in lines:
-        fields = _fields(line, separator)
+        fields = fields_of_line(line, separator)
         if len(fields) != count:
             hint = "; with decimal commas the separator has to be a semicolon" if separator == "," else ""
             faults.complain(f"{len(fields)} fields, and the heading has {count}{hint}", number)
@@ -142,7 +142,13 @@ def _rows(
         yield Row(number, {name: fields[place] for place, name in columns.items()})
 
 
-def _fields(line: str, separator: str | None) -> list[str]:
+def separator_of(heading: str) -> str | None:
+    """Return what separates the fields of a table with a heading; None: blanks."""
+    return next((mark for mark in _SEPARATORS if mark in heading), None)
+
+
+def fields_of_line(line: str, separator: str | None) -> list[str]:
+    """Return the fields of a line, which may be in quotation marks."""
     if separator is None:
         return line.split()
     try:

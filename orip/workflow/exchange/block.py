@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -40,12 +41,18 @@ class ExchangeSettings:
         Cameras are not adjusted.
     precision : float or None
         A-priori error of the measurements, pixels; None: as the format says.
+    reference : Path or None
+        Table of references that count before those of the project.
+    reference_columns : str
+        Letters of its columns; empty: its heading names them.
     """
 
     frame: tuple[int, int] | None = None
     corrects_distortion: bool = False
     holds_cameras: bool = False
     precision: float | None = None
+    reference: Path | None = None
+    reference_columns: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +139,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
 
 def _impossible(project: ExchangedProject) -> Iterator[str]:
     """Yield what no project can have: a file that says it is damaged, or was read as what it is not."""
-    if not project.photos:
+    if not project.photos and not project.is_calibration:
         yield "there are no photos in it"
     image = ~(np.abs(project.rays.image) <= _LARGEST_IMAGE).all(axis=1)
     if image.any():

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
-from orip.exchange.formats import format_named, guessed_format
+from orip.exchange.formats import FORMATS, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.new_folder import write_new_folder
+from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
 from orip.workflow.exchange.texts import ImportedTexts, ImportSource, imported_texts
 
@@ -75,10 +76,24 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
-    block = imported_block(parsed.value, str(source), settings)
-    title = parsed.value.name or _title(source)
-    origin = ImportSource(found.name, source.absolute().name, title)
+    project = _with_references(found, parsed.value, settings)
+    block = imported_block(project, str(source), settings)
+    title = project.name or _title(source)
+    origin = ImportSource(found.name, source.absolute().name, title, found.write is not None)
     return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
+
+
+def _with_references(found: Format, project: ExchangedProject, settings: ExchangeSettings) -> ExchangedProject:
+    if settings.reference is None:
+        return project
+    if found.add_references is None:
+        named = " and ".join(one.name for one in FORMATS if one.add_references is not None)
+        message = f"--reference is for {named}, and this is {found.name}"
+        raise UsageError(message)
+    parsed = found.add_references(project, settings.reference, str(settings.reference), settings.reference_columns)
+    if parsed.complaints:
+        raise InputError(parsed.complaints)
+    return parsed.value
 
 
 def write_project(imported: ImportedProject, folder: Path) -> None:

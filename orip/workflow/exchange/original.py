@@ -39,7 +39,7 @@ def in_terms_of(project: ExchangedProject, found: Format, original: Path) -> Exc
     )
     project = replace(project, cameras=cameras)
     ground = local_ground(source) if source.frame.kind == "geocentric" and project.crs is None else None
-    return project if ground is None else from_local_ground(project, ground)
+    return project if ground is None else from_local_ground(project, ground, source.control_crs)
 
 
 def _is_unchanged(camera: ExchangedCamera, given: ExchangedCamera) -> bool:

@@ -19,12 +19,12 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
-from orip.records.observations.control import ControlPoint
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted, counted_names
+from orip.workflow.exchange.given import given_control, given_stations
 from orip.workflow.project.bundle_state import BundleState
 
 _LARGE_MISFIT_PX = 0.001
@@ -86,6 +86,8 @@ def exchanged_result(
     photos = _photos(adjusted, names, list(exported), conventions, frame)
     if conventions.is_drawn:
         photos = _with_footprints(photos, adjusted, rays)
+    heights = adjusted.solution.points.values[:, 2]
+    stations, reference, lost = given_stations(bundle, names, frame)
     return ExchangedProject(
         definition.name,
         tuple(
@@ -96,10 +98,12 @@ def exchanged_result(
         _points(adjusted, names, frame),
         rays,
         (conventions.reading,),
-        control=_control(bundle, names),
+        control=given_control(bundle, names, frame, float(np.median(heights)) if len(heights) else 0.0),
+        stations=stations,
+        station_reference=reference,
         crs=definition.crs if frame is None else None,
         ground_unit=definition.ground_unit,
-        notes=tuple(notes),
+        notes=(*notes, *lost),
     )
 
 
@@ -324,8 +328,3 @@ def _rays(
         raise UnsuitableCameraError(message)
     rays = ExchangedRays(photo, point, image, np.full(len(photo), np.nan), ~observed.disregarded[kept])
     return rays, int((~kept).sum())
-
-
-def _control(bundle: BundleState, names: NamesTable) -> tuple[ControlPoint, ...]:
-    given = bundle.state.texts.control.value.points
-    return tuple(replace(point, name=names.original_point(point.name)[0]) for point in given)

@@ -37,11 +37,24 @@ _CONTROL_ERROR = 0.02
 
 @dataclass(frozen=True, slots=True)
 class ImportSource:
-    """What a project was imported from: name of the format, name of the file or folder, title of the new project."""
+    """What a project was imported from.
+
+    Parameters
+    ----------
+    format : str
+        Its name.
+    name : str
+        Of the file or folder.
+    title : str
+        Of the new project.
+    is_written : bool
+        Results are written in the format, too.
+    """
 
     format: str
     name: str
     title: str
+    is_written: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,8 +308,8 @@ def _stated(block: ImportedBlock) -> str:
 def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) -> str:
     lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.name}`.", ""]
     lines += [f"- {line}" for line in summary_lines(block)]
-    lines += ["", "Adjust it with `orip run`; write the result back with "]
-    lines[-1] += f"`orip export {source.format} DIR`."
+    back = f"; write the result back with `orip export {source.format} DIR`" if source.is_written else ""
+    lines += ["", "Add photos to `orip.toml`." if block.project.is_calibration else f"Adjust it with `orip run`{back}."]
     lines += ["", "## Cameras", ""]
     for converted in block.cameras:
         sensor = converted.camera.sensor
