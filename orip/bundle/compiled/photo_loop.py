@@ -73,7 +73,7 @@ class PhotoPointLoop:
     cameras: Cameras
     photo_columns: IntArray
     pattern: Pattern
-    block: IntArray
+    block: NDArray[np.int64]
     layout: object
 
     @property

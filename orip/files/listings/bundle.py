@@ -26,7 +26,7 @@ from orip.files.text.table import Column, key_lines, paragraph, section, table_l
 from orip.number_text import fixed, one_fixed, root_mean_square
 from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
-from orip.records.results.solution import Reliability, Solution
+from orip.records.results.solution import MOST_AS_TEXT, Reliability, Solution
 
 TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 
@@ -56,7 +56,7 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     with_antennas = " AND ANTENNA" if solution.antennas else ""
     yield from section(f"CORRELATIONS OF CAMERA{with_antennas} UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
-    yield from section("POINTS", point_lines(solution))
+    yield from section("POINTS", _at_request(solution, "points") or point_lines(solution))
     if solution.antennas:
         yield from section("ANTENNAS: LEVER ARM, BORESIGHT, SHIFTS AND DRIFTS", antenna_lines(solution))
     if solution.zero_directions:
@@ -67,7 +67,19 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
         yield from section("EXPOSURE STATIONS", station_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
-    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability, measured))
+    residual_lines = _at_request(solution, "residuals") or photo_residual_lines(solution, reliability, measured)
+    yield from section("PHOTO RESIDUALS", residual_lines)
+
+
+def _at_request(solution: Solution, what: str) -> list[str]:
+    """Return where the lines of a section are that is not listed as it would be too long; none if it is listed."""
+    if not solution.is_large:
+        return []
+    text = (
+        f"Not listed here, as the block has more than {MOST_AS_TEXT} observations: 'orip results {what}' shows them, "
+        f"'orip results {what} NAME ...' those of some photos or points."
+    )
+    return paragraph(text)
 
 
 def _key_figures(solution: Solution) -> list[str]:

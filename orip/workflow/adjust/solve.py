@@ -22,7 +22,7 @@ from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs
+from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs, superseded_outputs
 from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, StoredParts
@@ -78,7 +78,7 @@ def solve(
     solution = _of_project(bundle, solution, method)
     listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
     outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
-    files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
+    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in listed))
     return Change(
         bundle.state,
         SolveOutcome(project, solution, solved, check_solution(solution, gates), files, _left_out(bundle, solution)),
@@ -86,6 +86,7 @@ def solve(
         locks=(project.exterior,),
         is_compared=False,
         outputs=outputs,
+        superseded=superseded_outputs(project, solution),
         restores_outputs=True,
     )
 
