@@ -9,7 +9,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Iterator
-from typing import Any
+from typing import IO, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,7 @@ _SINGLE = np.dtype(np.float32)
 def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[bytes]:
     """Yield the bytes of residuals.npz, array by array; equal residuals give equal bytes."""
     written = io.BytesIO()
-    unseekable = _Appended(written)
-    with zipfile.ZipFile(unseekable, "w", allowZip64=True) as archive:  # type: ignore[arg-type]
+    with zipfile.ZipFile(cast("IO[bytes]", _Appended(written)), "w", allowZip64=True) as archive:
         for name, values in _arrays(residuals, reliability):
             data = _npy(values)
             entry = zipfile.ZipInfo(f"{name}.npy")  # of 1980: no clock goes in
