@@ -6,6 +6,7 @@ built, the stored matrix of `orip.adjustment.sparse_rows` does the same more slo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +34,9 @@ IntArray = NDArray[np.int32]
 
 
 _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
+
+_VECTORS = 8
+"""As MOST_VECTORS of substitution.h."""
 
 
 class Contributions(NamedTuple):
@@ -154,15 +158,21 @@ class PhotoPointLoop:
         return BlockPrecision(blocks, leverage)
 
     def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
-        """Return (H N_pr)^T points (m,) for a vector (3 b,)."""
-        found = np.zeros(coupling.size)
-        compiled.forward(*self._coupling(coupling), found, np.array(points))
+        """Return (H N_pr)^T points (k, m) for vectors (k, 3 b)."""
+        found = np.zeros((len(points), coupling.size))
+        for part in _parts(len(points)):
+            compiled.forward(
+                *self._coupling(coupling), found[part], np.array(points[part], order="C"), float(len(found[part]))
+            )
         return found
 
     def backward(self, coupling: StreamedCoupling, reduced: FloatArray) -> FloatArray:
-        """Return H N_pr reduced (3 b,) for a vector (m,)."""
-        found = np.empty(3 * len(coupling.half))
-        compiled.backward(*self._coupling(coupling), np.array(reduced), found)
+        """Return H N_pr reduced (k, 3 b) for vectors (k, m)."""
+        found = np.empty((len(reduced), 3 * len(coupling.half)))
+        for part in _parts(len(reduced)):
+            compiled.backward(
+                *self._coupling(coupling), np.array(reduced[part], order="C"), found[part], float(len(found[part]))
+            )
         return found
 
     def staying(self) -> NDArray[np.int64]:
@@ -225,16 +235,20 @@ class StreamedCoupling:
 
     def times(self, reduced: FloatArray) -> FloatArray:
         """Return H N_pr times vectors (m,) or (m, k)."""
-        return np.apply_along_axis(lambda vector: self.loop.backward(self, vector), 0, reduced)
+        found = self.loop.backward(self, np.atleast_2d(reduced.T))
+        return found[0] if reduced.ndim == 1 else found.T
 
     def transposed_times(self, points: FloatArray) -> FloatArray:
         """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
-        return np.apply_along_axis(lambda vector: self.loop.forward(self, vector), 0, points)
+        found = self.loop.forward(self, np.atleast_2d(points.T))
+        return found[0] if points.ndim == 1 else found.T
 
     def of_blocks(self, chosen: NDArray[np.int64]) -> csr_array:
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
         points, block = self.loop.points, self.loop.block
         mine = np.isin(block, chosen)
+        if not mine.any():
+            return csr_array((3 * len(chosen), self.size))
         some = points.of(mine)
         values = some.linearise_with_partials(self.state)
         partials = values.partials * (self.factor[np.repeat(mine, 2)] * values.computable)[:, None]
@@ -247,6 +261,11 @@ class StreamedCoupling:
         rows = (row[at][:, None] + np.arange(3)).ravel()
         shape = (3 * len(chosen), self.size)
         return csr_array((entries.ravel(), (rows, np.repeat(columns[at, place], 3))), shape=shape)
+
+
+def _parts(count: int) -> Iterator[slice]:
+    """Yield parts of so many vectors that a loop takes at once."""
+    return (slice(start, start + _VECTORS) for start in range(0, count, _VECTORS))
 
 
 def _whole(size: int) -> Arrangement:
