@@ -19,12 +19,11 @@ from orip.adjustment.equations import Linearised, Problem, StateT
 from orip.adjustment.exchanges import exchanges_to_try
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
-
-_MOST_ATTEMPTS = 12
 
 _MOST_EXCHANGES = 3
 """Exchanges that are tried at one solution."""
@@ -58,7 +57,7 @@ def next_attempt(
     # one iteration is left for the way back
     if settings.start_down_weight is None or len(now.records) + 2 > settings.max_iterations:
         return now, reason
-    if tried.attempts >= _MOST_ATTEMPTS or not _reduced(now).any():
+    if tried.attempts >= settings.most_attempts or not _reduced(now).any():
         return now, reason
     if tried.exchanges is None and not now.weighing.of_tracks:
         tried = replace(tried, exchanges=_candidates(problem, now, weights, normals))
@@ -78,7 +77,9 @@ def _candidates(
     problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges lead that lower the robust cost, or may lower it, the lowest cost first."""
-    equations, limit = now.current.equations, now.weighing.final_limit
+    limit = now.weighing.final_limit
+    # the same design matrix serves all exchanges
+    equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     bound, known = normals.with_constraints(equations), _cost(now)
     found = []
     for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit):

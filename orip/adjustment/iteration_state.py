@@ -29,6 +29,8 @@ class IterationSettings:
     early_weights : bool
         Exceptionally large residuals lose weight before the Danish method, which waits until the block has settled;
         else all weights are 1 before it, and it begins at `start_down_weight`.
+    most_attempts : int
+        Attempts to improve the solution that is found first.
     """
 
     enp_stop: float
@@ -37,6 +39,7 @@ class IterationSettings:
     start_down_weight: int | None
     max_lost_digits: float
     early_weights: bool = True
+    most_attempts: int = 12
 
 
 @dataclass(frozen=True, slots=True)

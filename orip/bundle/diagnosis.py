@@ -53,13 +53,13 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     return (
         *_another_block(solved),
         *_ground_system(solved),
+        *_errors_far_off(solved),
         *_undetermined(solved),
         *_unsettled(solved),
         *_principal_distance_and_scale(solved),
         *calibration_diagnosis(solved),
         *antenna_diagnosis(solved),
         *_behind(solved),
-        *_errors_far_off(solved),
         *_as_a_whole(solved),
         *_correlated(solved),
     )

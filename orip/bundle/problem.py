@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -133,12 +133,13 @@ class BlockProblem:
         return self._stored(state).design
 
     def _stored(self, state: BlockState) -> Equations:
-        if not self.observations:
+        measured = [kind for kind in self.observations if len(kind.rows.error)]
+        if not measured:
             nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
             return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
-        indices, indptr, kept = self._pattern()
+        indices, indptr, kept = _pattern(measured)
         data, residual, active, exact = [], [], [], []
-        for observations, keep in zip(self.observations, kept, strict=True):
+        for observations, keep in zip(measured, kept, strict=True):
             values = observations.linearise_with_partials(state)
             error = observations.rows.error
             data.append((values.partials / error[:, None])[keep])
@@ -147,14 +148,6 @@ class BlockProblem:
             active.append(observations.rows.used & values.computable)
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
         return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
-
-    def _pattern(self) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
-        """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-        columns = [kind.columns() for kind in self.observations]
-        kept = [table != CONSTANT for table in columns]
-        indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
-        counts = np.concatenate([keep.sum(axis=1) for keep in kept])
-        return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
     def _streamed(self, state: BlockState, loop: PhotoPointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
@@ -175,7 +168,9 @@ class BlockProblem:
             correction = self.datum.transformed(correction, state, self.unknowns)
         moved = state.moved(correction, self.unknowns)
         memory = {
-            kind.rows.kind.name: kept for kind in self.observations if (kept := kind.remembered(moved)) is not None
+            kind.rows.kind.name: kept
+            for kind in self.observations
+            if len(kind.rows.error) and (kept := kind.remembered(moved)) is not None
         }
         return replace(moved, memory=memory)
 
@@ -290,6 +285,15 @@ class BlockProblem:
         return rotation_limit(correction, self.unknowns)
 
 
+def _pattern(observations: Sequence[Observations]) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
+    """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
+    columns = [kind.columns() for kind in observations]
+    kept = [table != CONSTANT for table in columns]
+    indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
+    counts = np.concatenate([keep.sum(axis=1) for keep in kept])
+    return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
+
+
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
@@ -297,7 +301,7 @@ def pose_problem(block: Block) -> BlockProblem:
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(kind for kind in observations if isinstance(kind, PhotoPointObservations))
     problem = BlockProblem(block, unknowns, observations)
-    loop = photo_loop(photo_points, unknowns)
+    loop = photo_loop(photo_points, unknowns, block.point_start)
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
@@ -312,7 +316,7 @@ def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem)
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
     touching, touched = ([array] for array in loop.touched())
-    first = len(loop.pattern.runs_start)
+    first = len(loop.pattern.coupled_start)
     for kind in others.observations:
         columns = kind.columns()
         rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))

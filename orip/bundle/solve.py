@@ -78,7 +78,10 @@ def iteration_settings(definition: BundleDefinition) -> IterationSettings:
 
 
 def solve_block(
-    block: Block, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]
+    block: Block,
+    on_iteration: Callable[[IterationRecord], None],
+    stop_asked: Callable[[], bool],
+    settings: IterationSettings | None = None,
 ) -> SolvedBlock:
     """Adjust a block.
 
@@ -89,6 +92,8 @@ def solve_block(
         Called after each iteration.
     stop_asked : callable
         Asked after each iteration; True stops there.
+    settings : IterationSettings, optional
+        Those of the block's definition by default.
 
     Returns
     -------
@@ -103,8 +108,8 @@ def solve_block(
     if not problem.layout.unknowns:
         message = "every camera, photo and point is constant: there is nothing to adjust"
         raise NotSolvableError(message)
-    settings = iteration_settings(block.definition)
-    return solve_problem(problem, starting_state(block), settings, on_iteration, stop_asked)
+    chosen = iteration_settings(block.definition) if settings is None else settings
+    return solve_problem(problem, starting_state(block), chosen, on_iteration, stop_asked)
 
 
 def solve_problem(

@@ -96,7 +96,7 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
     far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
     if solution.singular:
         unfit = f", and {contradicting[0].text}" if contradicting else f", and {_FAR_ABOVE_TEXT}" if far_above else ""
-        return "bad", f"Converged, but {counted(len(solution.singular), 'unknown')} could not be determined{unfit}"
+        return "bad", f"Converged, but {_undetermined(solution)} could not be determined{unfit}"
     if failed:
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if contradicting:
@@ -110,6 +110,14 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
     if solution.diagnosis:
         return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
     return "good", "Converged, nothing conspicuous"
+
+
+def _undetermined(solution: Solution) -> str:
+    """Return how much is undetermined: so many points, where it is points alone, and all of their coordinates."""
+    points = {unknown.name for unknown in solution.singular if unknown.group == "POINT"}
+    if 3 * len(points) == len(solution.singular):
+        return counted(len(points), "point")
+    return counted(len(solution.singular), "unknown")
 
 
 def group_findings(solution: Solution) -> list[Diagnosis]:

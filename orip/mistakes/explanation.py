@@ -26,7 +26,15 @@ from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
-from orip.mistakes.fit_comparison import Fit, explains, fit_of_adjustment, is_good, misfit, removes_misfits
+from orip.mistakes.fit_comparison import (
+    Fit,
+    explains,
+    fit_of_adjustment,
+    fits_without_wrong_matches,
+    is_good,
+    misfit,
+    removes_misfits,
+)
 from orip.mistakes.given_orientations import misgiven_as_a_whole
 from orip.mistakes.hypotheses.control_coordinates import control_axes
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
@@ -68,6 +76,8 @@ def explain_misfit(
     readjuster : Readjuster
     """
     given = fit_of_adjustment(solved)
+    if solved.weighing.of_tracks and fits_without_wrong_matches(given):
+        return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
     if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found

@@ -42,6 +42,9 @@ handful makes most residuals small."""
 _OF_A_GROUP = 0.15
 """Largest part of the coordinates of a photo, or of the control, that may be blunders."""
 
+_WRONG_MATCHES = 0.5
+"""Largest part of the coordinates of a photo that may be wrong matches: a photo that fits less is out of place."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fit:
@@ -134,17 +137,30 @@ def is_good(fit: Fit) -> bool:
     """
     if fit.sigma0 > _LARGEST_SIGMA0:
         return False
-    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_group(fit)
+    return fit.scale < _GOOD_SCALE and misfit(fit, 1.0) < _BLUNDERS and not _has_wrong_group(fit, 1.0, _OF_A_GROUP)
 
 
-def _has_wrong_group(fit: Fit) -> bool:
-    """Tell whether more than a few observations of a photo, or of another kind than photo points, do not fit."""
+def fits_without_wrong_matches(fit: Fit) -> bool:
+    """Tell whether nothing but photo points spread over the photos does not fit, whatever their a-priori error.
+
+    No photo is wrong as a whole then, and no other kind of observation.
+    """
+    return not _has_wrong_group(fit, fit.scale, _WRONG_MATCHES)
+
+
+def _has_wrong_group(fit: Fit, scale: float, of_a_photo: float) -> bool:
+    """Tell whether more than a part of the observations of a photo, or of another kind, do not fit.
+
+    `scale` is their standard error of unit weight.
+    """
     kind, photo, _, _ = fit.columns
     # by photo, and what is of no photo by its kind
-    place = np.where(photo.where(bool), photo.codes, len(photo.distinct) + kind.codes)
+    is_of_photo = photo.where(bool)
+    place = np.where(is_of_photo, photo.codes, len(photo.distinct) + kind.codes)
     count = np.bincount(place)
-    wrong = np.bincount(place, fit.standard > _FITS)
-    return bool((wrong > np.maximum(_OF_A_GROUP * count, _FEW)).any())
+    wrong = np.bincount(place, fit.standard > _FITS * scale)
+    of_photos = np.bincount(place, is_of_photo) > 0.0
+    return bool((wrong > np.maximum(np.where(of_photos, of_a_photo, _OF_A_GROUP) * count, _FEW)).any())
 
 
 def misfit(fit: Fit, scale: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.bundle.solve import SolvedBlock, solve_block
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.errors import NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
@@ -75,4 +75,6 @@ class Readjuster:
 
 
 def _solved(block: Block) -> SolvedBlock:
-    return solve_block(block, lambda _: None, lambda: False)
+    # whether a mistake explains the misfit is seen long before the last observation has the right weight
+    settings = replace(iteration_settings(block.definition), most_attempts=0)
+    return solve_block(block, lambda _: None, lambda: False, settings)

@@ -71,7 +71,7 @@ def _register_list(group: typer.Typer) -> None:
         given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
         found = list_observations(given, photo, point, every=every, with_partners=partners)
         if invocation.terminal.json:
-            invocation.terminal.document(list_document(found))
+            invocation.terminal.document("observations", list_document(found))
         else:
             tell_list(invocation.terminal, found, with_partners=partners, every=every)
 
@@ -178,7 +178,7 @@ def _register_again(group: typer.Typer) -> None:
         given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
         todo = commit(measure_again(given, output, overwrite=force)).outcome
         if invocation.terminal.json:
-            invocation.terminal.document(todo_document(todo))
+            invocation.terminal.document("todo", todo_document(todo))
         else:
             tell_todo(invocation.terminal, todo)
 

@@ -121,6 +121,7 @@ def _play(invocation: Invocation) -> None:
                 say(f"{at} {words_of(key)} fits now")
         named = [words_of(key) for key in measuring.suspects]
         invocation.terminal.answer(
+            "online-demo",
             {"command": "online", "summary": summary(measuring), "suspects": named},
             f"{summary(measuring)}: {', '.join(named)}",
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.mistakes.before_adjustment.rows_of_cameras import rows_by_camera
+from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 
@@ -32,17 +32,15 @@ def reduced_pictures(definitions: Definitions, observations: PhotoObservations) 
     observations : PhotoObservations
         Of one bundle.
     """
-    rows = rows_by_camera(definitions, observations, lambda photo: definitions.camera_of(photo).sensor is not None)
-    for key, mine in rows.items():
-        camera = definitions.cameras[key]
-        photos = coded(observations.photos)[mine].occurring()
-        if camera.sensor is None or len(mine) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
+    for camera, rows in points_of_cameras(definitions, observations, lambda _: True):
+        photos = coded(observations.photos)[rows].occurring()
+        if camera.sensor is None or len(rows) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
             continue
-        reached = (observations.measured[mine] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
+        reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
         for factor in _FACTORS:
             if (np.abs(reached * factor - 0.5 * (_FILLED + _EDGE)) < 0.5 * (_EDGE - _FILLED)).all():
                 text = (
-                    f"all {len(mine)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
+                    f"all {len(rows)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
                     f"{camera.sensor.rows} rows of the sensor, and would fill it multiplied by {factor}: they seem to "
                     "be measured at a lower resolution; write columns and rows of the pictures that were measured, "
                     "with the same width and height"

@@ -1,0 +1,275 @@
+"""Changes of weights in a linear adjustment: what the robust cost becomes, without adjusting again.
+
+With cofactors H = A Q A^T of the adjusted observations, a change d of the weight of observation i changes the residuals
+by -H_i g v_i with g = d / (1 + d h_i), the cofactors by -g H_i H_i^T and the weighted square sum by g v_i^2. Several
+changes D at once change them by -H_p K v_p, -H_p K H_p^T and v_p^T K v_p, with K = (D^-1 + H_pp)^-1 (Sherman, Morrison
+and Woodbury).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.weights import danish_costs
+from orip.arrays import BoolArray, FloatArray, IntArray
+
+_LEAST_GAIN, _DOUBT = 0.002, 0.01
+"""Part of the square of the limit by which the cost has to fall; changes after which it is higher by no more than the
+second are doubtful: residuals of dozens of a-priori errors are not linear, and only an adjustment tells."""
+
+_MOST_FOUND = 8
+"""Ends that are looked at without the linearisation, at one solution."""
+
+_ALTERNATIVES = 4
+_LONGEST = 12
+_ROUNDS = 5
+_TESTABLE = 0.03
+"""Least redundancy number of an observation that may lose its weight."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinearAdjustment:
+    """c observations of a linear adjustment.
+
+    Parameters
+    ----------
+    cofactor : array (c, c)
+        H.
+    residual, weight : arrays (c,)
+    square_sum : float
+        Weighted square sum of all observations, up to a constant.
+    """
+
+    cofactor: FloatArray
+    residual: FloatArray
+    weight: FloatArray
+    square_sum: float
+
+    def with_weights(self, weights: FloatArray) -> LinearAdjustment:
+        """Return the adjustment with other weights (c,)."""
+        places = np.flatnonzero(weights != self.weight)
+        columns, residual = self.cofactor[:, places], self.residual[places]
+        inner = np.diag(1.0 / (weights - self.weight)[places]) + columns[places]
+        spread = np.linalg.solve(inner, columns.T)
+        return LinearAdjustment(
+            self.cofactor - columns @ spread,
+            self.residual - spread.T @ residual,
+            weights,
+            self.square_sum + float(residual @ np.linalg.solve(inner, residual)),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """s ways of changing the weights of c observations, one after the other, after k changes.
+
+    Parameters
+    ----------
+    cofactor : array (c, c)
+        H before the changes.
+    residual, leverage, weight : arrays (s, c)
+        v, the diagonal of H, and the weights after them.
+    square_sum : array (s,)
+    factor, effect : tuples of k arrays (s,), (s, c)
+        g and H_i of the changes.
+    """
+
+    cofactor: FloatArray
+    residual: FloatArray
+    leverage: FloatArray
+    weight: FloatArray
+    square_sum: FloatArray
+    factor: tuple[FloatArray, ...] = ()
+    effect: tuple[FloatArray, ...] = ()
+
+    def chosen(self, ways: IntArray | BoolArray) -> _Ways:
+        """Return some of the ways; one may be chosen several times."""
+        return _Ways(
+            self.cofactor, self.residual[ways], self.leverage[ways], self.weight[ways], self.square_sum[ways],
+            tuple(factor[ways] for factor in self.factor), tuple(effect[ways] for effect in self.effect),
+        )  # fmt: skip
+
+    def changed(self, rows: IntArray, weights: FloatArray) -> _Ways:
+        """Return the ways after one more change: the observations `rows` (s,) get `weights` (s,)."""
+        ways = np.arange(len(rows))
+        column = self.cofactor[rows]
+        for before, effect in zip(self.factor, self.effect, strict=True):
+            column = column - (before * effect[ways, rows])[:, None] * effect
+        change = weights - self.weight[ways, rows]
+        factor = change / (1.0 + change * column[ways, rows])
+        after = self.weight.copy()
+        after[ways, rows] = weights
+        return _Ways(
+            self.cofactor,
+            self.residual - (factor * self.residual[ways, rows])[:, None] * column,
+            self.leverage - factor[:, None] * column**2,
+            after,
+            self.square_sum + factor * self.residual[ways, rows] ** 2,
+            (*self.factor, factor),
+            (*self.effect, column),
+        )
+
+    def costs(self, limit: float) -> FloatArray:
+        """Return the robust costs (s,), up to a constant: half the square sum where observations fit."""
+        above = (self.weight < 1.0) | (np.abs(self.residual) > limit)
+        ways, _ = np.nonzero(above)
+        residual = self.residual[above]
+        more = danish_costs(np.abs(residual), limit) - self.weight[above] * residual**2 / 2.0
+        return self.square_sum / 2.0 + np.bincount(ways, more, len(self.square_sum))
+
+    def gains(self, limit: float) -> tuple[FloatArray, FloatArray]:
+        """Return the change (s, c) of the cost by changing each observation, and the weights (s, c) that it has then.
+
+        One that has lost weight is taken back; one whose residual is more than half the limit loses its weight. What
+        the others contribute to the cost is taken as unchanged. Infinite for all that cannot be changed.
+        """
+        weights, gains = self._other_weights(limit), np.full(self.weight.shape, np.inf)
+        places = np.nonzero(weights != self.weight)
+        now, then, residual = self.weight[places], weights[places], self.residual[places]
+        factor = 1.0 + (then - now) * self.leverage[places]
+        moved = residual / factor
+        before = danish_costs(np.abs(residual), limit) - now * residual**2 / 2.0
+        after = danish_costs(np.abs(moved), limit) - then * moved**2 / 2.0
+        gains[places] = (then - now) / factor * residual**2 / 2.0 + after - before
+        return gains, weights
+
+    def _other_weights(self, limit: float) -> FloatArray:
+        """Return 1 (s, c) for observations that have lost weight, and for others the weight that agrees with itself.
+
+        That is the weight of the residual that an observation has with this weight, 0 if there is none.
+        """
+        weights = np.where(self.weight < 1.0, 1.0, self.weight)
+        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > limit / 2.0) & (1.0 - self.leverage > _TESTABLE)
+        places = np.nonzero(in_use)
+        size, leverage = np.abs(self.residual[places]), self.leverage[places]
+        weight = np.zeros(len(size))
+        for _ in range(3):
+            moved = size / (1.0 - (1.0 - weight) * leverage)
+            weight = np.where(moved > limit, np.exp(-moved / limit), 0.0)
+        weights[places] = weight
+        return weights
+
+
+class _End(NamedTuple):
+    """The cost that a way leads to, and the weights (c,) there."""
+
+    cost: float
+    weight: FloatArray
+
+
+def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatArray]:
+    """Return the weights (c,) of lowest cost that changes of one weight after the other lead to, the lowest first.
+
+    They begin with any one observation, and again from the lowest end as long as the cost falls. Ends that began at
+    the start follow where they are no lower than that, but hardly higher.
+
+    Parameters
+    ----------
+    start : LinearAdjustment
+    limit : float
+        Standard residual up to which an observation has full weight.
+    """
+    at_start = float(_begun(start, 1).costs(limit)[0])
+    first = _ends(start, limit)
+    best, ends, least = start, first, at_start
+    for _ in range(_ROUNDS):
+        if not ends or ends[0].cost > least - _LEAST_GAIN * limit**2:
+            break
+        least, best = ends[0].cost, best.with_weights(ends[0].weight)
+        ends = _ends(best, limit)
+    doubtful = at_start + _DOUBT * limit**2
+    tried = [best.weight, *(end.weight for end in first if end.cost < doubtful)]
+    distinct = {(weight < 1.0).tobytes(): weight for weight in reversed(tried)}
+    distinct.pop((start.weight < 1.0).tobytes(), None)
+    return list(distinct.values())[::-1][:_MOST_FOUND]
+
+
+def _begun(start: LinearAdjustment, ways: int) -> _Ways:
+    def repeated(values: FloatArray) -> FloatArray:
+        return np.repeat(values[None], ways, axis=0)
+
+    leverage = np.diag(start.cofactor)
+    residual, weight = repeated(start.residual), repeated(start.weight)
+    return _Ways(start.cofactor, residual, repeated(leverage), weight, np.full(ways, start.square_sum))
+
+
+def _ends(start: LinearAdjustment, limit: float) -> list[_End]:
+    """Return where changes of one weight after the other lead to, the lowest cost first.
+
+    The observation that is changed first stays as it is. Where the same observations have lost weight as on a way
+    before, the way is given up: both go on to the same end.
+    """
+    ways, held = _first_changes(start, limit)
+    costs, ends, passed = ways.costs(limit), list[_End](), set[bytes]()
+    for _ in range(_LONGEST):
+        if not len(held):
+            break
+        numbers = np.arange(len(held))
+        gains, weights = ways.gains(limit)
+        gains[numbers, held] = np.inf
+        rows = gains.argmin(axis=1)
+        moved = ways.changed(rows, weights[numbers, rows])
+        lower = moved.costs(limit)
+        falls = (gains[numbers, rows] < 0.0) & (lower < costs)
+        ends += map(_End, costs[~falls].tolist(), ways.weight[~falls])
+        going = np.array([way for way in np.flatnonzero(falls) if _is_new(moved.weight[way], passed)], dtype=np.intp)
+        ways, held, costs = moved.chosen(going), held[going], lower[going]
+    ends += map(_End, costs.tolist(), ways.weight)
+    return sorted(ends, key=itemgetter(0))
+
+
+def _is_new(weight: FloatArray, passed: set[bytes]) -> bool:
+    """Return whether no way before has come to the same observations without weight, and note that one has."""
+    reduced = (weight < 1.0).tobytes()
+    is_new = reduced not in passed
+    passed.add(reduced)
+    return is_new
+
+
+def _first_changes(start: LinearAdjustment, limit: float) -> tuple[_Ways, IntArray]:
+    """Return the beginnings of ways, and the observation (s,) that each of them changes first.
+
+    An observation is taken back by itself, or in exchange for one of those that gain most from it; or one is left out.
+    """
+    reduced = np.flatnonzero(start.weight < 1.0)
+    nearest = reduced[np.argsort(np.abs(start.residual[reduced]), kind="stable")]
+    alone = _begun(start, 1)
+    of_all, other_weights = (values[0] for values in alone.gains(limit))
+    of_all[reduced] = np.inf
+    most = np.argsort(of_all, kind="stable")[:_ALTERNATIVES]
+    left_out = most[np.isfinite(of_all[most])]
+    first = np.concatenate([nearest, left_out])
+    ways = _begun(start, len(first)).changed(first, other_weights[first])
+    taken_back = ways.chosen(np.arange(len(nearest)))
+    gains, weights = taken_back.gains(limit)
+    gains[np.arange(len(nearest)), nearest] = np.inf
+    # the best change is what the way itself goes on with
+    others = np.argsort(gains, axis=1, kind="stable")[:, 1:_ALTERNATIVES]
+    number, place = np.nonzero(np.take_along_axis(gains, others, axis=1) < 0.0)
+    rows = others[number, place]
+    exchanged = taken_back.chosen(number).changed(rows, weights[number, rows])
+    return _joined(ways, exchanged), np.concatenate([first, nearest[number]])
+
+
+def _joined(ways: _Ways, others: _Ways) -> _Ways:
+    """Return two lots of ways as one, of which the second have made one change more."""
+    nothing = np.zeros(len(ways.square_sum))
+    factor = (*ways.factor, nothing)
+    effect = (*ways.effect, np.zeros_like(ways.residual))
+    return _Ways(
+        ways.cofactor,
+        np.vstack([ways.residual, others.residual]),
+        np.vstack([ways.leverage, others.leverage]),
+        np.vstack([ways.weight, others.weight]),
+        np.concatenate([ways.square_sum, others.square_sum]),
+        tuple(map(_one_below_the_other, factor, others.factor)),
+        tuple(map(_one_below_the_other, effect, others.effect)),
+    )
+
+
+def _one_below_the_other(above: FloatArray, below: FloatArray) -> FloatArray:
+    return np.concatenate([above, below])
