@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from orip.adjustment.outlier_tests import OutlierTest
@@ -82,12 +84,16 @@ def observation_of(residuals: Residuals, row: int) -> str:
     return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row])
 
 
-def probable_size(residuals: Residuals, row: int) -> str:
-    """Return by how much an observation is probably off: observed minus what all others predict."""
+def probable_error(residuals: Residuals, row: int) -> float:
+    """Return by how much an observation is probably off: observed minus what all others predict; NaN if not tested."""
     number = residuals.redundancy_number[row]
-    if not number > 0.01:
-        return SINGULAR
-    return fixed(float(-residuals.residual[row] / number), decimals_for([residuals.a_priori[row]]))
+    return float(-residuals.residual[row] / number) if number > 0.01 else math.nan
+
+
+def probable_size(residuals: Residuals, row: int) -> str:
+    """Return the same as text."""
+    error = probable_error(residuals, row)
+    return SINGULAR if math.isnan(error) else fixed(error, decimals_for([residuals.a_priori[row]]))
 
 
 def unit_of_residual(solution: Solution, row: int) -> str:

@@ -93,7 +93,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "distances": distance_table(solution),
         "trouble": [
             table
-            for table in (make(solution) for make in (blunder_table, suspect_table, singular_table, weak_table))
+            for table in (blunder_table(solution), suspect_table(given), singular_table(solution), weak_table(solution))
             if table is not None
         ],
         "spreads": spreads(solution),

@@ -44,6 +44,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         gates=tuple(source.check.gates),
         report=_report(source.report),
         antennas=tuple(antenna.record for antenna in source.antennas),
+        output_folder=project.output_folder,
     )
 
 

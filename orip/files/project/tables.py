@@ -43,6 +43,7 @@ class ProjectTable(CheckedTable):
     project_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
     control_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
     measurement_files: Annotated[list[FilledText], Limits(examples=['["*.MEA"]'])] = ["*.MEA"]
+    output_folder: Annotated[str | None, Limits(examples=['"results"'])] = None
     ground_unit: Annotated[FilledText, Limits(examples=['"m"'])] = "m"
     crs: Annotated[str | None, Limits(min_length=1, examples=['"EPSG:2056"'])] = None
 

@@ -30,6 +30,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "project_files": definition.project_files,
         "control_files": definition.control_files,
         "measurement_files": list(definition.measurement_files),
+        "output_folder": definition.output_folder,
         "ground_unit": definition.ground_unit,
         "crs": definition.crs,
     }

@@ -103,6 +103,7 @@ class ProjectDefinition:
     """All that orip.toml says, checked and with the defaults filled in.
 
     File names are relative to the project folder. `control_files` and `project_files` are base names without extension.
+    `output_folder` is the name of a folder in it for listings, results, reports and drive tables; None: they have none.
     """
 
     name: str
@@ -122,3 +123,4 @@ class ProjectDefinition:
     gates: tuple[str, ...] = ()
     report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()
+    output_folder: str | None = None

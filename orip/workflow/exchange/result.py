@@ -24,6 +24,7 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted, counted_names
+from orip.workflow.exchange.film import cameras_with_frames, measured_pixels
 from orip.workflow.exchange.given import given_control, given_stations
 from orip.workflow.project.bundle_state import BundleState
 
@@ -69,7 +70,7 @@ def exchanged_result(
     UnsuitableCameraError
         If a camera has no sensor, or the format has none that comes near enough.
     """
-    adjusted = _adjusted(bundle)
+    adjusted = _adjusted(bundle, with_film=conventions.lens is not None and conventions.lens_axes.unit == "mm")
     exported = _cameras(adjusted, names, conventions, accepts_any_fit=corrects_distortion)
     notes = [
         *_notes_on_cameras(exported, conventions, corrects_distortion=corrects_distortion),
@@ -107,7 +108,8 @@ def exchanged_result(
     )
 
 
-def _adjusted(bundle: BundleState) -> _Adjusted:
+def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
+    """Return the solution of a bundle; with film, cameras without a sensor have a frame in its place."""
     solution = bundle.adjusted
     records = bundle.records
     of_photo = {
@@ -120,7 +122,7 @@ def _adjusted(bundle: BundleState) -> _Adjusted:
         key: replace(records.cameras[key], parameters=tuple(values.get(key, records.cameras[key].parameters)))
         for key in dict.fromkeys(of_photo.values())
     }
-    return _Adjusted(solution, cameras, of_photo)
+    return _Adjusted(solution, cameras_with_frames(bundle, cameras, of_photo) if with_film else cameras, of_photo)
 
 
 def _cameras(
@@ -333,7 +335,7 @@ def _rays(
     point = np.array([point_place.get(name, -1) for name in observed.points], dtype=np.int64)
     kept = (photo >= 0) & (point >= 0)
     photo, point = photo[kept], point[kept]
-    image = observed.measured[kept].copy()
+    image = measured_pixels(bundle, adjusted.cameras, adjusted.camera_of_photo)[kept]
     camera_of_photo = [adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names]
     of_ray = np.array(camera_of_photo, dtype=object)[photo] if len(photo) else np.zeros(0, dtype=object)
     for key, camera in exported.items():
