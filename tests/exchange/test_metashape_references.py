@@ -181,3 +181,12 @@ def test_a_heading_of_other_names_is_read(tmp_path: Path) -> None:
     (found,) = read_reference_table(written(tmp_path / "t.txt", table), faults).references
     assert not faults.complaints
     assert (found.label, found.coordinates, found.accuracy) == ("A 1", (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+
+
+def test_a_lens_is_not_adjusted(tmp_path: Path) -> None:
+    lens = "<calibration><projection>frame</projection><width>40</width><height>30</height><f>50</f></calibration>"
+    written(tmp_path / "lens.xml", lens)
+    said = orip(tmp_path, "adjust", "lens.xml", "new")
+    assert said.code != 0
+    assert "has a camera alone" in said.err
+    assert not (tmp_path / "new").exists()
