@@ -17,7 +17,7 @@ SchemaName = Literal[
     "export", "export-toml", "formats", "import", "init", "measure", "model-coordinates", "observation-edit",
     "observations", "online-demo", "prelim", "project-made", "record", "record-edit", "records", "relative", "report",
     "result", "result-part", "results", "sample-written", "samples", "similarities", "stations-import", "status",
-    "todo", "update", "update-undone",
+    "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
 
@@ -102,6 +102,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "stations-import": DocumentType(project.StationsImport, ("stations import",)),
     "status": DocumentType(project.ProjectStatus, ("status",)),
     "todo": DocumentType(measuring.Todo, ("observations todo",)),
+    "todo-next": DocumentType(measuring.TodoNext, ("observations todo",)),
     "update": DocumentType(preliminary.Update, ("update",)),
     "update-undone": DocumentType(preliminary.UpdateUndone, ("update",)),
 }

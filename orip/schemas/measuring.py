@@ -267,6 +267,27 @@ class Watching(Part, frozen=True):
     url: str
 
 
+class PointToAdd(Part, frozen=True):
+    """A measurement that is worth making: where it is expected, and what it would tell about the block."""
+
+    photo: str
+    point: str
+    x: float
+    y: float
+    mm: list[float]
+    ellipse: list[float] | None
+    gain: float
+    text: str
+
+
+class TodoNext(Part, frozen=True):
+    """What is worth measuring next, the most profitable first."""
+
+    command: Literal["observations todo"]
+    bundle: str
+    next: list[PointToAdd]
+
+
 class OnlineDemo(Part, frozen=True):
     """How the simulated session of measuring ended."""
 

@@ -27,7 +27,7 @@ status; init; measure; check sigma0<=9; compare . .; report; results covariance 
 update photos --dry-run; update points; update --undo --dry-run
 results cameras; results photos; results points; results theodolites; results residuals
 prelim relative; prelim bridge; prelim absolute
-prelim show; prelim update; observations list; observations list --all; observations todo
+prelim show; prelim update; observations list; observations list --all; observations todo; observations todo --next
 observations disregard point 101 1107 --dry-run; control points list; control distances list
 control points edit CP1 aX=0.5 --dry-run; control distances disregard T1 --dry-run; drive table; export-toml
 camera plot REFLEX35; camera list; photo show 101; bundle edit MAIN enp_stop=5 --dry-run

@@ -54,7 +54,7 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
     """
     faults = Faults(shown)
     table = read_reference_table(path, faults, letters)
-    if fault := _other_system(project, table):
+    if not faults.complaints and (fault := _other_system(project, table)):
         faults.complain(fault)
     if faults.complaints:
         return Parsed(project, tuple(faults.complaints))
