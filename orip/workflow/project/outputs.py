@@ -48,7 +48,7 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     """
     files = project.outputs(solution.bundle)
     found = reliability_of(solution)
-    misfits = suspect_rows(solution).tolist()
+    misfits = suspect_rows(solution, project.definition.test_level).tolist()
     return (
         TextOutput(files.residuals_of(solution), lambda: residuals_in_pieces(solution, found), _REMEDY),
         TextOutput(files.listing, lambda: lines_in_pieces(bundle_listing_lines(solution, found, measured)), _REMEDY),
