@@ -66,15 +66,14 @@ def suspect_table(given: ReportInput) -> PageTable | None:
     """Return the observations that fit worse than chance explains, the worst first."""
     solution = given.solution
     residuals = solution.residuals
-    rows = suspect_rows(solution)
+    rows = suspect_rows(solution, given.test_level)
     if not rows.size:
         return None
     down = residuals.weight_factor < 1.0
     shown = rows[:MOST_SUSPECTS]
-    found = counted(len(suspects(solution)), "observation")
+    found = counted(len(suspects(solution, given.test_level)), "observation")
     note = (
-        f"{found}, {counted(len(rows), 'component')}; in a block without blunders anything is listed here with a "
-        f"probability of {FAMILY_ALPHA:.0%} at most. "
+        f"{found}, {counted(len(rows), 'component')}; {_level(given.test_level)} "
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
@@ -92,6 +91,12 @@ def suspect_table(given: ReportInput) -> PageTable | None:
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
+
+
+def _level(test_level: float | None) -> str:
+    if test_level is None:
+        return f"in a block without blunders anything is listed here with a probability of {FAMILY_ALPHA:.0%} at most."
+    return f"each test has an error probability of {test_level:g}: in large blocks without blunders some are listed."
 
 
 def _in_pixels(given: ReportInput, rows: IntArray) -> Iterator[PageColumn]:
