@@ -1,0 +1,196 @@
+"""Other places of points that a ray contradicts: where other coordinates of their rays are the wrong ones.
+
+Of three photos in a row any one may be wrong if they contradict each other along the base. The point then lies far from
+where it is, and whether that is better shows only in the other coordinates, and in those of the photos' other points.
+Places are computed with the photos held, for each few coordinates that may be wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.equations import Equations, OtherPlace
+from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.point_consensus import PointRays
+from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.state import BlockState
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.interior.image_vectors import image_vectors
+from orip.records.block import Block
+
+_FEWEST_RAYS, _MOST_RAYS = 3, 6
+"""Rays of a point: of two, neither can be called wrong; many leave no doubt about a wrong one."""
+
+_FEW_RAYS, _MOST_WRONG = 4, 3
+"""Wrong coordinates of a point: three leave enough of three rays."""
+
+_MOST_PLACES = 6
+"""Places of a point that are proposed, those with the lowest robust cost as long as the photos are held."""
+
+_STEPS = 3
+"""Repetitions of where the rays meet by their directions, and then corrections to the place of least squares."""
+
+
+def other_places(
+    block: Block,
+    unknowns: Unknowns,
+    kind: PhotoPointObservations,
+    state: BlockState,
+    equations: Equations,
+    weights: FloatArray,
+    limit: float,
+) -> list[OtherPlace]:
+    """Return other places of points of which a coordinate has lost weight, with the weights of their rays there.
+
+    Parameters
+    ----------
+    block : Block
+    unknowns : Unknowns
+    kind : PhotoPointObservations
+        All photo points of the block, whose equations are the first ones.
+    state : BlockState
+    equations : Equations
+        At the state.
+    weights : array (n,)
+        Weight factors.
+    limit : float
+        Standard residual up to which an observation has full weight.
+    """
+    rays = len(kind.point)
+    active = equations.active[: 2 * rays].reshape(-1, 2).all(axis=1)
+    reduced = (weights[: 2 * rays] < 1.0).reshape(-1, 2).any(axis=1)
+    doubtful = np.zeros(len(state.points), dtype=bool)
+    doubtful[kind.point[reduced & active]] = True
+    doubtful &= points_by_photos_alone(block, unknowns) & ~state.left_out
+    chosen = np.flatnonzero(active & doubtful[kind.point])
+    if not len(chosen):
+        return []
+    vectors = image_vectors(block)
+    order = chosen[np.argsort(kind.point[chosen], kind="stable")]
+    _, starts, counts = np.unique(kind.point[order], return_index=True, return_counts=True)
+    found: list[OtherPlace] = []
+    for count in np.intersect1d(counts, np.arange(_FEWEST_RAYS, _MOST_RAYS + 1)):
+        of_points = order[starts[counts == count][:, None] + np.arange(count)]
+        found += _places_of_points(unknowns, kind, state, of_points, vectors, weights, limit)
+    return found
+
+
+def _places_of_points(
+    unknowns: Unknowns,
+    kind: PhotoPointObservations,
+    state: BlockState,
+    of_points: IntArray,
+    vectors: FloatArray,
+    weights: FloatArray,
+    limit: float,
+) -> list[OtherPlace]:
+    """Return the places of q points of k rays each, `of_points` (q, k)."""
+    kept = _kept(of_points.shape[1])
+    rays = np.repeat(of_points, len(kept), axis=0)
+    kept = np.tile(kept, (len(of_points), 1))
+    factors = np.where(kept, 1.0, LEAST_WEIGHT)
+    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], factors)
+    for _ in range(_STEPS):
+        points = points + _linearised(kind, state, rays, points).of_points().least_squares(factors)
+    there = _linearised(kind, state, rays, points)
+    rows = (2 * rays[:, :, None] + np.arange(2)).reshape(len(rays), -1)
+    residual = np.abs(there.residuals)
+    costs = np.where(kept, residual**2 / 2.0, danish_costs(residual, limit)).sum(axis=1)
+    # not the place where the coordinates are wrong that have lost weight already, nor where a wrong one fits
+    as_now = (kept == (weights[rows] >= 1.0)).all(axis=1)
+    needless = (~kept & (residual <= limit)).any(axis=1)
+    costs[as_now | needless | ~there.computable | ~np.isfinite(costs)] = np.inf
+    by_point = np.argsort(costs.reshape(len(of_points), -1), axis=1, kind="stable")[:, :_MOST_PLACES]
+    chosen = (by_point + len(costs) // len(of_points) * np.arange(len(of_points))[:, None]).ravel()
+    columns = kind.columns()
+    return [
+        OtherPlace(
+            columns=unknowns.points[kind.point[rays[place, 0]]],
+            move=points[place] - state.points[kind.point[rays[place, 0]]],
+            rows=rows[place],
+            weights=factors[place],
+            design=_scattered(there.partials[place], columns[rows[place]], unknowns.layout.size),
+            residual=there.residuals[place],
+        )
+        for place in chosen[np.isfinite(costs[chosen])].tolist()
+    ]
+
+
+def _kept(rays: int) -> BoolArray:
+    """Return which coordinates (c, 2 k) of k rays are kept: all but up to three, or but two of many."""
+    most = _MOST_WRONG if rays <= _FEW_RAYS else _MOST_WRONG - 1
+    wrong = [chosen for count in range(most + 1) for chosen in combinations(range(2 * rays), count)]
+    kept = np.ones((len(wrong), 2 * rays), dtype=bool)
+    for row, chosen in enumerate(wrong):
+        kept[row, list(chosen)] = False
+    return kept
+
+
+def _where_directions_meet(state: BlockState, photos: IntArray, vectors: FloatArray, factors: FloatArray) -> FloatArray:
+    """Return the points (p, 3) nearest to planes: each coordinate of a ray gives one through the projection centre.
+
+    `photos` (p, k), `vectors` (p, k, 3) in the photo system and the weights `factors` (p, 2 k).
+    """
+    x, y, z = np.moveaxis(vectors, 2, 0)
+    nothing = np.zeros_like(x)
+    normals = np.stack([np.stack([z, nothing, -x], axis=2), np.stack([nothing, z, -y], axis=2)], axis=2)
+    normals = normals / np.linalg.norm(vectors, axis=2)[:, :, None, None]
+    centres = state.centres[photos]
+    middle = centres.mean(axis=1)
+    planes = np.einsum("pkij,pkcj->pkci", state.rotations[photos], normals).reshape(len(photos), -1, 3)
+    offset = -np.einsum("pri,pri->pr", planes, np.repeat(centres - middle[:, None], 2, axis=1))
+    points = middle + PointRays(planes, offset).least_squares(factors)
+    for _ in range(_STEPS):
+        # angles, not distances
+        distances = np.linalg.norm(points[:, None] - centres, axis=2)
+        nearer: FloatArray = np.repeat((distances.mean(axis=1)[:, None] / distances) ** 2, 2, axis=1)
+        points = middle + PointRays(planes, offset).least_squares(factors * nearer)
+    return np.asarray(points)
+
+
+class _Linearised(NamedTuple):
+    """Partials (p, 2 k, u) by all unknowns and residuals (p, 2 k) of p places, and which (p,) all photos see."""
+
+    partials: FloatArray
+    residuals: FloatArray
+    computable: BoolArray
+
+    def of_points(self) -> PointRays:
+        """Return the rays with the photos held."""
+        return PointRays(self.partials[:, :, POINT_PARTIALS], self.residuals)
+
+
+def _linearised(kind: PhotoPointObservations, state: BlockState, rays: IntArray, points: FloatArray) -> _Linearised:
+    """Return the rays (p, k) to places (p, 3)."""
+    places, count = rays.shape
+    of_rays = rays.ravel()
+    at_places = replace(
+        kind,
+        photo=kind.photo[of_rays],
+        point=np.repeat(np.arange(places), count),
+        camera=kind.camera[of_rays],
+        xy=kind.xy[of_rays],
+        at_measured=kind.at_measured[of_rays],
+        is_equidistant=kind.is_equidistant[of_rays],
+    )
+    found = at_places.linearise_with_partials(replace(state, points=points))
+    error = kind.rows.error.reshape(-1, 2)[of_rays].ravel()
+    return _Linearised(
+        (found.partials / error[:, None]).reshape(places, 2 * count, -1),
+        (found.residual / error).reshape(places, 2 * count),
+        np.asarray(found.computable.reshape(places, -1).all(axis=1)),
+    )
+
+
+def _scattered(partials: FloatArray, columns: IntArray, size: int) -> FloatArray:
+    """Return rows (2 k, size) of a design matrix from their partials (2 k, u) and the unknowns that these are for."""
+    design = np.zeros((len(partials), size + 1))
+    rows = np.arange(len(partials))[:, None]
+    design[rows, np.where(columns == CONSTANT, size, columns)] = partials
+    return np.asarray(design[:, :size])
