@@ -19,7 +19,7 @@ from orip.adjustment.equations import Equations, Linearised, Problem, StateT
 from orip.adjustment.exchanges import exchanges_to_try
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
-from orip.adjustment.relocation import Relocations, relocations
+from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray
 
@@ -72,9 +72,16 @@ def next_attempt(
     if reason is not None and not tried.consensus:
         tried = replace(tried, consensus=True)
         state = problem.improve_consensus(now.current.state, equations, limit)
-        if state is not None:
-            return _attempt(now, Linearised(state, problem.linearise(state)), tried, reason), None
+        moved = None if state is None else Linearised(state, problem.linearise(state))
+        if moved is not None and _may_be_lower(moved.equations, now):
+            return _attempt(now, moved, tried, reason), None
     return replace(now, tried=tried), reason
+
+
+def _may_be_lower(there: Equations, now: IterationState[StateT]) -> bool:
+    """Return whether an attempt may end at a lower cost; of tracks, where all other points follow, any one may."""
+    most = _cost(now) + _MOST_HIGHER * now.weighing.final_limit**2
+    return now.weighing.of_tracks or now.weighing.cost(there) < most
 
 
 def _candidates(
@@ -115,18 +122,18 @@ def _relocated(
     if not places:
         return []
     found = relocations(places, equations, weights, normals, problem.layout, limit)
-    tried = [Relocations((one,), found.remaining) for one in found.by_cost(limit**2)[:_MOST_RELOCATIONS]]
+    tried = [[one] for one in found.by_cost(limit**2)[:_MOST_RELOCATIONS]]
     if len(several := found.of_different_blocks(-_CLEARLY * limit**2)) > 1:
-        tried.append(Relocations(several, found.remaining))
+        tried.append(several)
     # what the iterations would gain without them does not count
     as_is = problem.update(now.current.state, found.remaining)
     known = min(_cost(now), now.weighing.cost(problem.linearise(as_is)))
     ends = []
-    for relocation in tried:
-        state = problem.update(now.current.state, relocation.correction())
+    for relocated in tried:
+        state = problem.update(now.current.state, found.correction(relocated))
         cost = now.weighing.cost(problem.linearise(state))
         if cost < known + _CLEARLY * limit**2:
-            full, none = relocation.changed(weights)
+            full, none = changed_weights(relocated, weights)
             ends.append((cost, Candidate(state, full, none, cost < known - _CLEARLY * limit**2)))
     return ends
 

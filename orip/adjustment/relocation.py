@@ -13,7 +13,7 @@ for the new ones, and H = U N^-1 U^T, the square sum changes by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from operator import attrgetter
 
 import numpy as np
@@ -25,6 +25,14 @@ from orip.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
+class _Freed:
+    """Combinations of observations that are free of their block: rows (k - 3, m) and residuals (k - 3,)."""
+
+    rows: FloatArray
+    residual: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Relocation:
     """A block at another place.
 
@@ -33,13 +41,12 @@ class Relocation:
     place : OtherPlace
     change : float
         Of the robust cost.
-    correction : array (m + 3 b,)
-        That leads there, with what remains of the other unknowns.
     """
 
     place: OtherPlace
     change: float
-    correction: FloatArray
+    old: _Freed
+    new: _Freed
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +58,12 @@ class Relocations:
     single : sequence of Relocation
     remaining : array (m + 3 b,)
         The correction without them.
+    normals : SolvedNormals
     """
 
     single: Sequence[Relocation]
     remaining: FloatArray
+    normals: SolvedNormals
 
     def by_cost(self, most: float) -> list[Relocation]:
         """Return those by which the cost changes by less than `most`, the lowest first."""
@@ -65,18 +74,23 @@ class Relocations:
         best = {one.place.columns.tobytes(): one for one in reversed(self.by_cost(most))}
         return list(best.values())
 
-    def correction(self) -> FloatArray:
-        """Return the correction (m + 3 b,) of all together."""
+    def correction(self, chosen: Sequence[Relocation]) -> FloatArray:
+        """Return the correction (m + 3 b,) that leads to all of the chosen ones together."""
         moved = self.remaining.copy()
-        for one in self.single:
-            moved += one.correction - self.remaining
+        for one in chosen:
+            both = np.vstack([one.old.rows, one.new.rows])
+            on_blocks = np.zeros((len(self.remaining) - both.shape[1], len(both)))
+            spread = self.normals.solve(np.vstack([both.T, on_blocks]))
+            pull, inner = _pulls(one.old, one.new, both @ spread[: both.shape[1]])
+            moved -= spread @ (pull - inner)
+        for one in chosen:
+            place = one.place
+            moved[place.columns] = 0.0
+            root = np.sqrt(place.weights)
+            there = place.residual + place.design @ moved
+            own, *_ = np.linalg.lstsq(place.design[:, place.columns] * root[:, None], -root * there, rcond=None)
+            moved[place.columns] = place.move + own
         return moved
-
-    def changed(self, weights: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return the observations that get full weight, and those that lose theirs, of the weights (n,)."""
-        rows = np.concatenate([one.place.rows for one in self.single])
-        there = np.concatenate([one.place.weights for one in self.single])
-        return rows[(there >= 1.0) & (weights[rows] < 1.0)], rows[(there < 1.0) & (weights[rows] >= 1.0)]
 
 
 def relocations(
@@ -103,66 +117,74 @@ def relocations(
     """
     right = equations.design.T @ (np.where(equations.active, weights, 0.0) * equations.residual)
     remaining = -normals.solve(right[:, None])[:, 0]
-    single = [_relocation(place, equations, weights, normals, layout, limit, remaining) for place in places]
-    return Relocations(single, remaining)
+    reduced, of_reduced = layout.reduced, remaining[: layout.reduced]
+    blocks: dict[bytes, tuple[_Freed, float]] = {}
+    found = []
+    for place in places:
+        rows, key = place.rows, place.columns.tobytes()
+        if key not in blocks:
+            design, before = equations.design[rows].toarray(), equations.residual[rows]
+            freed = _freed(design, before, weights[rows], place.columns, reduced, of_reduced)
+            blocks[key] = freed, _beyond_squares(before, weights[rows], limit)
+        old, beyond = blocks[key]
+        new = _freed(place.design, place.residual, place.weights, place.columns, reduced, of_reduced)
+        # there what keeps its weight has to fit
+        none = place.weights < 1.0
+        more = _beyond_squares(place.residual[none], place.weights[none], limit) - beyond
+        found.append(Relocation(place, more, old, new))
+    return Relocations(_with_square_sums(found, normals), remaining, normals)
 
 
-def _relocation(
-    place: OtherPlace,
-    equations: Equations,
-    weights: FloatArray,
-    normals: SolvedNormals,
-    layout: Layout,
-    limit: float,
-    remaining: FloatArray,
-) -> Relocation:
-    rows = place.rows
-    old = _freed(equations.design[rows].toarray(), equations.residual[rows], weights[rows], place, layout, remaining)
-    new = _freed(place.design, place.residual, place.weights, place, layout, remaining)
+def _with_square_sums(found: Sequence[Relocation], normals: SolvedNormals) -> list[Relocation]:
+    """Return relocations whose change of the cost has that of half the square sum, too."""
+    rows = np.vstack([part.rows for one in found for part in (one.old, one.new)])
+    spread = normals.factor.reduce(rows.T / normals.scale[:, None])
+    complete, first = [], 0
+    for one in found:
+        sign, residual = _both(one.old, one.new)
+        own = spread[:, first : first + len(sign)]
+        first += len(sign)
+        effect = own.T @ own
+        pull, inner = _pulls(one.old, one.new, effect)
+        square_sum = float(sign @ residual**2 - (effect @ pull) @ (pull - inner))
+        complete.append(replace(one, change=one.change + square_sum / 2.0))
+    return complete
+
+
+def _both(old: _Freed, new: _Freed) -> tuple[FloatArray, FloatArray]:
+    """Return s and c."""
     sign = np.repeat([-1.0, 1.0], [len(old.residual), len(new.residual)])
-    residual, both = np.concatenate([old.residual, new.residual]), np.vstack([old.rows, new.rows])
-    spread = normals.solve(np.vstack([both.T, np.zeros((3 * layout.blocks, len(both)))]))
-    effect = both @ spread[: layout.reduced]
+    return sign, np.concatenate([old.residual, new.residual])
+
+
+def _pulls(old: _Freed, new: _Freed, effect: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return d and (s + H)^-1 H d."""
+    sign, residual = _both(old, new)
     pull = sign * residual
-    along = effect @ pull
-    inner = np.linalg.solve(np.diag(sign) + effect, along)
-    square_sum = float(sign @ residual**2 - pull @ along + along @ inner)
-    correction = remaining - spread @ (pull - inner)
-    correction[place.columns] = 0.0
-    there = place.residual + place.design @ correction
-    root = np.sqrt(place.weights)
-    own = place.design[:, place.columns] * root[:, None]
-    moved, *_ = np.linalg.lstsq(own, -root * there, rcond=None)
-    correction[place.columns] = place.move + moved
-    # there what keeps its weight has to fit
-    none, before = place.weights < 1.0, equations.residual[rows]
-    more = _beyond_squares(place.residual[none], place.weights[none], limit)
-    return Relocation(place, square_sum / 2.0 + more - _beyond_squares(before, weights[rows], limit), correction)
-
-
-@dataclass(frozen=True, slots=True)
-class _Freed:
-    """Combinations of observations that are free of their block: rows (k - 3, m) and residuals (k - 3,)."""
-
-    rows: FloatArray
-    residual: FloatArray
+    return pull, np.asarray(np.linalg.solve(np.diag(sign) + effect, effect @ pull), dtype=np.float64)
 
 
 def _freed(
     design: FloatArray,
     residual: FloatArray,
     weights: FloatArray,
-    place: OtherPlace,
-    layout: Layout,
+    columns: IntArray,
+    reduced: int,
     remaining: FloatArray,
 ) -> _Freed:
-    """Return the weighted combinations free of the block, after the correction that remains to be made."""
+    """Return the weighted combinations free of the block, after what remains of the reduced unknowns, array (m,)."""
     root = np.sqrt(weights)
-    reduced = design[:, : layout.reduced]
-    complete, _ = np.linalg.qr(design[:, place.columns] * root[:, None], mode="complete")
+    complete, _ = np.linalg.qr(design[:, columns] * root[:, None], mode="complete")
     free = (complete[:, 3:] * root[:, None]).T
-    rows = free @ reduced
-    return _Freed(rows, free @ residual + rows @ remaining[: layout.reduced])
+    rows = free @ design[:, :reduced]
+    return _Freed(rows, free @ residual + rows @ remaining)
+
+
+def changed_weights(chosen: Sequence[Relocation], weights: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the observations that get full weight, and those that lose theirs, of the weights (n,)."""
+    rows = np.concatenate([one.place.rows for one in chosen])
+    there = np.concatenate([one.place.weights for one in chosen])
+    return rows[(there >= 1.0) & (weights[rows] < 1.0)], rows[(there < 1.0) & (weights[rows] >= 1.0)]
 
 
 def _beyond_squares(residual: FloatArray, weights: FloatArray, limit: float) -> float:

@@ -33,7 +33,7 @@ _FEW_RAYS, _MOST_WRONG = 4, 3
 _MOST_PLACES = 6
 """Places of a point that are proposed, those with the lowest robust cost as long as the photos are held."""
 
-_STEPS = 3
+_STEPS = 2
 """Repetitions of where the rays meet by their directions, and then corrections to the place of least squares."""
 
 
@@ -92,22 +92,21 @@ def _places_of_points(
 ) -> list[OtherPlace]:
     """Return the places of q points of k rays each, `of_points` (q, k)."""
     kept = _kept(of_points.shape[1])
-    rays = np.repeat(of_points, len(kept), axis=0)
-    kept = np.tile(kept, (len(of_points), 1))
-    factors = np.where(kept, 1.0, LEAST_WEIGHT)
-    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], factors)
+    rays, kept = np.repeat(of_points, len(kept), axis=0), np.tile(kept, (len(of_points), 1))
+    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], _factors(kept))
+    costs = _linearised(kind, state, rays, points).costs(kept, limit)
+    # not the place where the coordinates are wrong that have lost weight already
+    costs[(kept == (weights[_rows(rays)] >= 1.0)).all(axis=1)] = np.inf
+    likely = _lowest(costs, len(of_points), 2 * _MOST_PLACES)
+    rays, kept, points = rays[likely], kept[likely], points[likely]
     for _ in range(_STEPS):
-        points = points + _linearised(kind, state, rays, points).of_points().least_squares(factors)
+        points = points + _linearised(kind, state, rays, points).of_points().least_squares(_factors(kept))
     there = _linearised(kind, state, rays, points)
-    rows = (2 * rays[:, :, None] + np.arange(2)).reshape(len(rays), -1)
-    residual = np.abs(there.residuals)
-    costs = np.where(kept, residual**2 / 2.0, danish_costs(residual, limit)).sum(axis=1)
-    # not the place where the coordinates are wrong that have lost weight already, nor where a wrong one fits
-    as_now = (kept == (weights[rows] >= 1.0)).all(axis=1)
-    needless = (~kept & (residual <= limit)).any(axis=1)
-    costs[as_now | needless | ~there.computable | ~np.isfinite(costs)] = np.inf
-    by_point = np.argsort(costs.reshape(len(of_points), -1), axis=1, kind="stable")[:, :_MOST_PLACES]
-    chosen = (by_point + len(costs) // len(of_points) * np.arange(len(of_points))[:, None]).ravel()
+    costs = there.costs(kept, limit)
+    # nor a place where a wrong one fits
+    costs[(~kept & (np.abs(there.residuals) <= limit)).any(axis=1)] = np.inf
+    rows, factors, by_place = _rows(rays), _factors(kept), kind.point[rays[:, 0]]
+    chosen = [place for point in np.unique(by_place) for place in _cheapest(np.flatnonzero(by_place == point), costs)]
     columns = kind.columns()
     return [
         OtherPlace(
@@ -118,8 +117,30 @@ def _places_of_points(
             design=_scattered(there.partials[place], columns[rows[place]], unknowns.layout.size),
             residual=there.residuals[place],
         )
-        for place in chosen[np.isfinite(costs[chosen])].tolist()
+        for place in chosen
     ]
+
+
+def _factors(kept: BoolArray) -> FloatArray:
+    return np.where(kept, 1.0, LEAST_WEIGHT)
+
+
+def _rows(rays: IntArray) -> IntArray:
+    """Return the rows (p, 2 k) of rays (p, k)."""
+    return np.asarray((2 * rays[:, :, None] + np.arange(2)).reshape(len(rays), -1))
+
+
+def _lowest(costs: FloatArray, points: int, most: int) -> IntArray:
+    """Return the places of lowest cost, as many of each of the points, whose places follow each other."""
+    order = np.argsort(costs.reshape(points, -1), axis=1, kind="stable")[:, :most]
+    chosen = (order + len(costs) // points * np.arange(points)[:, None]).ravel()
+    return np.asarray(chosen[np.isfinite(costs[chosen])])
+
+
+def _cheapest(places: IntArray, costs: FloatArray) -> list[int]:
+    """Return the places of a point that are proposed."""
+    order = places[np.argsort(costs[places], kind="stable")[:_MOST_PLACES]]
+    return [place for place in order.tolist() if np.isfinite(costs[place])]
 
 
 def _kept(rays: int) -> BoolArray:
@@ -160,6 +181,12 @@ class _Linearised(NamedTuple):
     partials: FloatArray
     residuals: FloatArray
     computable: BoolArray
+
+    def costs(self, kept: BoolArray, limit: float) -> FloatArray:
+        """Return what the rays cost (p,), those coordinates that are kept (p, 2 k) as squares; infinite if unseen."""
+        residuals = np.abs(self.residuals)
+        costs = np.where(kept, residuals**2 / 2.0, danish_costs(residuals, limit)).sum(axis=1)
+        return np.where(self.computable & np.isfinite(costs), costs, np.inf)
 
     def of_points(self) -> PointRays:
         """Return the rays with the photos held."""
