@@ -168,7 +168,10 @@ class OtherPlace(NamedTuple):
         Its observations.
     weights : array (k,)
         Their weight factors there: 1, or least.
-    design : array (k, m + 3 b)
+    reduced : array (k, m)
+        Partials by the reduced unknowns at that place.
+    own : array (k, 3)
+        By the block's.
     residual : array (k,)
         At that place, divided by the a-priori errors.
     """
@@ -177,7 +180,8 @@ class OtherPlace(NamedTuple):
     move: FloatArray
     rows: IntArray
     weights: FloatArray
-    design: FloatArray
+    reduced: FloatArray
+    own: FloatArray
     residual: FloatArray
 
 

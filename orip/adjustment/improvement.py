@@ -16,7 +16,7 @@ import numpy as np
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Linearised, Problem, StateT
-from orip.adjustment.exchanges import exchanges_to_try
+from orip.adjustment.exchanges import are_few, exchanges_to_try
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.relocation import changed_weights, relocations
@@ -89,6 +89,8 @@ def _candidates(
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges and relocations lead that lower the robust cost, or may lower it, the lowest first."""
     limit = now.weighing.final_limit
+    if not are_few(now.current.equations, weights):
+        return ()
     # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     bound, known = normals.with_constraints(equations), _cost(now)

@@ -85,10 +85,9 @@ class Relocations:
             moved -= spread @ (pull - inner)
         for one in chosen:
             place = one.place
-            moved[place.columns] = 0.0
             root = np.sqrt(place.weights)
-            there = place.residual + place.design @ moved
-            own, *_ = np.linalg.lstsq(place.design[:, place.columns] * root[:, None], -root * there, rcond=None)
+            there = place.residual + place.reduced @ moved[: place.reduced.shape[1]]
+            own, *_ = np.linalg.lstsq(place.own * root[:, None], -root * there, rcond=None)
             moved[place.columns] = place.move + own
         return moved
 
@@ -124,10 +123,10 @@ def relocations(
         rows, key = place.rows, place.columns.tobytes()
         if key not in blocks:
             design, before = equations.design[rows].toarray(), equations.residual[rows]
-            freed = _freed(design, before, weights[rows], place.columns, reduced, of_reduced)
+            freed = _freed(design[:, :reduced], design[:, place.columns], before, weights[rows], of_reduced)
             blocks[key] = freed, _beyond_squares(before, weights[rows], limit)
         old, beyond = blocks[key]
-        new = _freed(place.design, place.residual, place.weights, place.columns, reduced, of_reduced)
+        new = _freed(place.reduced, place.own, place.residual, place.weights, of_reduced)
         # there what keeps its weight has to fit
         none = place.weights < 1.0
         more = _beyond_squares(place.residual[none], place.weights[none], limit) - beyond
@@ -165,18 +164,13 @@ def _pulls(old: _Freed, new: _Freed, effect: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _freed(
-    design: FloatArray,
-    residual: FloatArray,
-    weights: FloatArray,
-    columns: IntArray,
-    reduced: int,
-    remaining: FloatArray,
+    reduced: FloatArray, own: FloatArray, residual: FloatArray, weights: FloatArray, remaining: FloatArray
 ) -> _Freed:
     """Return the weighted combinations free of the block, after what remains of the reduced unknowns, array (m,)."""
     root = np.sqrt(weights)
-    complete, _ = np.linalg.qr(design[:, columns] * root[:, None], mode="complete")
+    complete, _ = np.linalg.qr(own * root[:, None], mode="complete")
     free = (complete[:, 3:] * root[:, None]).T
-    rows = free @ design[:, :reduced]
+    rows = free @ reduced
     return _Freed(rows, free @ residual + rows @ remaining)
 
 

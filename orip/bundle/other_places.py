@@ -12,6 +12,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations, OtherPlace
 from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
@@ -28,10 +29,13 @@ _FEWEST_RAYS, _MOST_RAYS = 3, 6
 """Rays of a point: of two, neither can be called wrong; many leave no doubt about a wrong one."""
 
 _FEW_RAYS, _MOST_WRONG = 4, 3
-"""Wrong coordinates of a point: three leave enough of three rays."""
+"""Points of up to so many rays may have three wrong coordinates, those of more two."""
 
 _MOST_PLACES = 6
 """Places of a point that are proposed, those with the lowest robust cost as long as the photos are held."""
+
+_MOST_NUMBERS = 4_000_000
+"""Partials that are kept: of large blocks the places of so many points only, the first ones."""
 
 _STEPS = 2
 """Repetitions of where the rays meet by their directions, and then corrections to the place of least squares."""
@@ -68,6 +72,8 @@ def other_places(
     doubtful = np.zeros(len(state.points), dtype=bool)
     doubtful[kind.point[reduced & active]] = True
     doubtful &= points_by_photos_alone(block, unknowns) & ~state.left_out
+    most = _MOST_NUMBERS // (2 * _MOST_RAYS * _MOST_PLACES * max(unknowns.layout.reduced, 1))
+    doubtful[np.flatnonzero(doubtful)[most:]] = False
     chosen = np.flatnonzero(active & doubtful[kind.point])
     if not len(chosen):
         return []
@@ -107,14 +113,14 @@ def _places_of_points(
     costs[(~kept & (np.abs(there.residuals) <= limit)).any(axis=1)] = np.inf
     rows, factors, by_place = _rows(rays), _factors(kept), kind.point[rays[:, 0]]
     chosen = [place for point in np.unique(by_place) for place in _cheapest(np.flatnonzero(by_place == point), costs)]
-    columns = kind.columns()
     return [
         OtherPlace(
-            columns=unknowns.points[kind.point[rays[place, 0]]],
-            move=points[place] - state.points[kind.point[rays[place, 0]]],
+            columns=unknowns.points[by_place[place]],
+            move=points[place] - state.points[by_place[place]],
             rows=rows[place],
             weights=factors[place],
-            design=_scattered(there.partials[place], columns[rows[place]], unknowns.layout.size),
+            reduced=_by_reduced(there.partials[place], _at(kind, rays[place], by_place[place]).columns(), unknowns),
+            own=there.partials[place][:, POINT_PARTIALS],
             residual=there.residuals[place],
         )
         for place in chosen
@@ -197,15 +203,7 @@ def _linearised(kind: PhotoPointObservations, state: BlockState, rays: IntArray,
     """Return the rays (p, k) to places (p, 3)."""
     places, count = rays.shape
     of_rays = rays.ravel()
-    at_places = replace(
-        kind,
-        photo=kind.photo[of_rays],
-        point=np.repeat(np.arange(places), count),
-        camera=kind.camera[of_rays],
-        xy=kind.xy[of_rays],
-        at_measured=kind.at_measured[of_rays],
-        is_equidistant=kind.is_equidistant[of_rays],
-    )
+    at_places = _at(kind, of_rays, np.repeat(np.arange(places), count))
     found = at_places.linearise_with_partials(replace(state, points=points))
     error = kind.rows.error.reshape(-1, 2)[of_rays].ravel()
     return _Linearised(
@@ -215,9 +213,23 @@ def _linearised(kind: PhotoPointObservations, state: BlockState, rays: IntArray,
     )
 
 
-def _scattered(partials: FloatArray, columns: IntArray, size: int) -> FloatArray:
-    """Return rows (2 k, size) of a design matrix from their partials (2 k, u) and the unknowns that these are for."""
+def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray) -> PhotoPointObservations:
+    """Return rays (n,) as observations of other points, one of each, or of one of all."""
+    return replace(
+        kind,
+        photo=kind.photo[rays],
+        point=np.broadcast_to(point, rays.shape),
+        camera=kind.camera[rays],
+        xy=kind.xy[rays],
+        at_measured=kind.at_measured[rays],
+        is_equidistant=kind.is_equidistant[rays],
+    )
+
+
+def _by_reduced(partials: FloatArray, columns: NDArray[np.int32], unknowns: Unknowns) -> FloatArray:
+    """Return the partials (2 k, m) by the reduced unknowns from those (2 k, u) by the unknowns `columns`."""
+    size = unknowns.layout.reduced
     design = np.zeros((len(partials), size + 1))
     rows = np.arange(len(partials))[:, None]
-    design[rows, np.where(columns == CONSTANT, size, columns)] = partials
+    design[rows, np.where((columns == CONSTANT) | (columns >= size), size, columns)] = partials
     return np.asarray(design[:, :size])

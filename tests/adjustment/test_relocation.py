@@ -25,7 +25,15 @@ def other_place(equations: Equations, reduced: int, block: int, seed: int) -> tu
     design[rows] *= random.uniform(0.5, 2.0, (len(rows), 1))
     design[np.ix_(rows, columns)] += design[np.ix_(rows, columns)] * random.normal(size=(len(rows), 3))
     residual[rows] = random.normal(size=len(rows))
-    place = OtherPlace(columns, np.full(3, 7.0), rows, weights, design[rows], residual[rows])
+    place = OtherPlace(
+        columns,
+        np.full(3, 7.0),
+        rows,
+        weights,
+        design[rows][:, :reduced],
+        design[np.ix_(rows, columns)],
+        residual[rows],
+    )
     return place, equations_of(design, residual)
 
 
