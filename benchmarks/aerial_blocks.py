@@ -41,14 +41,26 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
     orientations = _flown(photos, random)
     ground = _ground(orientations, points_a_photo, random)
     photo, point, xy = _images(orientations, ground)
+    return seeded_block(random, orientations, ground, photo, point, xy, max(6, photos // PHOTOS_A_CONTROL_POINT))
+
+
+def seeded_block(
+    random: np.random.Generator, orientations: np.ndarray, ground: np.ndarray, photo: np.ndarray, point: np.ndarray,
+    xy: np.ndarray, control_points: int,
+) -> Block:  # fmt: skip
+    """Return the block of true photo coordinates (n, 2): noise is added, and starting values are off.
+
+    Without control points it is a free network.
+    """
     used, point = np.unique(point, return_inverse=True)
     ground = ground[used]
     names = tuple(str(1001 + number) for number in range(len(ground)))
-    control = np.linspace(0, len(ground) - 1, max(6, photos // PHOTOS_A_CONTROL_POINT)).astype(int)
+    control = np.linspace(0, len(ground) - 1, control_points).astype(int)
     xy = xy + NOISE_MM * random.normal(size=xy.shape)
     start = orientations + START_OFF * random.normal(size=orientations.shape)
     camera = (PRINCIPAL_DISTANCE_MM, *np.zeros(11).tolist())
-    definition = BundleDefinition("BENCH", Precision(NOISE_MM), max_iterations=30, start_down_weight=30)
+    datum = "control" if control_points else "free"
+    definition = BundleDefinition("BENCH", Precision(NOISE_MM), datum=datum, max_iterations=30, start_down_weight=30)
     return Block(
         definition=definition,
         cameras=(Camera("CAM", camera, unknown=("C", "DX", "DY", "A3", "A5"), frame=FRAME_MM),),
@@ -56,7 +68,7 @@ def aerial_block(photos: int, points_a_photo: int = POINTS_A_PHOTO) -> Block:
             Photo(f"P{row + 1}", "CAM", orientation=tuple(np.r_[place[:3], np.degrees(place[3:])].tolist()))
             for row, place in enumerate(start)
         ),
-        photo_camera=np.zeros(photos, dtype=np.int64),
+        photo_camera=np.zeros(len(orientations), dtype=np.int64),
         photo_orientation=start,
         point_names=names,
         point_start=ground + 3.0 * random.normal(size=ground.shape),

@@ -4,9 +4,10 @@
     python benchmarks/against_peers.py --peer ... 2000 solve:2000 threads:500 large --repetitions 1
     python benchmarks/against_peers.py --table docs/performance.md
 
-Cases: a number of photos; BAL, a real problem with a camera for each photo; Zurich, the sample project from texts to
-results; solve:N, a project of N photos on the disk; threads:N, two threads against one; large, 5000 photos and 500 000
-points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
+Cases: a number of photos; penta and rings, blocks without a narrow band; BAL, a real problem with a camera for each
+photo; Zurich, the sample project from texts to results; solve:N, a project of N photos on the disk; threads:N, two
+threads against one; large, 5000 photos and 500 000 points. The environment has pycolmap and SciPy. What counts is the
+smallest of the repetitions.
 
 Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
 in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
@@ -27,12 +28,15 @@ from pathlib import Path
 from bal import COST_TOLERANCE, LADYBUG, MINIMUM_COST
 from figures import Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
 from startup import help_cpu, zurich
+from wide_blocks import BLOCKS
 
 HERE = Path(__file__).parent
 BASELINE = HERE / "baseline.json"
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 _SCIPY_PHOTOS = 500
 """Larger blocks would take SciPy's recipe hours."""
+SOLVERS = ("DENSE_SCHUR", "SPARSE_SCHUR")
+"""Of pycolmap."""
 _LARGE = ("5000", 353)
 """Photos and points in each, which are 500 000 in all."""
 
@@ -64,13 +68,15 @@ def best(runs: list[Figures]) -> Figures:
 def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
     """Return the figures of the programs for an aerial block or the BAL problem, run in turn."""
     runs: dict[str, list[Figures]] = {"orip": [], "pycolmap": []}
-    if case != "BAL" and int(case) <= _SCIPY_PHOTOS:
+    if case.isdigit() and int(case) <= _SCIPY_PHOTOS:
         runs["scipy"] = []
     with tempfile.TemporaryDirectory() as folder:
         problem = str(Path(folder) / "problem.npz")
         # a process starts with the peak memory of the one that started it: the block is not made in this one
         subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True)
         colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
+        if case in BLOCKS:
+            colmap += ["--solver", quicker_solver(colmap)]
         if case == "BAL":
             until = run(*colmap, "--until", repr(MINIMUM_COST * (1.0 + COST_TOLERANCE)))
             colmap += ["--iterations", str(until["iterations"])]
@@ -81,6 +87,11 @@ def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
             if "scipy" in runs and repetition == 0:
                 runs["scipy"].append(run(peer, str(HERE / "scipy_peer.py"), problem))
     return {name: best(run) for name, run in runs.items()}
+
+
+def quicker_solver(colmap: list[str]) -> str:
+    """Return the solver with which pycolmap takes less time to the minimum."""
+    return min(SOLVERS, key=lambda solver: run(*colmap, "--solver", solver, "--iterations", "2")["minimum"])
 
 
 def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:

@@ -1,10 +1,14 @@
-"""How long one observation takes to be tested, taken in and taken out of a block that is being measured.
+"""How long a measurement takes to be answered, and one observation to be tested, taken in and taken out.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/online.py 50 500
 
-Blocks of `aerial_blocks.py` with 40 points a photo (2000 rays at 50 photos, 20 000 at 500), linearised at the values
-that they were made from. Rays are taken out and in again: those of the last two strips, as at an instrument, and then
-any of the block. Percentiles of the wall-clock time of each, in milliseconds.
+**Answers**: a session is begun with all photos of a simulated block except the last three (5 x 10 photos and 2000 rays,
+20 x 25 and 20 000), whose points are then measured. Each answer has what `orip online` computes for it: preliminary
+values, equations, tests, and what to measure next. Percentiles of the clock and of the processor's time, which differ
+on a machine that is used otherwise; the file of the measurements is not written.
+
+**Equations**: blocks of `aerial_blocks.py` with 40 points a photo, linearised at the values that they were made from.
+Rays are taken out and in again: those of the last two strips, as at an instrument, and then any of the block.
 """
 
 from __future__ import annotations
@@ -19,11 +23,16 @@ from aerial_blocks import aerial_block
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.problem import starting_state
+from orip.online.measuring import Measuring
+from orip.online.online_block import OnlineBlock
+from orip.online.simulation import simulated_session
+from orip.records.observations.measurement import PhotoObservations
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.sequential.sequential_block import SequentialBlock
 
 POINTS_A_PHOTO = 40
 RAYS = 100
+LAST_PHOTOS = 3
 
 
 def _timed(action: Callable[[], object]) -> float:
@@ -66,7 +75,33 @@ def _measure(photos: int) -> None:
     print(f"  triangle built {made.rebuilt} times")
 
 
+def _answer(photos: int) -> None:
+    strips = max(1, round((photos / 2) ** 0.5))
+    session = simulated_session(strips, -(-photos // strips), 0, points_a_place=5)
+    names = list(dict.fromkeys(photo for photo, _, _ in session.measurements))
+    before = [one for one in session.measurements if one[0] not in names[-LAST_PHOTOS:]]
+    rest = [one for one in session.measurements if one[0] in names[-LAST_PHOTOS:]]
+    photo, point, xy = zip(*before, strict=True)
+    count = len(before)
+    given = PhotoObservations(
+        session.inputs.definition.name, photo, point, np.array(xy), np.full((count, 2), np.nan), np.zeros(count, bool)
+    )
+    measured = replace(session.inputs.measured, observations={given.bundle: given})
+    start = time.perf_counter()
+    measuring = Measuring(OnlineBlock(replace(session.inputs, measured=measured)))
+    print(f"{len(names)} photos, {len(session.measurements)} rays")
+    print(f"  begun with {count} rays in {time.perf_counter() - start:.2f} s")
+    clock, processor = [], []
+    for measurement in rest:
+        began = time.process_time()
+        clock.append(_timed(lambda measurement=measurement: measuring.measure(measurement)))
+        processor.append(1000.0 * (time.process_time() - began))
+    _percentiles("answer", clock)
+    _percentiles("answer, processor's time", processor)
+
+
 if __name__ == "__main__":
     with threadpool_limits(1, user_api="blas"):
         for argument in sys.argv[1:] or ["50"]:
+            _answer(int(argument))
             _measure(int(argument))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from aerial_blocks import FRAME_MM, NOISE_MM, POINTS_A_PHOTO, aerial_block
 from bal import LADYBUG, bal_block
+from wide_blocks import BLOCKS
 
 from orip.bundle.problem import starting_state
 from orip.records.block import Block
@@ -23,12 +24,16 @@ _BAL_SIZE = (4000, 4000)
 
 
 def block_of(case: str, points_a_photo: int = POINTS_A_PHOTO) -> Block:
-    """Return the block of a case: that of so many photos, or of the BAL problem."""
-    return bal_block(LADYBUG) if case == BAL else constant_control(aerial_block(int(case), points_a_photo))
+    """Return the block of a case: the BAL problem, a wide block, or an aerial one of so many photos."""
+    if case == BAL:
+        return bal_block(LADYBUG)
+    return constant_control(BLOCKS[case]() if case in BLOCKS else aerial_block(int(case), points_a_photo))
 
 
 def constant_control(block: Block) -> Block:
     """Return a block with its control points as constants, as COLMAP knows no weighted ones."""
+    if not block.control_points:
+        return block
     place = block.point_index()
     rows = [place[point.name] for point in block.control_points]
     start, constant = block.point_start.copy(), block.constant_points.copy()
@@ -61,7 +66,7 @@ def save_for_peer(case: str, path: Path) -> None:
         cameras=np.column_stack([c / pixel, *middle, a3 * c**2, a5 * c**4]),
         camera=block.photo_camera,
         principal_point_unknown="DX" in block.cameras[0].unknown,
-        free=case == BAL,
+        free=case == BAL or block.is_free_network,
         rotations=turned,
         translations=-np.einsum("nij,nj->ni", turned, state.centres),
         points=state.points,

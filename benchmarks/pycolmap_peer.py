@@ -17,6 +17,7 @@ import time
 import numpy as np
 import pycolmap
 
+SOLVERS = ("DENSE_SCHUR", "SPARSE_SCHUR")
 _DENSE_PHOTOS = 50
 """COLMAP's own limit for the dense solver."""
 _MOST_ITERATIONS = 50
@@ -52,8 +53,8 @@ def reconstruction(problem: dict[str, np.ndarray]) -> pycolmap.Reconstruction:
     return made
 
 
-def settings(problem: dict[str, np.ndarray]) -> tuple[pycolmap.BundleAdjustmentConfig, bool]:
-    """Return what is adjusted and what is constant, and whether the dense solver is COLMAP's choice."""
+def settings(problem: dict[str, np.ndarray]) -> tuple[pycolmap.BundleAdjustmentConfig, str]:
+    """Return what is adjusted and what is constant, and the solver that is COLMAP's choice."""
     config = pycolmap.BundleAdjustmentConfig()
     for row in range(len(problem["rotations"])):
         config.add_image(row + 1)
@@ -61,20 +62,22 @@ def settings(problem: dict[str, np.ndarray]) -> tuple[pycolmap.BundleAdjustmentC
         config.add_constant_point(int(row) + 1)
     if problem["free"]:
         config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
-    return config, len(problem["rotations"]) <= _DENSE_PHOTOS
+    return config, SOLVERS[len(problem["rotations"]) > _DENSE_PHOTOS]
 
 
-def adjusted(problem: dict[str, np.ndarray], iterations: int | None, covariances: bool) -> dict[str, float | str]:
+def adjusted(
+    problem: dict[str, np.ndarray], iterations: int | None, covariances: bool, solver_type: str | None = None
+) -> dict[str, float | str]:
     """Return the figures of one adjustment; with a number of iterations it ends by nothing else."""
     made = reconstruction(problem)
-    config, few = settings(problem)
+    config, usual = settings(problem)
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_principal_point = bool(problem["principal_point_unknown"])
     options.print_summary = False
     options.ceres.auto_select_solver_type = False
     solver = options.ceres.solver_options
     types = type(solver.linear_solver_type)
-    solver.linear_solver_type = types.DENSE_SCHUR if few else types.SPARSE_SCHUR
+    solver.linear_solver_type = getattr(types, solver_type or usual)
     solver.num_threads = 1
     solver.max_num_iterations = iterations or _MOST_ITERATIONS
     solver.function_tolerance = 0.0 if iterations else 1e-8
@@ -132,6 +135,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("problem")
     parser.add_argument("--iterations", type=int, help="end after so many")
+    parser.add_argument("--solver", choices=SOLVERS, help="not the one that COLMAP would take")
     parser.add_argument("--until", type=float, help="a cost")
     given = parser.parse_args()
     problem = dict(np.load(given.problem))
@@ -139,7 +143,8 @@ def main() -> None:
         print(json.dumps({"iterations": iterations_until(problem, given.until)}))
         return
     # pycolmap finds no covariances where points are at infinity
-    print(json.dumps(adjusted(problem, given.iterations, covariances=given.iterations is None)))
+    found = adjusted(problem, given.iterations, covariances=given.iterations is None, solver_type=given.solver)
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
+from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations
@@ -71,8 +72,14 @@ class BlockInput:
         return self.measured.observations[record_key(self.definition.name)]
 
 
-def gather(inputs: BlockInput) -> Block:
+def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
     """Return the block of what is measured and given, before starting values are computed.
+
+    Parameters
+    ----------
+    inputs : BlockInput
+    ground : GroundSystem or None
+        That of a block which this is a part of; None: its own.
 
     Returns
     -------
@@ -98,7 +105,7 @@ def gather(inputs: BlockInput) -> Block:
     complaints += _set_complaints(keys, inputs)
     if complaints:
         raise InputError(tuple(complaints))
-    block = _block_in_project(keys, inputs)
+    block = _block_in_project(keys, inputs, ground)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
     return with_orientations_of_stations(photos_in_frame(block))
@@ -111,7 +118,7 @@ def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     return constants_in_frame(block), warnings
 
 
-def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
+def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSystem | None) -> Block:
     """Return the block without starting points, its photos and constants still in the project's coordinates.
 
     Raises
@@ -143,7 +150,8 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput) -> Block:
         directions=ground.directions,
         stations=ground.stations,
         antennas=inputs.antennas,
-        ground=ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
+        ground=system
+        or ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
         preliminary=inputs.preliminary,
         ground_unit=inputs.ground_unit,
         defined_cameras=tuple(inputs.records.cameras.values()),

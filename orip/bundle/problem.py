@@ -311,7 +311,7 @@ def pose_problem(block: Block) -> BlockProblem:
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(kind for kind in observations if isinstance(kind, PhotoPointObservations))
     problem = BlockProblem(block, unknowns, observations)
-    loop = photo_loop(photo_points, unknowns)
+    loop = photo_loop(photo_points, unknowns, block.point_start)
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
     staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
@@ -326,7 +326,7 @@ def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem)
     records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
     groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
     touching, touched = ([array] for array in loop.touched())
-    first = len(loop.pattern.runs_start)
+    first = len(loop.pattern.coupled_start)
     for kind in others.observations:
         columns = kind.columns()
         rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))

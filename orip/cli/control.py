@@ -81,7 +81,7 @@ def _register_list(group: typer.Typer, kind: ControlKind) -> None:
         table = list_control(read_project(invocation.folder), kind, bundle)
         if invocation.terminal.json:
             document = {"command": f"control {kind} list", "file": table.shown, "records": table.records()}
-            invocation.terminal.document(document)
+            invocation.terminal.document("control-list", document)
             return
         cells = [[*(text or "" for text in fields), "x" if off else ""] for _, fields, off in table.rows]
         headings = [*table.form.keys, ""]
@@ -185,4 +185,4 @@ def tell(terminal: Terminal, command_name: str, outcome: ControlOutcome) -> None
             if line is not None:
                 terminal.say(f"          {mark} {line}")
     if terminal.json:
-        terminal.document(edit_document(command_name, outcome, file=outcome.shown))
+        terminal.document("control-edit", edit_document(command_name, outcome, file=outcome.shown))

@@ -93,7 +93,7 @@ def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -
             for complaint in complaints
         ] or [{"file": None, "line": None, "column": None, "message": f"{error}{advice}"}]
         with suppress(OripError):  # stdout may be full, which may be the error itself: it is on stderr below
-            terminal.document({"schema": "orip.error/1", "exit_code": exit_code or error.exit_code, "errors": rows})
+            terminal.document("error", {"exit_code": exit_code or error.exit_code, "errors": rows})
             terminal.flush()
     for text in [str(complaint) for complaint in complaints] or [str(error)]:
         terminal.error(f"{text}{advice}")

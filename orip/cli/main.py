@@ -10,7 +10,19 @@ from typing import Annotated
 
 import typer
 
-from orip.cli import adjust, control, digitise, drive, exchange, observations, online, project, records, stations
+from orip.cli import (
+    adjust,
+    archive,
+    control,
+    digitise,
+    drive,
+    exchange,
+    observations,
+    online,
+    project,
+    records,
+    stations,
+)
 from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
@@ -29,6 +41,7 @@ app = typer.Typer(
 
 for group in (
     project.init,
+    project.new,
     observations.measure,
     adjust.prelim,
     adjust.solve,
@@ -53,6 +66,7 @@ for group in (
     exchange.import_project,
     exchange.export_project,
     project.adjust_source,
+    archive,
 ):
     group.register(app)
 

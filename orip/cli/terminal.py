@@ -9,11 +9,14 @@ import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
-from typing import Any, Literal, TextIO
+from typing import TYPE_CHECKING, Any, Literal, TextIO
 
 from orip.cli.progress_bar import ProgressBar
 from orip.errors import OripError, ProjectWarning, by_kind
 from orip.progress import listening
+
+if TYPE_CHECKING:
+    from orip.schemas.catalogue import SchemaName
 
 ColorChoice = Literal["auto", "always", "never"]
 Style = Literal["red", "yellow", "green", "bold", "bold red", "bold yellow", "dim"]
@@ -95,14 +98,17 @@ class Terminal:
         with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.flush()
 
-    def document(self, content: dict[str, Any]) -> None:
-        """Print one JSON document on stdout."""
-        self.data(json.dumps(content, ensure_ascii=False, indent=2, allow_nan=False))
+    def document(self, schema: SchemaName, content: dict[str, Any]) -> None:
+        """Print one JSON document on stdout; it names its schema first."""
+        from orip.schemas.catalogue import identifier
 
-    def answer(self, content: dict[str, Any], text: str) -> None:
+        document = {"schema": identifier(schema), **content}
+        self.data(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False))
+
+    def answer(self, schema: SchemaName, content: dict[str, Any], text: str) -> None:
         """Print what was asked for: with ``--json`` a document, else a text."""
         if self.json:
-            self.document(content)
+            self.document(schema, content)
         else:
             self.data(text)
 

@@ -237,7 +237,9 @@ def export_camera(
     """
     sensor = camera.sensor
     if sensor is None:
-        message = f"camera {camera.name} has no sensor, and other programs know digital frames only"
+        message = (
+            f"camera {camera.name} has no sensor, and the format has digital frames only; export film as bingo or patb"
+        )
         raise UnsuitableCameraError(message)
     if camera.projection != LENSES[lens].projection:
         message = (

@@ -64,6 +64,11 @@ def exchanged_poses(rotations: FloatArray, centres: FloatArray, reading: PoseRea
     return _numbers(to_ground if reading.sense == "to_ground" else to_camera, reading), position
 
 
+def camera_to_ground_vectors(rotations: FloatArray, reading: PoseReading) -> FloatArray:
+    """Return the rotation vectors (n, 3), radians, from a reading's camera axes to the ground, of orip's R."""
+    return rotation_vectors(rotations @ _TURNED if reading.camera_axes == "y_down" else rotations)
+
+
 def other_readings(reading: PoseReading) -> tuple[PoseReading, ...]:
     """Return a reading and those that it is easily mistaken for, itself first.
 

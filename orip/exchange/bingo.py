@@ -70,7 +70,7 @@ def read_bingo(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     rows, faults = rows_of("image.dat")
     photos = _photos(rows, places, poses, points, rays, faults)
     if not photos and not complaints:
-        complaints.append(Complaint("there is no photo in image.dat", shown))
+        complaints.append(Complaint("image.dat has no photo", shown))
     if complaints:
         return Parsed(None, tuple(complaints))
     found = rays.rays()

@@ -44,9 +44,10 @@ class Conventions:
         Image coordinates have the principal point as their origin, which the format has no place for.
     is_drawn : bool
         What is written is drawn: photos have footprints.
-    returns_to : function of a path, or None
-        Tells whether an original can be copied. The original is then read, as its copy has its ground frame and the
-        cameras that have not changed. None: originals are copied where the writer does so, in the project's frame.
+    is_copied : function of a path, or None
+        Tells whether a result is put into a copy of an original. None: every original is copied.
+    has_terms_of_original : bool
+        A copy has the ground frame of its original, and the cameras that have not changed.
     """
 
     lens: Lens | None
@@ -58,7 +59,8 @@ class Conventions:
     terms: tuple[str, ...] | None = None
     counts_from_principal_point: bool = False
     is_drawn: bool = False
-    returns_to: Callable[[Path], bool] | None = None
+    is_copied: Callable[[Path], bool] | None = None
+    has_terms_of_original: bool = False
 
 
 @dataclass(frozen=True, slots=True)

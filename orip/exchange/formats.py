@@ -34,10 +34,10 @@ from orip.exchange.metashape.source import is_metashape, read_metashape
 from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
-from orip.exchange.micmac.writer import write_micmac
+from orip.exchange.micmac.writer import is_copied_folder, write_micmac
 from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
-from orip.exchange.opensfm.writer import write_opensfm
+from orip.exchange.opensfm.writer import is_copied_reconstruction, write_opensfm
 from orip.exchange.patb import AXES as PATB_AXES
 from orip.exchange.patb import READINGS as PATB
 from orip.exchange.patb import is_patb, read_patb
@@ -74,7 +74,7 @@ FORMATS: tuple[Format, ...] = (
         read_opensfm,
         is_opensfm,
         write_opensfm,
-        Conventions("opencv", OPENSFM, fisheye_lens="equidistant"),
+        Conventions("opencv", OPENSFM, fisheye_lens="equidistant", is_copied=is_copied_reconstruction),
     ),
     Format(
         "metashape",
@@ -82,7 +82,9 @@ FORMATS: tuple[Format, ...] = (
         read_metashape,
         is_metashape,
         write_metashape,
-        Conventions("agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", returns_to=is_copied),
+        Conventions(
+            "agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", is_copied=is_copied, has_terms_of_original=True
+        ),
         add_references=with_references,
     ),
     Format("lens", "Agisoft camera calibration (XML): a camera without photos", read_lens, is_lens),
@@ -92,7 +94,7 @@ FORMATS: tuple[Format, ...] = (
         read_blocks_exchange,
         is_blocks_exchange,
         write_blocks_exchange,
-        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False),
+        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False, is_copied=_never),
         is_file=True,
     ),
     Format(
@@ -101,7 +103,7 @@ FORMATS: tuple[Format, ...] = (
         read_micmac,
         is_micmac,
         write_micmac,
-        Conventions("fraser", MICMAC),
+        Conventions("fraser", MICMAC, is_copied=is_copied_folder),
     ),
     Format(
         "bundler",
@@ -116,7 +118,7 @@ FORMATS: tuple[Format, ...] = (
             BUNDLER_AXES,
             terms=BUNDLER_TERMS,
             counts_from_principal_point=True,
-            returns_to=_never,
+            is_copied=_never,
         ),
     ),
     Format(
@@ -135,7 +137,7 @@ FORMATS: tuple[Format, ...] = (
         is_nvm,
         write_nvm,
         Conventions(
-            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, returns_to=_never
+            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, is_copied=_never
         ),
         is_file=True,
     ),
@@ -147,7 +149,7 @@ FORMATS: tuple[Format, ...] = (
         read_bingo,
         is_bingo,
         write_bingo,
-        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, returns_to=_never),
+        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, is_copied=_never),
     ),
     Format(
         "patb",
@@ -162,7 +164,7 @@ FORMATS: tuple[Format, ...] = (
             PATB_AXES,
             is_cartesian=False,
             terms=PATB_TERMS,
-            returns_to=_never,
+            is_copied=_never,
             counts_from_principal_point=True,
         ),
     ),
@@ -197,7 +199,7 @@ FORMATS: tuple[Format, ...] = (
         read_tables,
         is_tables,
         write=write_tables,
-        conventions=Conventions(None, DRAWN, is_cartesian=False, returns_to=_never),
+        conventions=Conventions(None, DRAWN, is_cartesian=False, is_copied=_never),
     ),
 )
 

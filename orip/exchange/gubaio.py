@@ -49,7 +49,7 @@ def read_gubaio(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = _photos(*lines_of("gubaio.img"), {camera.name: n for n, camera in enumerate(cameras)}, points, rays)
     control = _control(*lines_of("gubaio.gcp"))
     if not photos and not complaints:
-        complaints.append(Complaint("there is no photo in the files", shown))
+        complaints.append(Complaint("the files have no photo", shown))
     if complaints:
         return Parsed(None, tuple(complaints))
     notes = ["Orientations of the files are approximate and were left out: orip computes them itself."]

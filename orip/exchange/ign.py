@@ -69,7 +69,7 @@ def read_ign(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     for file in _with_suffix(path.parent, ".app"):
         control += _control(file, notes, faults_of(file))
     if not photos and not complaints:
-        complaints.append(Complaint("there is no photo in the .OPK", shown))
+        complaints.append(Complaint("the .OPK file has no photo", shown))
     if complaints:
         return Parsed(None, tuple(complaints))
     used = tuple(dict.fromkeys(photo.camera for photo in photos.values()))

@@ -82,7 +82,7 @@ def read_images_project(source: Path, shown: str) -> Parsed[ExchangedProject | N
         return Parsed(None, (Complaint("name the folder of the image files", shown),))
     paths = image_files(source)
     if not paths:
-        return Parsed(None, (Complaint("there is no image file in the folder", shown),))
+        return Parsed(None, (Complaint("the folder has no image file", shown),))
     found = _Read()
     for path in paths[:MOST_IMAGES]:
         _add(path, found)

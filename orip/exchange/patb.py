@@ -79,7 +79,7 @@ def read_patb(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = _measurements(files[".im"], poses, points, rays, faults_of(files[".im"]))
     control = list(_control(files[".con"], faults_of(files[".con"]))) if ".con" in files else []
     if not photos and not complaints:
-        complaints.append(Complaint("there is no photo in the .im", shown))
+        complaints.append(Complaint("the .im file has no photo", shown))
     if complaints or camera is None:
         return Parsed(None, tuple(complaints))
     found = rays.rays()

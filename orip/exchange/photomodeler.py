@@ -59,7 +59,7 @@ def read_photomodeler(source: Path, shown: str) -> Parsed[ExchangedProject | Non
     for number, line in sections[2]:
         _add_mark(line, number, len(photos), points, rays, faults)
     if not photos and not faults.complaints:
-        faults.complaints.append(Complaint("there is no photo in the file", shown))
+        faults.complaints.append(Complaint("the file has no photo", shown))
     if faults.complaints:
         return Parsed(None, tuple(faults.complaints))
     return Parsed(

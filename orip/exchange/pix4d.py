@@ -58,7 +58,7 @@ def read_pix4d(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     offset = _offset(path.with_name(f"{stem}_offset.xyz"), faults_of)
     photos, cameras = _photos(lines, head + 1, offset, faults_of(path))
     if not photos and not complaints:
-        complaints.append(Complaint("there is no photo in the file", shown))
+        complaints.append(Complaint("the file has no photo", shown))
     if complaints:
         return Parsed(None, tuple(complaints))
     prj = path.with_name(f"{stem}_wkt.prj")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,14 @@ class Watch:
     def __init__(
         self, block: OrientedBlock, plan: PlanView, processor: WatchedProcessor, axes: tuple[str, str, str] = AXES
     ) -> None:
+        self.page = "watch.html"
         self.scene = scene_document(block, plan, axes)
+        self.commands: Mapping[str, Callable[[Document], Document]] = {
+            "drive": self.drive,
+            "next": self.next_model,
+            "automatic": self.automatic,
+            "press": self.press,
+        }
         self._plan, self._processor = plan, processor
         self._lock = threading.Lock()
         self._state: Document = {}

@@ -1,9 +1,9 @@
-"""The server of the page `orip drive watch`: on the loopback interface, for the browser of one user.
+"""The server of the pages of `orip drive watch` and `orip online`: on the loopback interface, for one user's browser.
 
     GET  /TOKEN/          the page
     GET  /TOKEN/scene     what stays
     GET  /TOKEN/events    what moves, as server-sent events
-    POST /TOKEN/drive, /TOKEN/next, /TOKEN/automatic, /TOKEN/press
+    POST /TOKEN/drive, /TOKEN/next, /TOKEN/automatic, /TOKEN/press       of `drive watch`
 
 Any page of the web can send requests to the loopback interface. So the address has a token that nobody else knows;
 requests under any other name of this machine are refused (a name of the web can be made to point here), and commands
@@ -17,15 +17,15 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from importlib.resources import files
 from socketserver import ThreadingTCPServer
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-from orip.link.watch import Document, RequestError, Watch
+from orip.link.watch import Document, RequestError
 
 HOST = "127.0.0.1"
 
@@ -45,12 +45,33 @@ _POLICY = (
 )
 
 
+class Watched(Protocol):
+    """What a page shows, as JSON documents; called from several threads at once.
+
+    Attributes
+    ----------
+    page : str
+        File name of the page.
+    scene : document
+        What stays.
+    commands : mapping
+        What can be asked for, by the words of the requests.
+    """
+
+    page: str
+    scene: Document
+    commands: Mapping[str, Callable[[Document], Document]]
+
+    def state(self) -> Document:
+        """Return what moves; `serial` counts up whenever anything has changed."""
+
+
 class WatchServer(ThreadingTCPServer):
-    """Serves a page on a plate processor, each connection in a thread of its own.
+    """Serves a page, each connection in a thread of its own.
 
     Parameters
     ----------
-    watch : Watch
+    watch : Watched
     address : tuple (host, port)
         An address of this machine that no other one reaches; port 0: any that is free.
 
@@ -64,10 +85,10 @@ class WatchServer(ThreadingTCPServer):
     daemon_threads = True
     request_queue_size = 64
 
-    def __init__(self, watch: Watch, address: tuple[str, int] = (HOST, 0)) -> None:
+    def __init__(self, watch: Watched, address: tuple[str, int] = (HOST, 0)) -> None:
         self.watch = watch
         self.token = secrets.token_urlsafe(16)
-        self.page = files("orip.link").joinpath("page", "watch.html").read_bytes()
+        self.page = files("orip.link").joinpath("page", watch.page).read_bytes()
         self.scene = _json(watch.scene)
         self.ending = threading.Event()
         self.streams = threading.BoundedSemaphore(MOST_STREAMS)
@@ -122,17 +143,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """Do what is asked for."""
-        watch = self.server.watch
-        commands: dict[str | None, Callable[[Document], Document]] = {
-            "drive": watch.drive,
-            "next": watch.next_model,
-            "automatic": watch.automatic,
-            "press": watch.press,
-        }
         path = self._asked_for()
         if path is None:
             return
-        command, body = commands.get(path), self._body()
+        command, body = self.server.watch.commands.get(path), self._body()
         if body is None:
             return
         if command is None:
@@ -161,7 +175,7 @@ class _Handler(BaseHTTPRequestHandler):
             return None
         token, slash, path = urlsplit(self.path).path.removeprefix("/").partition("/")
         if not (slash and secrets.compare_digest(token.encode(), self.server.token.encode())):
-            self._refuse(HTTPStatus.FORBIDDEN, "take the address that 'orip drive watch' has printed")
+            self._refuse(HTTPStatus.FORBIDDEN, "take the address that was printed when the page was begun")
             return None
         return path
 

@@ -34,6 +34,32 @@ class Suspect:
 
 
 @dataclass(frozen=True, slots=True)
+class Candidate:
+    """A measurement that would be worth making.
+
+    Parameters
+    ----------
+    photo, point : str
+        Point: empty for a new one.
+    xy : tuple
+        Stored coordinates at which it is expected.
+    ellipse : tuple or None
+        Semi-axes (mm) of the standard ellipse of this position, and the direction of the larger one, degrees from the x
+        axis of the photo; None: not known.
+    gain : float
+        Information about the block, bits.
+    why : str
+    """
+
+    photo: str
+    point: str
+    xy: tuple[float, float]
+    ellipse: tuple[float, float, float] | None
+    gain: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """What a measurement did.
 
@@ -58,6 +84,8 @@ class Answer:
         Photos that are oriented since.
     placed : tuple of str
         Points that have coordinates since.
+    next : tuple of Candidate
+        What to measure next in this photo, the most profitable first.
     """
 
     photo: str
@@ -73,6 +101,7 @@ class Answer:
     cleared: tuple[ObservationKey, ...] = ()
     oriented: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
+    next: tuple[Candidate, ...] = ()
 
 
 def words_of(key: ObservationKey) -> str:

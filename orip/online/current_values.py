@@ -18,16 +18,24 @@ from orip.bundle.starting_points import given_coordinates, with_starting_points
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.interior.image_vectors import image_vectors
+from orip.online.measurements import Measurements
 from orip.online.model_orientation import orientation_by_model
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
+from orip.records.observations.control import ControlPoint
 from orip.solving.better_minimum import doubt_about
 from orip.solving.starting_values import started_block
 from orip.wording import counted
 
 _KNOWN_POINTS = 4
 """Known points that orient a photo: three leave up to four orientations."""
+
+_ROBUST_FROM = 2
+_ITERATIONS = 20
+
+_LARGER = 5.0
+"""How many times larger errors than those a priori are tried for the first photos."""
 
 _NAMED = 5
 """Points that are named as what to measure next."""
@@ -75,27 +83,41 @@ class CurrentValues:
         """Return which points (number of points,) of a block have coordinates."""
         return np.array([name in self.points for name in block.point_names], dtype=bool)
 
-    def start(self, block: Block) -> None:
+    def start(self, measurements: Measurements) -> None:
         """Orient the first photos by the chain and an adjustment; without success, keep what each photo waits for."""
+        block = measurements.whole()
+        assert block is not None, "something is measured"
         try:
             started = started_block(block, lambda _: None)
         except (NotSolvableError, InputError) as error:
             reason = str(error).splitlines()[0]
             self.photos_wait = {photo.name: reason for photo in block.photos}
             return
-        self.photos_wait = {warning.where: warning.text for warning in started.left_out}
-        if doubt := self.adjust(started.block):
+        oriented = {photo.name for photo in started.block.photos}
+        left_out = [photo.name for photo in block.photos if photo.name not in oriented]
+        self.photos_wait = {name: why.text for name, why in zip(left_out, started.left_out, strict=True)}
+        doubt = self.adjust(started.block)
+        # few photos do not determine what is unknown of a camera, and a-priori errors may be too small
+        held = with_cameras_held(started.block)
+        for attempt in (held, _with_larger_errors(held)):
+            doubt = doubt and self.adjust(attempt)
+        if doubt:
             text = f"the first photos wait: their adjustment {doubt}; measure more of their common and known points"
             self.photos_wait = {photo.name: text for photo in block.photos}
             return
-        for name in block.point_names:
-            if name not in self.points:
-                self._place(block, name)
+        self._place(measurements, [name for name in block.point_names if name not in self.points])
 
     def adjust(self, started: Block) -> str:
         """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
+        definition = started.definition
+        # the first photos have blunders that nobody has seen, whatever the bundle is to do with them in the end
+        robust = replace(
+            definition, start_down_weight=_ROBUST_FROM, max_iterations=max(definition.max_iterations, _ITERATIONS)
+        )
         try:
-            solved = solve_block(started, lambda _: None, lambda: False)
+            # what is wrong may lead anywhere: such a result is refused
+            with np.errstate(all="ignore"):
+                solved = solve_block(replace(started, definition=robust), lambda _: None, lambda: False)
         except (NotSolvableError, InputError) as error:
             return f"failed ({str(error).splitlines()[0]})"
         if doubt := doubt_about(solved):
@@ -111,7 +133,9 @@ class CurrentValues:
             self.points[block.point_names[row]] = state.points[row].copy()
         return ""
 
-    def advance(self, block: Block, photos: Collection[str], points: Collection[str]) -> tuple[list[str], list[str]]:
+    def advance(
+        self, measurements: Measurements, photos: Collection[str], points: Collection[str]
+    ) -> tuple[list[str], list[str]]:
         """Try what waits, from photos and points on that have new measurements.
 
         Returns
@@ -123,40 +147,41 @@ class CurrentValues:
         placed: list[str] = []
         open_photos, open_points = set(photos), set(points)
         while open_photos or open_points:
-            new_points = [name for name in sorted(open_points) if name not in self.points and self._place(block, name)]
+            new_points = self._place(measurements, [name for name in sorted(open_points) if name not in self.points])
             open_points, placed = set(), [*placed, *new_points]
-            open_photos |= _sharing(block, new_points)
-            new_photos = [name for name in sorted(open_photos) if self._has_oriented(block, name)]
+            open_photos |= measurements.sharing(new_points)
+            new_photos = [
+                name
+                for name in sorted(open_photos)
+                if name not in self.orientations and self._orient(measurements, name)
+            ]
             open_photos, oriented = set(), [*oriented, *new_photos]
-            open_points = _shown_in(block, new_photos)
+            open_points = {point for name in new_photos for point in measurements.points_in(name)}
         return oriented, placed
 
-    def _has_oriented(self, block: Block, name: str) -> bool:
-        return name not in self.orientations and self._orient(block, name)
-
-    def _orient(self, block: Block, name: str) -> bool:
+    def _orient(self, measurements: Measurements, name: str) -> bool:
         """Orient a photo by its known points, or by those that it has in common with another one."""
-        started = self.started(block)
-        found = self._by_known_points(started, name)
+        found = self._by_known_points(measurements, name)
         if found is None:
-            row = next(row for row, photo in enumerate(block.photos) if photo.name == name)
-            found = orientation_by_model(started, row)
+            found = _given(measurements, name)
+        if found is None:
+            found = self._by_model(measurements, name)
         if found is None:
             return False
         self.orientations[name] = found
         self.photos_wait.pop(name, None)
         return True
 
-    def _by_known_points(self, started: Block, name: str) -> FloatArray | None:
+    def _by_known_points(self, measurements: Measurements, name: str) -> FloatArray | None:
         """Return the orientation (6,) of a photo by resection; None, with what it waits for, where that fails."""
-        wanted = np.array([photo.name == name for photo in started.photos], dtype=bool)
-        part = part_of_block(started, wanted, self.is_placed(started))
-        rays = part.photo_points
-        seen = rays.used.all(axis=1)
+        part = measurements.part((name, point) for point in measurements.points_in(name) if point in self.points)
+        rays = None if part is None else part.photo_points
+        seen = np.zeros(0, dtype=bool) if rays is None else rays.used.all(axis=1)
         count = int(seen.sum())
-        if count < _KNOWN_POINTS:
-            self.photos_wait[name] = self._wanting_points(started, name, count)
+        if part is None or rays is None or count < _KNOWN_POINTS:
+            self.photos_wait[name] = self._wanting_points(measurements, name, count)
             return None
+        part = self.started(part)
         frame = part.cameras[0].frame
         configuration = image_configuration(rays.xy[seen], frame, rays.xy[seen])
         if frame is not None and configuration.shortcoming is not None:
@@ -170,48 +195,91 @@ class CurrentValues:
             return None
         return np.concatenate([found.centre, angles_from_rotation(found.rotation[None])[0]])
 
-    def _wanting_points(self, block: Block, name: str, count: int) -> str:
+    def _by_model(self, measurements: Measurements, name: str) -> FloatArray | None:
+        """Return the orientation (6,) of a photo by the oriented one that has most points in common with it."""
+        mine = set(measurements.points_in(name))
+        others = [photo for photo in measurements.sharing(mine) if photo in self.orientations]
+        if not others:
+            return None
+        common = {photo: mine.intersection(measurements.points_in(photo)) for photo in others}
+        best = max(others, key=lambda photo: (len(common[photo]), photo))
+        part = measurements.part((photo, point) for photo in (name, best) for point in common[best])
+        if part is None:
+            return None
+        of_photo = part.photo_points.xy[part.photo_points.photo == 0]
+        if (
+            part.cameras[0].frame is not None
+            and image_configuration(of_photo, part.cameras[0].frame, of_photo).shortcoming
+        ):
+            return None
+        return orientation_by_model(self.started(part), name)
+
+    def _wanting_points(self, measurements: Measurements, name: str, count: int) -> str:
         """Return that a photo has too few known points, and which to measure."""
-        mine = _shown_in(block, [name])
-        others = [point for point in self.points if point not in mine]
-        near = _sharing(block, sorted(mine)) & set(self.orientations)
-        likely = [point for point in others if point in _shown_in(block, sorted(near))] or others
+        mine = set(measurements.points_in(name))
+        near = sorted(measurements.sharing(mine) & self.orientations.keys())
+        likely = dict.fromkeys(point for photo in near for point in measurements.points_in(photo))
+        known = [point for point in (likely or self.points) if point in self.points and point not in mine]
         text = f"photo {name} waits: {count} of {counted(_KNOWN_POINTS, 'known point')}"
-        return f"{text}; measure {', '.join(likely[:_NAMED])}" if likely else text
+        return f"{text}; measure {', '.join(known[:_NAMED])}" if known else text
 
-    def _place(self, block: Block, name: str) -> bool:
-        """Give a point coordinates: given ones, or where the rays of oriented photos meet."""
-        started = self.started(block)
-        wanted = np.array([point == name for point in block.point_names], dtype=bool)
-        part = part_of_block(replace(started, point_start=np.full_like(started.point_start, np.nan)),
-                             self.is_oriented(block), wanted)  # fmt: skip
-        rays = part.photo_points.used.all(axis=1)
-        places = len(np.unique(part.photo_points.photo[rays]))
-        given = np.isfinite(given_coordinates(part)).all() or bool(
-            [point for point in block.preliminary if point.name == name]
+    def _place(self, measurements: Measurements, names: Collection[str]) -> list[str]:
+        """Give points coordinates, given ones or where the rays of oriented photos meet; return which have some."""
+        rays = {name: [photo for photo in measurements.photos_of(name) if photo in self.orientations] for name in names}
+        candidates = [name for name in names if self._may_be_placed(measurements, name, len(rays[name]))]
+        part = measurements.part((photo, name) for name in candidates for photo in rays[name])
+        if part is None:
+            return []
+        wanted = np.array([name in rays for name in part.point_names], dtype=bool)
+        started = self.started(part)
+        started = part_of_block(
+            replace(started, point_start=np.full_like(started.point_start, np.nan)),
+            np.ones(len(part.photos), dtype=bool),
+            wanted,
         )
-        if places < 2 and not given:
-            self.points_wait[name] = f"point {name} waits: {places} of 2 rays of oriented photos"
-            return False
-        if not places:
-            self.points_wait[name] = f"point {name} waits: none of its photos is oriented"
-            return False
-        found, warnings = with_starting_points(part)
-        if warnings:
-            self.points_wait[name] = f"point {name} waits: its rays do not meet at an angle"
-            return False
-        self.points[name] = found.point_start[0]
-        self.points_wait.pop(name, None)
-        return True
+        found, warnings = with_starting_points(started)
+        parallel = {warning.where.removeprefix("point ") for warning in warnings}
+        placed = []
+        for name, coordinates in zip(found.point_names, found.point_start, strict=True):
+            if name in parallel:
+                self.points_wait[name] = f"point {name} waits: its rays do not meet at an angle"
+                continue
+            self.points[name] = coordinates
+            self.points_wait.pop(name, None)
+            placed.append(name)
+        return placed
+
+    def _may_be_placed(self, measurements: Measurements, name: str, rays: int) -> bool:
+        """Tell whether a point has given coordinates or two rays of oriented photos; else keep what it waits for."""
+        if rays >= 2 or (rays and measurements.control.has_coordinates(name)):
+            return True
+        missing = f"{rays} of 2 rays of oriented photos" if rays else "none of its photos is oriented"
+        self.points_wait[name] = f"point {name} waits: {missing}"
+        return False
 
 
-def _shown_in(block: Block, photos: Collection[str]) -> set[str]:
-    """Return the points that some photos show."""
-    rows = np.array([photo.name in photos for photo in block.photos], dtype=bool)[block.photo_points.photo]
-    return {block.point_names[point] for point in np.unique(block.photo_points.point[rows])}
+def with_cameras_held(block: Block) -> Block:
+    """Return a block in which nothing of the cameras is unknown."""
+    return replace(block, cameras=tuple(replace(camera, unknown=()) for camera in block.cameras))
 
 
-def _sharing(block: Block, points: Collection[str]) -> set[str]:
-    """Return the photos that show some of the points."""
-    rows = np.isin(block.photo_points.point, [block.point_index()[name] for name in points])
-    return {block.photos[photo].name for photo in np.unique(block.photo_points.photo[rows])}
+def _with_larger_errors(block: Block) -> Block:
+    """Return a block whose photo points and control are several times less precise."""
+
+    def less_precise(point: ControlPoint) -> ControlPoint:
+        x, y, z = (error and _LARGER * error for error in point.errors)
+        return replace(point, errors=(x, y, z))
+
+    rays = block.photo_points
+    return replace(
+        block,
+        photo_points=replace(rays, error=_LARGER * rays.error),
+        control_points=tuple(map(less_precise, block.control_points)),
+    )
+
+
+def _given(measurements: Measurements, name: str) -> FloatArray | None:
+    """Return the orientation (6,) of a photo that is given or observed; None without one."""
+    part = measurements.part((name, point) for point in measurements.points_in(name))
+    known = part is not None and bool(np.isfinite(part.photo_orientation).all())
+    return part.photo_orientation[0] if part is not None and known else None

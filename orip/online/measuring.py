@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.adjustment.outlier_tests import OutlierTest
-from orip.online.answers import Answer, Suspect, words_of
-from orip.online.online_block import Measurement, OnlineBlock
+from orip.online.advice import advice
+from orip.online.answers import Answer, Candidate, Suspect, words_of
+from orip.online.error_scale import ErrorScale
+from orip.online.first_photos import COMMON_POINTS, may_start
+from orip.online.measurements import Measurement
+from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
 from orip.wording import counted
@@ -20,17 +23,26 @@ ALPHA = 0.001
 _ALIKE = 0.9
 """Correlation of residuals from which an error of one observation cannot be told from one of the other."""
 
+_ADVISED = 3
+"""What to measure next, in an answer."""
+
 _FEW_POINTS = 12
 """Points of a photo up to which a new one is also a check of the others."""
 
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
 
+_RAYS_AGAINST_CONTROL = 2
+"""Rays of a control point that do not fit from which the control may be what is wrong."""
+
 _MANY = 3
 """Points of a photo that do not fit from which its orientation may be wrong."""
 
-_PAIR = 5
-"""Points common to two photos, or control points of one, from which the first photos may be oriented."""
+_ALL = 200
+"""Observations up to which all are tested again when one of them was taken out; of more, those that nearly failed."""
+
+_NEARLY = 0.7
+"""Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
 
 
 @dataclass(slots=True)
@@ -57,9 +69,11 @@ class Measuring:
         self.suspects: dict[ObservationKey, Suspect] = {}
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
-        self._test = OutlierTest(ALPHA, 1.0, None)
-        if block.block is not None:
-            self._start()
+        self._next_adjustment = 0.0
+        self._scale = ErrorScale(block, ALPHA)
+        if len(block.measurements):
+            self._start(block.measurements.photos)
+            self._scale.estimated()
             self._snoop(set(block.equations.included))
 
     def measure(self, measurement: Measurement) -> Answer:
@@ -70,14 +84,9 @@ class Measuring:
         InputError
             If the photo is not defined or has no interior orientation; nothing has changed then.
         """
-        photo, point, _ = measurement
-        before = self.block.sigma0
-        measured_before = self.block.put(measurement)
-        row = self.block.row_of(photo, point)
-        assert row is not None, "it has just been measured"
-        photo = self.block.observations.photos[row]
-        key = self._key(photo, point)
-        if measured_before:
+        photo, point, xy = measurement
+        before, key = self.block.sigma0, self.block.key(photo, point)
+        if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._forgive([key])
             self.excluded.discard(key)
@@ -123,7 +132,7 @@ class Measuring:
         key = self._measured(photo, point)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
-        self.block.remove(key.photo, point)
+        self.block.remove(key)
 
     def answer(self, photo: str, point: str) -> Answer:
         """Return how a photo point stands now.
@@ -136,9 +145,15 @@ class Measuring:
         return self._answer(self._measured(photo, point), self.block.sigma0, _Found([], [], [], []))
 
     def relinearise(self) -> None:
-        """Linearise all equations at the solution, until nothing moves any more."""
+        """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
         for _ in range(3):
             self.block.relinearise()
+        if self.suspects:
+            self._review()
+
+    def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
+        """Return what to measure next in some photos, the most profitable first."""
+        return advice(self.block, photos, most) if self.block.values.orientations else ()
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
@@ -148,76 +163,82 @@ class Measuring:
         return {**photos, **points}
 
     def _measured(self, photo: str, point: str) -> ObservationKey:
-        row = self.block.row_of(photo, point)
-        if row is None:
+        key = self.block.key(photo, point)
+        if self.block.measurements.at(key.photo, point) is None:
             message = f"point {point} is not measured in photo {photo}"
             raise KeyError(message)
-        return self._key(self.block.observations.photos[row], point)
-
-    def _key(self, photo: str, point: str) -> ObservationKey:
-        """Return the key of a photo point, with the name of the photo as it is defined."""
-        assert self.block.block is not None, "something is measured"
-        names = {record_key(record.name): record.name for record in self.block.block.photos}
-        return ObservationKey("photo", names[record_key(photo)], point)
+        return key
 
     def _advance(self, point: str, key: ObservationKey) -> _Found:
         """Find values that can be found now, take in what has them, and test it."""
         block, found = self.block, _Found([], [], [], [])
-        assert block.block is not None, "something is measured"
         if not block.values.orientations:
-            self._start()
+            self._start([key.photo])
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
+            self._scale.estimated()
             found.suspects = self._snoop(set(block.equations.included), key)
             return found
-        found.oriented, found.placed = block.values.advance(block.block, [key.photo], [point])
+        found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
         again = [other for other in self.suspects if other.point == point]
         self._forgive(again)
-        new = block.include(found.oriented, {point, *found.placed})
+        rays = block.rays_with_values(found.oriented, {point, *found.placed})
+        new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
         if found.oriented:
-            block.adjust()
-        block.settle()
+            self._adjust_cameras()
+        block.settle({point, *found.placed})
+        if self._scale.estimated():
+            again += self._review()
         found.suspects = self._snoop(self._concerned(key, new), key)
-        found.cleared = [other for other in again if other in block.equations.included]
+        found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
 
-    def _start(self) -> None:
-        """Orient the first photos, if there is enough for that."""
+    def _start(self, photos: Iterable[str]) -> None:
+        """Orient the first photos, if there is enough in some of them for that."""
         block = self.block
-        assert block.block is not None, "something is measured"
-        if len(block.observations.photos) < self._next_start:
+        if len(block.measurements) < self._next_start:
             return
-        if not _may_start(block):
+        if not any(may_start(block.measurements, photo) for photo in photos):
             block.values.photos_wait = {
-                photo.name: f"photo {photo.name} waits: no two photos have {_PAIR} common points, and no photo has "
-                f"{_PAIR - 1} known points"
-                for photo in block.block.photos
+                photo: f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
+                f"{COMMON_POINTS - 1} known points"
+                for photo in block.measurements.photos
             }
             return
-        block.values.start(block.block)
-        self._next_start = len(block.observations.photos) * (1.0 + _LATER)
+        block.values.start(block.measurements)
+        self._next_start = len(block.measurements) * (1.0 + _LATER)
         if block.values.orientations:
             block.start()
             block.settle()
 
+    def _adjust_cameras(self) -> None:
+        """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
+        block = self.block
+        records = block.measurements.inputs.records
+        has_unknowns = any(
+            records.camera_of(records.photos[record_key(photo)]).unknown for photo in block.values.orientations
+        )
+        if has_unknowns and len(block.measurements) >= self._next_adjustment:
+            block.adjust()
+            self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
+
     def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> set[ObservationKey]:
         """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
-        included = self.block.equations.included
         fresh = {key, *new}
         points = {other.point for other in fresh if other.point}
-        sizes: dict[str, int] = {}
-        for other in included:
-            sizes[other.photo] = sizes.get(other.photo, 0) + 1
-        photos = {other.photo for other in fresh if other.photo and sizes.get(other.photo, 0) <= _FEW_POINTS}
-        return {other for other in included if other in fresh or other.point in points or other.photo in photos}
+        photos = {other.photo for other in fresh if other.photo}
+        few = [photo for photo in photos if len(self.block.measurements.points_in(photo)) <= _FEW_POINTS]
+        included = self.block.equations.included
+        return self.block.included_of(few, points) | {other for other in fresh if other in included}
 
     def _snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
         """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
         found: list[Suspect] = []
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
-            worst, w, limit = max(((key, *self._tested(key)) for key in tested), key=lambda one: one[1] / one[2])
+            results = dict(zip(tested, self._all_tested(tested), strict=True))
+            worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
             if w <= limit:
                 break
             alike = self._alike(worst, tested)
@@ -232,12 +253,48 @@ class Measuring:
             self.block.settle()
             if self._gives_up(worst.photo):
                 break
+            if worst.kind == "photo":
+                found += self._blamed_control(worst.point)
+            if len(tested) > _ALL:
+                keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
         return [one for one in found if one.key in self.suspects]
+
+    def _blamed_control(self, point: str) -> list[Suspect]:
+        """Suspect the control of a point, and not its rays, where several of these fit each other without it."""
+        of_point = [key for key in self.suspects if key.point == point]
+        rays = [key for key in of_point if key.kind == "photo"]
+        control = ObservationKey("control", "", point)
+        if len(rays) < _RAYS_AGAINST_CONTROL or control not in self.block.equations.included:
+            return []
+        before = {key: self.suspects[key] for key in rays}
+        (w, limit) = max((one.w, one.limit) for one in before.values())
+        self.block.take_out(control)
+        self.block.left_out.add(control)
+        self._forgive(rays)
+        self.block.include((key.photo, key.point) for key in rays)
+        self.block.settle([point])
+        inside = [key for key in rays if key in self.block.equations.included]
+        wrong = [key for key, (w, limit) in zip(inside, self._all_tested(inside), strict=True) if w > limit]
+        if len(wrong) < len(rays) - 1:
+            self.suspects[control] = Suspect(control, w, limit, ())
+            return [self.suspects[control]]
+        for key in rays:
+            self.block.take_out(key)
+        self.suspects |= before
+        self.block.left_out.update(rays)
+        self.block.left_out.discard(control)
+        self.block.include(self.block.rays_with_values(points=[point]))
+        self.block.settle([point])
+        return []
 
     def _gives_up(self, photo: str) -> bool:
         """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
         wrong = [key for key in self.suspects if photo and key.photo == photo]
-        fitting = sum(key.photo == photo for key in self.block.equations.included)
+        if photo and photo not in self.block.values.orientations:
+            # it has not settled, and is out already
+            self._forgive(wrong)
+            return True
+        fitting = len(self.block.included_of(photos=[photo]))
         if len(wrong) < _MANY or len(wrong) <= fitting:
             return False
         self._forgive(wrong)
@@ -248,10 +305,28 @@ class Measuring:
         self.block.values.photos_wait[photo] = text
         return True
 
-    def _tested(self, key: ObservationKey) -> tuple[float, float]:
-        """Return the root of the fall of the square sum without an observation, and its limit."""
-        square, checked = self.block.equations.standing(key).square()
-        return float(np.sqrt(square)), self._test.group_limit(max(checked, 1))
+    def _all_tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
+        """Return the root of the fall of the square sum without each observation, and its limit."""
+        squares = [standing.square() for standing in self.block.equations.standings(keys)]
+        return [(float(np.sqrt(square)), self._scale.limit(max(checked, 1))) for square, checked in squares]
+
+    def _review(self) -> list[ObservationKey]:
+        """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
+        tried = sorted(self.suspects, key=lambda key: self.suspects[key].w)
+        taken = []
+        for key in tried:
+            rays = self.block.rays_with_values(points=[key.point])
+            rows = self.block.rows(rays).get(key)
+            if rows is None:
+                continue
+            square, checked = self.block.equations.trial(key, rows).square()
+            if np.sqrt(square) <= self._scale.limit(max(checked, 1)):
+                self._forgive([key])
+                self.block.equations.include(key, rows)
+                taken.append(key)
+        self.block.settle({key.point for key in taken})
+        self._snoop(self.block.included_of(points={key.point for key in taken}))
+        return taken
 
     def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
         others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
@@ -268,6 +343,7 @@ class Measuring:
             key.photo, key.point, "waiting", "",
             sigma0=self.block.sigma0, sigma0_before=before, suspects=tuple(found.suspects),
             cleared=tuple(found.cleared), oriented=tuple(found.oriented), placed=tuple(found.placed),
+            next=self.next([key.photo], _ADVISED),
         )  # fmt: skip
         if key in self.excluded:
             return replace(answer, state="excluded", text=f"{words_of(key)} is left out by your decision")
@@ -286,9 +362,9 @@ class Measuring:
             )  # fmt: skip
             w, limit = None, None
             if checked:
-                w, limit = float(np.sqrt(square)), self._test.group_limit(checked)
+                w, limit = float(np.sqrt(square)), self._scale.limit(checked)
             return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = self._tested(key)
+        w, limit = float(np.sqrt(square)), self._scale.limit(checked)
         text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
         return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
 
@@ -307,26 +383,12 @@ def _also(suspect: Suspect) -> str:
     return f"; an error in {names} would look the same: measure these again, or the point in one more photo"
 
 
-def _may_start(block: OnlineBlock) -> bool:
-    """Return whether two photos may be oriented by common points, or one by known points."""
-    assert block.block is not None, "something is measured"
-    measured = block.block
-    shown = np.zeros((len(measured.photos), len(measured.point_names)), dtype=bool)
-    shown[measured.photo_points.photo, measured.photo_points.point] = True
-    known = {point.name for point in measured.control_points if None not in point.coordinates}
-    control = np.array([name in known for name in measured.point_names], dtype=bool)
-    common = shown.astype(np.int64) @ shown.T.astype(np.int64)
-    np.fill_diagonal(common, 0)
-    given = bool(np.isfinite(measured.photo_orientation).all(axis=1).any())
-    return given or bool((common >= _PAIR).any() or ((shown & control).sum(axis=1) >= _PAIR - 1).any())
-
-
 def summary(measuring: Measuring) -> str:
     """Return the state of the block in a line."""
     block = measuring.block
     values, sigma0 = block.values, block.sigma0
     parts = [
-        f"{counted(len(block.observations.photos), 'photo point')} measured",
+        f"{counted(len(block.measurements), 'photo point')} measured",
         f"{counted(len(values.orientations), 'photo')} oriented",
         f"{counted(len(values.points), 'point')} placed",
         "no redundancy" if sigma0 is None else f"sigma0 {sigma0:.3f} with redundancy {block.equations.redundancy}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.part_of_block import part_of_block
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.prelim.rays.image_rays import image_rays, rays_of_plane_images
@@ -19,15 +19,15 @@ _LARGEST_SEUW = 5.0
 """Mean parallax, in a-priori errors, from which a relative orientation is not believed."""
 
 
-def orientation_by_model(block: Block, photo: int) -> FloatArray | None:
-    """Return the orientation (6,) of a photo by its common points with the oriented photo that has most of them.
+def orientation_by_model(pair: Block, photo: str) -> FloatArray | None:
+    """Return the orientation (6,) of a photo by its common points with one that is oriented.
 
     Parameters
     ----------
-    block : Block
-        With orientations and coordinates as far as there are any, NaN elsewhere.
-    photo : int
-        The photo that is not oriented.
+    pair : Block
+        The two photos and their common points, with orientation and coordinates as far as there are any, NaN elsewhere.
+    photo : str
+        The one that is not oriented.
 
     Returns
     -------
@@ -35,19 +35,14 @@ def orientation_by_model(block: Block, photo: int) -> FloatArray | None:
         In the order of `PHOTO_PARAMETERS`; None where too few points are common, they do not fit, or none of them has
         coordinates to take the scale from.
     """
-    rays = block.photo_points
-    shown = np.zeros((len(block.photos), len(block.point_names)), dtype=bool)
+    rays = pair.photo_points
+    shown = np.zeros((len(pair.photos), len(pair.point_names)), dtype=bool)
     shown[rays.photo, rays.point] = rays.used.all(axis=1)
-    oriented = np.isfinite(block.photo_orientation).all(axis=1)
-    common = np.where(oriented, (shown & shown[photo]).sum(axis=1), 0)
-    common[photo] = 0
-    left = int(np.argmax(common))
-    if common[left] < _COMMON_POINTS:
+    common: BoolArray = np.asarray(shown.all(axis=0))
+    if common.sum() < _COMMON_POINTS:
         return None
-    pair = np.zeros(len(block.photos), dtype=bool)
-    pair[[left, photo]] = True
-    part = part_of_block(block, pair, shown[left] & shown[photo])
-    first = 0 if left < photo else 1
+    part = part_of_block(pair, np.ones(len(pair.photos), dtype=bool), common)
+    first = int(part.photos[0].name == photo)
     found = orient_pair(rays_of_plane_images(part, image_rays(part)), first, 1 - first, model="", row=None, column=None)
     if not isinstance(found, RelativeOrientation) or found.seuw > _LARGEST_SEUW:
         return None

@@ -15,7 +15,7 @@ from orip.geometry.plane import IDENTITY
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
-from orip.online.online_block import Measurement
+from orip.online.measurements import Measurement
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlPoint
 from orip.records.observations.measurement import Measured
@@ -30,7 +30,7 @@ _HEIGHT = 1527.0
 _PRECISION_MM = 0.005
 _CONTROL_ERROR = 0.05
 _BESIDE = 90.0
-"""Metres between the two points of a place."""
+"""Metres between two points of a place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,13 @@ class SimulatedSession:
     blunders: tuple[Blunder, ...]
 
 
-def simulated_session(strips: int, photos_a_strip: int, blunders: int, seed: int = 1) -> SimulatedSession:
+def simulated_session(
+    strips: int, photos_a_strip: int, blunders: int, seed: int = 1, points_a_place: int = 2
+) -> SimulatedSession:
     """Return a session of strips of photos, some of whose measurements are wrong by 10 to 60 times their precision."""
     random = np.random.default_rng(seed)
     names, orientations = _photos(strips, photos_a_strip, random)
-    points = _points(strips, photos_a_strip, random)
+    points = _points(strips, photos_a_strip, points_a_place, random)
     measured = _measured(names, orientations, points, random)
     planted = _planted(measured, blunders, random)
     errors = {(one.photo, one.point): one.error for one in planted}
@@ -83,13 +85,13 @@ def _photos(strips: int, photos: int, random: np.random.Generator) -> tuple[list
     return names, found + random.normal(size=found.shape) * spread
 
 
-def _points(strips: int, photos: int, random: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return the points by name: two at each place, one base beyond the photos on every side as well."""
+def _points(strips: int, photos: int, points: int, random: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return the points by name: some at each place, one base beyond the photos on every side as well."""
     found: dict[str, np.ndarray] = {}
     for north in range(-1, strips + 1):
         for east in range(-1, photos + 1):
             place = np.array([_BASE * east, _BASE * north, 0.0]) + random.normal(size=3) * [40.0, 40.0, 60.0]
-            for number in (1, 2):
+            for number in range(1, points + 1):
                 name = str(1000 * (north + 2) + 10 * (east + 2) + number)
                 found[name] = place + np.array([_BESIDE * (number - 1), 0.0, 0.0])
     return found
@@ -100,13 +102,16 @@ def _measured(
 ) -> list[Measurement]:
     """Return the measurements without blunders, photo by photo."""
     rotations = rotation_from_angles(orientations[:, 3:])
-    found: list[Measurement] = []
+    places, found = np.array(list(points.values())), list[Measurement]()
     for name, centre, rotation in zip(names, orientations[:, :3], rotations, strict=True):
-        for point, coordinates in points.items():
-            ray = (coordinates - centre) @ rotation
-            xy = -_PRINCIPAL_DISTANCE * ray[:2] / ray[2] + _PRECISION_MM * random.normal(size=2)
-            if (np.abs(xy) < _FRAME / 2.0).all():
-                found.append((name, point, (float(xy[0]), float(xy[1]))))
+        rays = (places - centre) @ rotation
+        image = -_PRINCIPAL_DISTANCE * rays[:, :2] / rays[:, 2:] + _PRECISION_MM * random.normal(size=(len(rays), 2))
+        shown = (np.abs(image) < _FRAME / 2.0).all(axis=1)
+        found += [
+            (name, point, (float(x), float(y)))
+            for point, (x, y), is_shown in zip(points, image, shown, strict=True)
+            if is_shown
+        ]
     return found
 
 

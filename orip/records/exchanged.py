@@ -126,6 +126,8 @@ class ExchangedPhoto:
         Standard deviations of the adjusted projection centre.
     position_covariance : tuple of 9 float, or None
         Its covariances, by rows.
+    pose_covariance : tuple of 36 float, or None
+        By rows, of the rotation vector from the camera's axes to the ground (radians) and of the projection centre.
     angle_deviation : tuple of 3 float, or None
         Standard deviations of the adjusted omega, phi and kappa, degrees.
     key : int
@@ -140,6 +142,7 @@ class ExchangedPhoto:
     position: tuple[float, ...] = ()
     position_deviation: tuple[float, float, float] | None = None
     position_covariance: tuple[float, ...] | None = None
+    pose_covariance: tuple[float, ...] | None = None
     angle_deviation: tuple[float, float, float] | None = None
     key: int = 0
     footprint: tuple[tuple[float, float, float], ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from orip.bundle.groups.words import group_name, unit_of_group
 from orip.records.results.group_test import GroupTest
@@ -29,6 +30,7 @@ def group_table(solution: Solution) -> PageTable | None:
         PageColumn("Redundancy", [significant(group.redundancy) for group in groups], key="redundancy"),
         PageColumn("sigma0", [significant(group.sigma0) for group in groups], key="sigma0"),
         PageColumn("p", [_p(group.p_sigma0) for group in groups]),
+        *_estimated_errors(solution),
         PageColumn("Mean", [_with_sd(group.mean, group.mean_sd) for group in groups]),
         PageColumn("p", [_p(group.p_mean) for group in groups]),
         PageColumn("Common error", [_with_sd(group.shift, group.shift_sd) for group in groups]),
@@ -38,6 +40,16 @@ def group_table(solution: Solution) -> PageTable | None:
     )
     emphasised = frozenset(row for row, group in enumerate(groups) if group.doubted)
     return PageTable("groups", "Groups of observations", columns, _NOTE, emphasised)
+
+
+def _estimated_errors(solution: Solution) -> Iterator[PageColumn]:
+    """Yield the column of variance components, where they were estimated."""
+    factors = {
+        (str(row.kind), row.of, row.component): _with_sd(row.factor, row.sd) for row in solution.variance_components
+    }
+    if factors:
+        found = [factors.get((group.kind, group.of, group.component), MISSING) for group in solution.groups]
+        yield PageColumn("Estimated / given error", found)
 
 
 def _p(value: float) -> str:

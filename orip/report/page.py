@@ -28,6 +28,7 @@ from orip.report.numbers import counted, fixed, probability, significant
 from orip.report.photo_residuals import photo_residual_table, residual_histograms
 from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
+from orip.report.rigs import rig_table
 from orip.report.run_mark import RUN_NAME
 from orip.report.stations import station_charts, station_table, strip_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
@@ -93,7 +94,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "distances": distance_table(solution),
         "trouble": [
             table
-            for table in (make(solution) for make in (blunder_table, suspect_table, singular_table, weak_table))
+            for table in (blunder_table(solution), suspect_table(given), singular_table(solution), weak_table(solution))
             if table is not None
         ],
         "spreads": spreads(solution),
@@ -106,6 +107,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
+        "rigs": rig_table(given),
         "strong": STRONG,
         "vectors": vector_sheets(given),
         "block": _as_data(block_view(given)),

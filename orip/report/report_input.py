@@ -31,6 +31,8 @@ class ReportInput:
         Of the project.
     replayed : tuple of (str, str)
         Names and digests of the measurement files as they were replayed last.
+    test_level : float or None
+        Error probability of the test of one observation; None: that of all tests of the block together is stated.
     """
 
     solution: Solution
@@ -42,3 +44,4 @@ class ReportInput:
     details: ReportDetails = field(default_factory=ReportDetails)
     crs: str | None = None
     replayed: tuple[tuple[str, str], ...] = ()
+    test_level: float | None = None

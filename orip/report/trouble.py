@@ -14,12 +14,15 @@ from orip.report.misfits import (
     FAMILY_ALPHA,
     named_observation,
     observation_of,
+    probable_error,
     probable_size,
     suspect_rows,
     suspects,
     unit_of_residual,
 )
 from orip.report.numbers import counted, decimals_for, fixed, significant
+from orip.report.photo_scale import pixel_of_photo
+from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable
 from orip.wording import first_names
 
@@ -29,6 +32,8 @@ UNCHECKED = 0.10
 """Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
 _FAR_WORSE = 3.0
+_MOST_BY_HAND = 60
+"""Points with the same weakness that anybody would measure again; of more a program has to match more."""
 _NAMED = 12
 
 
@@ -57,18 +62,18 @@ def blunder_table(solution: Solution) -> PageTable | None:
     return PageTable("blunders", "Blunders found and left out", columns, note)
 
 
-def suspect_table(solution: Solution) -> PageTable | None:
+def suspect_table(given: ReportInput) -> PageTable | None:
     """Return the observations that fit worse than chance explains, the worst first."""
+    solution = given.solution
     residuals = solution.residuals
-    rows = suspect_rows(solution)
+    rows = suspect_rows(solution, given.test_level)
     if not rows.size:
         return None
     down = residuals.weight_factor < 1.0
     shown = rows[:MOST_SUSPECTS]
-    found = counted(len(suspects(solution)), "observation")
+    found = counted(len(suspects(solution, given.test_level)), "observation")
     note = (
-        f"{found}, {counted(len(rows), 'component')}; in a block without blunders anything is listed here with a "
-        f"probability of {FAMILY_ALPHA:.0%} at most. "
+        f"{found}, {counted(len(rows), 'component')}; {_level(given.test_level)} "
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
@@ -78,6 +83,7 @@ def suspect_table(solution: Solution) -> PageTable | None:
         PageColumn("Component", _picked(residuals.component, shown), words=True),
         PageColumn("Probable size", [probable_size(residuals, row) for row in shown]),
         PageColumn("Unit", [unit_of_residual(solution, row) for row in shown], words=True),
+        *_in_pixels(given, shown),
         PageColumn("Residual", [_with_precision(residuals, residuals.residual, row) for row in shown]),
         PageColumn("Standard residual", [fixed(value, 1) for value in residuals.standard_residual[shown]]),
         PageColumn("w", [fixed(value, 1) for value in residuals.w[shown]]),
@@ -85,6 +91,23 @@ def suspect_table(solution: Solution) -> PageTable | None:
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
+
+
+def _level(test_level: float | None) -> str:
+    if test_level is None:
+        return f"in a block without blunders anything is listed here with a probability of {FAMILY_ALPHA:.0%} at most."
+    return f"each test has an error probability of {test_level:g}: in large blocks without blunders some are listed."
+
+
+def _in_pixels(given: ReportInput, rows: IntArray) -> Iterator[PageColumn]:
+    """Yield the column of probable sizes in pixels, if any of these observations was measured in pixels."""
+    residuals = given.solution.residuals
+    pixels = np.array(
+        [pixel_of_photo(given, residuals.photo[row]) if residuals.kind[row] == "photo" else np.nan for row in rows]
+    )
+    if np.isfinite(pixels).any():
+        sizes = [probable_error(residuals, row) / pixel for row, pixel in zip(rows.tolist(), pixels, strict=True)]
+        yield PageColumn("Probable size", [fixed(size, 1) for size in sizes], "px")
 
 
 def singular_table(solution: Solution) -> PageTable | None:
@@ -133,16 +156,23 @@ def weak_spots(solution: Solution) -> list[Spot]:
 
 def _few_rays(solution: Solution) -> Iterator[Spot]:
     """Return the points with one ray and those with two, which nothing checks along their epipolar lines."""
-    for number, what, remedy in (
-        (1, "seen in one photo only: nothing checks them", "measure them in another photo, or give them control"),
+    for number, what, by_hand, matched in (
+        (
+            1,
+            "seen in one photo only: nothing checks them",
+            "measure them in another photo, or give them control",
+            "matched by a program they change nothing, and can be left out",
+        ),
         (
             2,
             "seen in two photos only: an error along the epipolar line cannot be detected",
             "measure them in a third photo",
+            "match between more photos, or have more overlap; what has to be sure is measured in three photos by hand",
         ),
     ):
         names = _with_rays(solution, number)
         if names:
+            remedy = by_hand if len(names) <= _MOST_BY_HAND else matched
             yield Spot(counted(len(names), "point"), what, remedy, first_names(names, _NAMED))
 
 

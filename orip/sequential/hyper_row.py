@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import qr
+from scipy.linalg.lapack import dtrtrs
 
 from orip.arrays import FloatArray, IntArray
 from orip.sequential.reduced_rows import ReducedRows
@@ -109,15 +110,22 @@ class HyperRow:
     def coordinates_at(self, reduced: FloatArray) -> FloatArray:
         """Return the corrections (3,) of the point for corrections of the reduced unknowns; 0 where one is held."""
         found = np.zeros(3)
-        found[self.coordinates] = solve_triangular(self.factor, self.right - self.coupling @ reduced[self.columns])
+        found[self.coordinates] = self._substituted(self.right - self.coupling @ reduced[self.columns])
         return found
+
+    def _substituted(self, right: FloatArray, transposed: int = 0) -> FloatArray:
+        """Return R^-1 b or R^-T b; LAPACK itself, as systems of three take less time than a wrapper's checks."""
+        if not len(self.coordinates):
+            return right
+        found, _ = dtrtrs(self.factor, right, trans=transposed)
+        return np.asarray(found)
 
     def whitened(self, rows: ObservationRows) -> tuple[FloatArray, ReducedRows]:
         """Return R^-T a^T (r, k) of the point's part of rows, and what is left of them.
 
         The right-hand sides of what is left are those of the rows less what the hyper-row explains.
         """
-        inner = solve_triangular(self.factor, rows.by_point[:, self.coordinates].T, trans="T")
+        inner = self._substituted(rows.by_point[:, self.coordinates].T, transposed=1)
         columns = np.union1d(self.columns, rows.columns)
         left = np.zeros((len(rows.right), len(columns)))
         left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced

@@ -6,7 +6,7 @@ block may be a part of the whole one, a single photo point of it for instance: u
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,6 +70,10 @@ class ReducedColumns:
                 self._place[name] = len(self.names)
                 self.names.append(name)
         return np.array([self._place[name] for name in names], dtype=np.int64)
+
+    def known_places(self, names: Sequence[UnknownName]) -> IntArray:
+        """Return the places of unknowns, -1 for one that has none."""
+        return np.array([self._place.get(name, -1) for name in names], dtype=np.int64)
 
 
 def tied_points(block: Block) -> frozenset[int]:

@@ -8,7 +8,7 @@ before the old ones are taken out, so that the triangle keeps its rank.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -16,13 +16,16 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.sequential.hyper_row import HyperRow, ObservationRows, factored
 from orip.sequential.reduced_rows import ReducedRows
+from orip.sequential.standing import LEAST_REDUNDANCY, Standing
 from orip.sequential.triangle import Triangle
 
 Key = TypeVar("Key", bound=Hashable)
 
-LEAST_REDUNDANCY = 1e-4
-"""Below this redundancy number an observation is not taken out of the triangle, which would lose more than four digits
-(of sixteen, as -log10 r are lost): it is built again."""
+_AT_ONCE = 256
+"""Observations that are substituted together, which bounds memory."""
+
+_MOST_REPLACED = 4
+"""Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
 _MOST_DOWNDATES = 1000
 """Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
@@ -35,36 +38,37 @@ class _Point(NamedTuple):
     reduced: tuple[ReducedRows, ...]
 
 
-class Standing(NamedTuple):
-    """How k equations of an observation fit, all others being in; or as they would fit if they were in.
+class _Points(dict[str, _Point]):
+    """Points by name, and how many coordinates of them are determined."""
 
-    Attributes
-    ----------
-    residual : array (k,)
-        Computed minus observed, divided by the a-priori errors.
-    cofactor : array (k, k)
-        Of the residuals; its diagonal has the redundancy numbers.
-    """
+    def __init__(self, points: Mapping[str, _Point] | None = None) -> None:
+        super().__init__(points or {})
+        self.coordinates = sum(len(point.hyper_row.coordinates) for point in self.values())
 
-    residual: FloatArray
-    cofactor: FloatArray
+    def __setitem__(self, name: str, point: _Point) -> None:
+        before = self.get(name)
+        self.coordinates += len(point.hyper_row.coordinates)
+        self.coordinates -= 0 if before is None else len(before.hyper_row.coordinates)
+        super().__setitem__(name, point)
 
-    @property
-    def redundancy(self) -> FloatArray:
-        """Return the redundancy numbers (k,), from 0 to 1."""
-        return np.clip(np.diagonal(self.cofactor), 0.0, 1.0)
+    def taken(self, name: str) -> _Point:
+        """Take a point out, and return it."""
+        point = self.pop(name)
+        self.coordinates -= len(point.hyper_row.coordinates)
+        return point
 
-    def normalised(self, least_redundancy: float = LEAST_REDUNDANCY) -> FloatArray:
-        """Return Baarda's w (k,) with sigma0 = 1; NaN where nothing checks an equation."""
-        checked = self.redundancy > least_redundancy
-        return np.where(checked, self.residual / np.sqrt(np.where(checked, self.redundancy, 1.0)), np.nan)
+    def copy(self) -> _Points:
+        """Return the same points, to go back to them."""
+        return _Points(self)
 
-    def square(self, least_redundancy: float = LEAST_REDUNDANCY) -> tuple[float, int]:
-        """Return by how much the square sum falls without the observation, and how many equations are checked."""
-        values, vectors = np.linalg.eigh(self.cofactor)
-        checked = values > least_redundancy
-        parts = (vectors.T @ self.residual)[checked]
-        return float(np.sum(parts**2 / values[checked])), int(np.count_nonzero(checked))
+
+class _Whitened(NamedTuple):
+    """R^-T a^T of k equations in a hyper-row (3, k) and in the triangle (n, k), l - a x (k,), and which are open."""
+
+    own: FloatArray
+    spread: FloatArray
+    innovation: FloatArray
+    is_open: BoolArray
 
 
 class SequentialBlock(Generic[Key]):
@@ -74,7 +78,8 @@ class SequentialBlock(Generic[Key]):
         self.triangle = Triangle()
         self._included: dict[Key, ObservationRows] = {}
         self._of_points: dict[str, list[Key]] = {}
-        self._points: dict[str, _Point] = {}
+        self._points = _Points()
+        self._equations = 0
         self._downdates = 0
         self.rebuilt = 0
 
@@ -91,9 +96,7 @@ class SequentialBlock(Generic[Key]):
     @property
     def redundancy(self) -> int:
         """Return the number of equations less that of the unknowns that they determine."""
-        equations = sum(len(rows.right) for rows in self._included.values())
-        of_points = sum(len(point.hyper_row.coordinates) for point in self._points.values())
-        return equations - of_points - self.triangle.rank
+        return self._equations - self._points.coordinates - self.triangle.rank
 
     def append(self, count: int) -> None:
         """Append reduced unknowns: a new photo."""
@@ -114,6 +117,7 @@ class SequentialBlock(Generic[Key]):
         """
         if key in self._included:
             raise KeyError(key)
+        self._equations += len(rows.right)
         if rows.point is None:
             self._included[key] = rows
             return self.triangle.update(rows.reduced)
@@ -151,6 +155,7 @@ class SequentialBlock(Generic[Key]):
     def exclude(self, key: Key) -> None:
         """Take an observation out."""
         rows = self._included.pop(key)
+        self._equations -= len(rows.right)
         if rows.point is None:
             self._replace((rows.reduced,), ())
         else:
@@ -165,31 +170,54 @@ class SequentialBlock(Generic[Key]):
             self.include(key, rows)
             return
         self._included[key] = rows
+        self._equations += len(rows.right) - len(before.right)
         if rows.point is None:
             self._replace((before.reduced,), (rows.reduced,))
         else:
             self._point_changed(rows.point)
 
+    def replace_all(self, rows: Mapping[Key, ObservationRows]) -> None:
+        """Replace the equations of some observations that are in, of the same points: those of a photo that has moved.
+
+        The triangle is changed point by point where that is less work than to build it.
+        """
+        self._included.update(rows)
+        of_none = [key for key, new in rows.items() if new.point is None]
+        points = dict.fromkeys(new.point for new in rows.values() if new.point is not None)
+        if of_none or len(points) > _MOST_REPLACED:
+            self.rebuild(points)
+            return
+        built = self.rebuilt
+        for name in points:
+            self._point_changed(name)
+            if self.rebuilt != built:
+                return
+
     def exclude_all(self, keys: Iterable[Key]) -> None:
         """Take many observations out, those of a photo, and build the triangle again."""
-        for key in keys:
-            rows = self._included.pop(key)
-            if rows.point is not None:
-                self._of_points[rows.point].remove(key)
-        self.rebuild()
+        removed = [self._included.pop(key) for key in keys]
+        self.rebuild({rows.point for rows in removed if rows.point is not None})
 
     def relinearise(self, rows: Mapping[Key, ObservationRows]) -> None:
         """Replace all observations by the given ones, and build the triangle again."""
         self._included = dict(rows)
         self.rebuild()
 
-    def rebuild(self) -> None:
-        """Build the triangle from the equations of all observations that are in."""
+    def rebuild(self, changed: Collection[str] | None = None) -> None:
+        """Build the triangle from the equations of all observations that are in.
+
+        Parameters
+        ----------
+        changed : collection of str or None
+            Points whose observations have changed; those of all others are factored already. None: all points.
+        """
         self._of_points = {}
         for key, rows in self._included.items():
             if rows.point is not None:
                 self._of_points.setdefault(rows.point, []).append(key)
-        self._points = {name: self._factored(name) for name in self._of_points}
+        known = {} if changed is None else {name: point for name, point in self._points.items() if name not in changed}
+        self._points = _Points({name: known.get(name) or self._factored(name) for name in self._of_points})
+        self._equations = sum(len(rows.right) for rows in self._included.values())
         of_points = [reduced for point in self._points.values() for reduced in point.reduced]
         of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
         self.triangle.build([*of_points, *of_none])
@@ -219,10 +247,11 @@ class SequentialBlock(Generic[Key]):
         # a point with equations in the triangle that is not determined may have it built again
         all_of_it = point is not None and bool(point.reduced)
         saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
-        points, downdates = dict(self._points), self._downdates
+        points, downdates = self._points.copy(), self._downdates
         self.include(key, rows)
         standing = self.standing(key)
         del self._included[key]
+        self._equations -= len(rows.right)
         if name is not None:
             self._of_points[name].remove(key)
         self._points, self._downdates = points, downdates
@@ -231,8 +260,35 @@ class SequentialBlock(Generic[Key]):
 
     def standing(self, key: Key) -> Standing:
         """Return how an observation that is in fits."""
-        own, spread, innovation, _ = self._whitened(self._included[key])
-        return Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
+        return self.standings([key])[0]
+
+    def standings(self, keys: Sequence[Key]) -> list[Standing]:
+        """Return how observations that are in fit."""
+        return [
+            Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
+            for first in range(0, len(keys), _AT_ONCE)
+            for own, spread, innovation, _ in self._all_whitened(
+                [self._included[key] for key in keys[first : first + _AT_ONCE]]
+            )
+        ]
+
+    def predicted(self, rows: Sequence[ObservationRows]) -> list[tuple[FloatArray, FloatArray, BoolArray]]:
+        """Return what the observations that are in say about others.
+
+        Returns
+        -------
+        list of (difference, cofactor, is_open)
+            Observed minus predicted (k,), divided by the a-priori errors; cofactors (k, k) of the prediction; and which
+            of it (k,) nothing determines. An observation of a point without equations is one of the reduced unknowns.
+        """
+        return [
+            (innovation, own.T @ own + spread.T @ spread, is_open)
+            for own, spread, innovation, is_open in self._all_whitened(rows)
+        ]
+
+    def has_point(self, name: str) -> bool:
+        """Return whether all coordinates of a point are determined by equations that are in."""
+        return name in self._points and self._points[name].hyper_row.is_complete
 
     def correlations(self, key: Key, others: Sequence[Key]) -> list[FloatArray]:
         """Return the correlations (k, k') of the residuals of an observation with those of others that are in.
@@ -240,12 +296,11 @@ class SequentialBlock(Generic[Key]):
         Where it is near 1 or -1, an error of one cannot be told from an error of the other. 0 where nothing checks one.
         """
         rows = self._included[key]
-        own, spread, _, _ = self._whitened(rows)
+        of_others = [self._included[other] for other in others]
+        (own, spread, _, _), *whitened = self._all_whitened([rows, *of_others])
         scale = _scale(np.sum(own**2, axis=0) + np.sum(spread**2, axis=0))
         found = []
-        for other in others:
-            their_rows = self._included[other]
-            theirs, their_spread, _, _ = self._whitened(their_rows)
+        for their_rows, (theirs, their_spread, _, _) in zip(of_others, whitened, strict=True):
             product = spread.T @ their_spread
             if rows.point is not None and rows.point == their_rows.point:
                 product = product + own.T @ theirs
@@ -258,21 +313,45 @@ class SequentialBlock(Generic[Key]):
         reduced = self.triangle.solution()
         return reduced, {name: point.hyper_row.coordinates_at(reduced) for name, point in self._points.items()}
 
-    def _whitened(self, rows: ObservationRows) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-        """Return R^-T a^T of an observation in its hyper-row and in the triangle, l - a x, and which rows are open."""
-        own: FloatArray = np.zeros((0, len(rows.right)))
-        reduced = rows.reduced
-        if rows.point is not None:
-            own, reduced = self._points[rows.point].hyper_row.whitened(rows)
-        spread, is_open = self.triangle.whitened(reduced.columns, reduced.rows)
-        return own, spread, np.asarray(reduced.right - spread.T @ self.triangle.right), is_open
+    def point_correction(self, name: str, reduced: FloatArray) -> FloatArray:
+        """Return the corrections (3,) of a point for corrections of the reduced unknowns; 0 where nothing tells."""
+        point = self._points.get(name)
+        return np.zeros(3) if point is None else point.hyper_row.coordinates_at(reduced)
+
+    def _whitened(self, rows: ObservationRows) -> _Whitened:
+        return self._all_whitened([rows])[0]
+
+    def _all_whitened(self, observations: Sequence[ObservationRows]) -> list[_Whitened]:
+        """Return R^-T a^T of observations in their hyper-rows and in the triangle, l - a x, and which rows are open.
+
+        One substitution serves all of them.
+        """
+        owns, parts = [], []
+        for rows in observations:
+            own: FloatArray = np.zeros((0, len(rows.right)))
+            reduced = rows.reduced
+            if rows.point is not None and rows.point in self._points:
+                own, reduced = self._points[rows.point].hyper_row.whitened(rows)
+            owns.append(own)
+            parts.append(reduced)
+        columns = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.columns for part in parts)]))
+        ends = np.cumsum([0, *(len(part.right) for part in parts)])
+        stacked = np.zeros((int(ends[-1]), len(columns)))
+        for part, start, end in zip(parts, ends, ends[1:], strict=False):
+            stacked[start:end, np.searchsorted(columns, part.columns)] = part.rows
+        spread, is_open = self.triangle.whitened(columns, stacked)
+        explained = spread.T @ self.triangle.right
+        return [
+            _Whitened(own, spread[:, start:end], part.right - explained[start:end], is_open[start:end])
+            for own, part, start, end in zip(owns, parts, ends, ends[1:], strict=False)
+        ]
 
     def _factored(self, name: str) -> _Point:
         return _factored_point([self._included[key] for key in self._of_points[name]])
 
     def _point_changed(self, name: str) -> None:
         """Bring what the observations of a point say about the reduced unknowns up to date."""
-        before = self._points.pop(name)
+        before = self._points.taken(name)
         if not self._of_points[name]:
             del self._of_points[name]
             self._replace(before.reduced, ())

@@ -17,8 +17,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dtpmqrt, dtpqrt
+from scipy.linalg.lapack import dtpmqrt, dtpqrt, dtrtrs
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.sequential.reduced_rows import ReducedRows
@@ -226,7 +225,7 @@ class Triangle:
         for panel in reversed(list(self._panels(0))):
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
             right = self._right[own] - self._factor[own, beyond] @ found[beyond]
-            found[own] = solve_triangular(self._pivotal(own), right, check_finite=False)
+            found[own] = dtrtrs(self._pivotal(own), right)[0]
         return found
 
     def whitened(self, columns: IntArray, rows: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -238,7 +237,7 @@ class Triangle:
         full[columns] = rows.T
         found = self._forward(full)
         held = ~self.determined()
-        is_open = (np.abs(found[held]) > _ZERO_PIVOT * np.abs(rows).max(initial=0.0)).any(axis=0)
+        is_open = (np.abs(found[held]) > _ZERO_PIVOT * np.abs(rows).max(axis=1, initial=0.0)).any(axis=0)
         found[held] = 0.0
         return found, np.asarray(is_open)
 
@@ -248,7 +247,7 @@ class Triangle:
         found = np.zeros_like(right)
         for panel in self._panels(int(touched[0])) if len(touched) else ():
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            found[own] = solve_triangular(self._pivotal(own), right[own], trans="T", check_finite=False)
+            found[own] = dtrtrs(self._pivotal(own), right[own], trans=1)[0]
             right[beyond] -= self._factor[own, beyond].T @ found[own]
         return found
 

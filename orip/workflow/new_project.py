@@ -1,15 +1,18 @@
-"""A new project that is going to be defined by commands: its orip.toml holds the names, the stores hold all records."""
+"""A new project: empty, to be defined by commands; or with commented texts that its user fills in."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project
+from orip.files.project.starting_texts import BlockKind, Start, starting_texts
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import replace_text, reporting_failure
+from orip.geometry.ground_crs import geodetic_of
 from orip.workflow.project.folder import PROJECT_FILE
 
 _HEADING = """\
@@ -20,10 +23,12 @@ _HEADING = """\
 
 @dataclass(frozen=True, slots=True)
 class ProjectMade:
-    """A project that was made: its name, its folder."""
+    """A project that was made: its name, its folder, its texts, and what to do next (an orip command, or words)."""
 
     name: str
     folder: Path
+    files: tuple[str, ...]
+    next: str
 
 
 def make_project(name: str, user: str, folder: Path) -> ProjectMade:
@@ -47,17 +52,50 @@ def make_project(name: str, user: str, folder: Path) -> ProjectMade:
     """
     names = {"name": name, **({"user": user} if user else {})}
     text = f"{_HEADING}\n{toml_table('[project]', names)}"
-    faults = parse_project(text).complaints
+    _write(folder, {PROJECT_FILE: text}, "orip init NAME DIR")
+    return ProjectMade(name, folder, (PROJECT_FILE,), "camera add NAME c=...")
+
+
+STARTS: Mapping[BlockKind, Start] = {
+    "drone": Start(""),
+    "object": Start(
+        "", kind="object", focal_length=24.0, columns=6000, rows=4000, pixel=3.92, photo_error=0.3, control_error=0.001
+    ),
+    "film": Start("", kind="film", camera="RC30", focal_length=153.0, pixel=14.0, control_error=0.05),
+}
+"""What is usual for each kind of block."""
+
+
+def make_started_project(start: Start, folder: Path) -> ProjectMade:
+    """Write the commented texts of a new project, and a .gitignore; raises as `make_project` does."""
+    texts = starting_texts(start)
+    if start.crs:
+        geodetic_of(start.crs)  # raises where it is not known, or no projected system
+    _write(folder, texts, "orip new NAME DIR")
+    return ProjectMade(start.name, folder, tuple(texts), _NEXT[start.kind])
+
+
+_NEXT: Mapping[BlockKind, str] = {
+    "drone": "stations import FILE",
+    "object": "photo add NAME camera=...",
+    "film": "photo add NAME camera=...",
+}
+
+
+def _write(folder: Path, texts: Mapping[str, str], example: str) -> None:
+    """Write texts of a new project, all or, where one is there already, none."""
+    faults = parse_project(texts[PROJECT_FILE]).complaints
     if faults:
         raise InputError([Complaint(fault.message) for fault in faults])
-    path = folder / PROJECT_FILE
-    if path.exists() or path.is_symlink():
-        message = f"{folder} has an {PROJECT_FILE} already: name another folder, 'orip init NAME DIR'"
+    there = [name for name in texts if (folder / name).exists() or (folder / name).is_symlink()]
+    if there:
+        message = f"{folder} has the file {there[0]} already: name another folder, '{example}'"
         raise UsageError(message)
-    with reporting_failure(str(path), "name another folder"):
+    with reporting_failure(str(folder / PROJECT_FILE), "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         ignore = folder / IGNORE_FILE
         if not (ignore.exists() or ignore.is_symlink()):
             replace_text(ignore, IGNORED)
-        replace_text(path, text)
-    return ProjectMade(name, folder)
+        # orip.toml comes last: with it the folder is a project
+        for name in sorted(texts, key=PROJECT_FILE.__eq__):
+            replace_text(folder / name, texts[name])

@@ -92,7 +92,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
 def _is_driven(state: ProjectState) -> Callable[[str], bool]:
     """Return whether a bundle has models to drive in, or a drive table of single photos."""
     project = state.project
-    return lambda name: bool(state.definitions.bundle(name).models) or project.beside_photos(name, "DRV").is_file()
+    return lambda name: bool(state.definitions.bundle(name).models) or project.drive_table(name).is_file()
 
 
 def _count(project: ProjectFolder, texts: Sequence[NamedRecord], stored: Sequence[StoredRecord[NamedRecord]]) -> int:

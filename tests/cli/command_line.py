@@ -13,6 +13,7 @@ from typing import Any
 from unittest.mock import patch
 
 import typer.main
+from support.json_schemas import schema_faults
 
 from orip.cli.main import main
 
@@ -34,12 +35,14 @@ class Said:
 
     @property
     def document(self) -> Any:
-        """Return stdout as one JSON document, strictly."""
+        """Return stdout as one JSON document, strictly; it is as its schema says."""
 
         def refuse(constant: str) -> None:
             raise ValueError(constant)
 
-        return json.loads(self.out, parse_constant=refuse)
+        document = json.loads(self.out, parse_constant=refuse)
+        assert not schema_faults(document)
+        return document
 
 
 def orip(folder: Path, *arguments: str) -> Said:

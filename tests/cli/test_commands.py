@@ -135,7 +135,7 @@ def test_measure_of_named_files_is_on_top_and_relative_to_the_folder(project: Pa
 def test_two_bundles_have_their_own_files(tmp_path: Path) -> None:
     folder = two_bundles(tmp_path / "p")
     said = orip(folder, "run", "--json")
-    assert [record["bundle"] for record in said.document] == ["AGAIN", "MAIN"]
+    assert [record["bundle"] for record in said.document["results"]] == ["AGAIN", "MAIN"]
     for bundle in ("AGAIN", "MAIN"):
         for ending in ("_RESULT.OUT", "_ERROR.OUT", "_result.json", "_residuals.csv", ".EXO"):
             assert (folder / f"{bundle}{ending}").is_file()

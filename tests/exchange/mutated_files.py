@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import random
 import warnings
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,6 +16,8 @@ from orip.errors import OripError
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedProject
 
+_ZIP = b"PK"
+
 
 def use_mutated_files(
     sound: Sequence[tuple[Path, bytes]], count: int, seed: int, use: Callable[[Path], object]
@@ -22,7 +26,9 @@ def use_mutated_files(
     chance = random.Random(seed)
     for _ in range(count):
         path, data = chance.choice(sound)
-        changed = mutated(data, chance)
+        changed = (
+            _mutated_members(data, chance) if data.startswith(_ZIP) and chance.random() < 0.7 else mutated(data, chance)
+        )
         path.write_bytes(changed)
         try:
             with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
@@ -35,6 +41,16 @@ def use_mutated_files(
             raise AssertionError(message) from error
         finally:
             path.write_bytes(data)
+
+
+def _mutated_members(data: bytes, chance: random.Random) -> bytes:
+    """Return a zip file that is sound and has some of its members changed."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as new:
+        chosen = set(chance.sample(old.namelist(), k=chance.randint(1, min(2, len(old.namelist())))))
+        for name in old.namelist():
+            new.writestr(name, mutated(old.read(name), chance) if name in chosen else old.read(name))
+    return stream.getvalue()
 
 
 def project_or_complaints(parsed: Parsed[ExchangedProject | None]) -> ExchangedProject | None:

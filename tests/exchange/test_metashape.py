@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from orip.exchange.metashape.source import READING, is_metashape, read_metashape
 from orip.exchange.sources.faults import Faults
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import ExchangedProject
+from orip.workflow.exchange.block import ExchangeSettings, imported_block
 
 SCALE = 2.5
 TURN = rotation_from_angles(np.array([0.3, -0.2, 0.9]))
@@ -203,3 +205,26 @@ def test_faults_name_their_line(tmp_path: Path, old: str, new: str, said: str) -
     assert parsed.value is None
     assert any(said in complaint.message for complaint in parsed.complaints)
     assert all(complaint.line for complaint in parsed.complaints)
+
+
+def test_an_imported_drone_of_metashape_is_exact_without_being_asked() -> None:
+    lens = read_well(read_metashape, sample("metashape", "geograypher", "camera.xml")).cameras[0]
+    given = block(READING)
+    camera = convert_camera(lens, "K1", accepts_any_fit=True)
+    rows = np.flatnonzero(np.isfinite(given.rays.image).all(axis=1))
+    directions = (given.rays.image[rows] - [2010.0, 1490.0]) / 3000.0
+    pixels = image_of_directions(lens, directions)
+    inside = ((pixels > 0.0) & (pixels < [lens.columns, lens.rows])).all(axis=1)
+    rays = replace(
+        given.rays,
+        photo=given.rays.photo[rows[inside]],
+        point=given.rays.point[rows[inside]],
+        image=pixels[inside],
+        deviation=given.rays.deviation[rows[inside]],
+        is_active=given.rays.is_active[rows[inside]],
+    )
+    imported = imported_block(replace(given, cameras=(lens,), rays=rays), "drone", ExchangeSettings())
+    seen = pixels_of_directions(camera.camera, directions[inside] * [1.0, -1.0])
+    assert np.abs(seen - imported.pixels).max() < 1e-6  # asked are 0.01 px
+    assert np.abs(pixels[inside] - imported.pixels).max() > 0.005
+    assert any("measurements are corrected by that" in note for note in imported.notes)

@@ -156,6 +156,10 @@ def test_an_export_has_tables_of_what_was_given_and_found(tmp_path: Path) -> Non
     assert float(rows["0.jpg"]["X_est"]) == project.photos[0].position[0]
     assert rows["0.jpg"]["SD_Z_(m)"] == "0.3"
     again = read_well(read_metashape, tmp_path / "out")
+    (turned,) = [one for one in again.stations if one.has_angles]
+    (given,) = [one for one in project.stations if one.has_angles]
+    assert (turned.photo, turned.angles) == (given.photo, pytest.approx(given.angles))
+    assert turned.angle_error == pytest.approx(given.angle_error)
     assert {one.photo: (one.position, one.position_error) for one in again.stations} == {
         one.photo: (one.position, one.position_error) for one in project.stations
     }
@@ -181,3 +185,12 @@ def test_a_heading_of_other_names_is_read(tmp_path: Path) -> None:
     (found,) = read_reference_table(written(tmp_path / "t.txt", table), faults).references
     assert not faults.complaints
     assert (found.label, found.coordinates, found.accuracy) == ("A 1", (1.0, 2.0, 3.0), (4.0, 5.0, 6.0))
+
+
+def test_a_lens_is_not_adjusted(tmp_path: Path) -> None:
+    lens = "<calibration><projection>frame</projection><width>40</width><height>30</height><f>50</f></calibration>"
+    written(tmp_path / "lens.xml", lens)
+    said = orip(tmp_path, "adjust", "lens.xml", "new")
+    assert said.code != 0
+    assert "has a camera alone" in said.err
+    assert not (tmp_path / "new").exists()

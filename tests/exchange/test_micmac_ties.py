@@ -91,8 +91,8 @@ def test_pairs_come_before_points_in_several_photos(tmp_path: Path) -> None:
         (lambda data: data[:-1], "announced"),
         (lambda data: b"\2\0\0\0\xff\xff\xff\x7f" + data[8:], "2147483647 points in 2 photos"),
         (lambda data: b"\3" + data[1:], "points in 3 photos"),
-        (lambda data: data[:8] + b"\7" + data[9:], "byte 8: this is no pair"),
-        (lambda data: data[:20] + struct.pack("<d", np.nan) + data[28:], "byte 8: this is no pair"),
+        (lambda data: data[:8] + b"\7" + data[9:], "byte 8: this is not a pair"),
+        (lambda data: data[:20] + struct.pack("<d", np.nan) + data[28:], "byte 8: this is not a pair"),
     ],
 )
 def test_a_damaged_file_of_pairs(tmp_path: Path, change: object, said: str) -> None:
@@ -107,7 +107,7 @@ def test_a_damaged_file_of_pairs(tmp_path: Path, change: object, said: str) -> N
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        (b"EndHeader", b"EndHead", "this is no file of tie points"),
+        (b"EndHeader", b"EndHead", "this is not a file of tie points"),
         (struct.pack("<II", 1, 6), struct.pack("<II", 1, 4000000000), "4000000000 is more than the file has room for"),
         (struct.pack("<II", 1, 6), struct.pack("<II", 1, 7), "is more than"),
         (b"5.jpg=5\n", b"5.jpg=5 ", "more than"),

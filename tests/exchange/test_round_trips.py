@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exchange.imported import read_well, sample
+from exchange.imported import read_well, sample, with_frame
 
 from orip.conversion.cameras import convert_camera, export_camera, pixels_of_directions
 from orip.conversion.ground import from_local_ground, in_local_ground, local_ground
@@ -49,6 +49,10 @@ SAMPLES: dict[str, tuple[str, Callable[[Path], Path]]] = {
     "Metashape": ("metashape", _in_place("metashape", "geograypher", "camera.xml")),
     "MicMac radial": ("micmac", _in_place("micmac", "MMVII-TestDir", "Input", "Saisies-MMV1", "Ori-Ground_mm3d")),
     "MicMac Fraser": ("micmac", _in_place("micmac", "MMVII-TestDir", "Input", "Ori-MMV1")),
+    "VisualSFM": ("nvm", _in_place("colmap", "visualsfm", "sceaux.nvm")),
+    # formats that are read alone come back in another one
+    "Pix4D": ("pix4d colmap", _in_place("pix4d")),
+    "IGN": ("ign blocks", _in_place("opk-ign")),
     "MMVII": ("micmac", _in_place("micmac", "MMVII-TestDir", "Input", "Saisies-MMV1", "MMVII-PhgrProj")),
 }
 
@@ -60,19 +64,22 @@ def through_orip(project: ExchangedProject, name: str) -> ExchangedProject:
     assert conventions.lens is not None
     ground = local_ground(project) if project.frame.kind == "geocentric" else None
     local = project if ground is None else in_local_ground(project, ground)
-    cameras = tuple(
-        export_camera(
-            convert_camera(camera, "C").camera, camera.name, conventions.lens,
-            conventions.lens_axes, conventions.ray_axes,
-        ).camera
-        for camera in local.cameras
-    )  # fmt: skip
+    converted = [convert_camera(camera, "C") for camera in local.cameras]
+    exported = [
+        export_camera(one.camera, one.source.name, conventions.lens, conventions.lens_axes, conventions.ray_axes)
+        for one in converted
+    ]
+    image = local.rays.image.copy()
+    of_ray = np.array([photo.camera for photo in local.photos])[local.rays.photo]
+    for number, (one, other) in enumerate(zip(converted, exported, strict=True)):
+        image[of_ray == number] = other.rays_of_pixels(one.pixels(image[of_ray == number]))
     numbers, positions = exchanged_poses(*orip_poses(local.photos, local.readings[0]), conventions.reading)
     photos = tuple(
         replace(photo, rotation=tuple(numbers[n].tolist()), position=tuple(positions[n].tolist()))
         for n, photo in enumerate(local.photos)
     )
-    found = replace(local, cameras=cameras, photos=photos, readings=(conventions.reading,))
+    cameras, rays = tuple(one.camera for one in exported), replace(local.rays, image=image)
+    found = replace(local, cameras=cameras, photos=photos, rays=rays, readings=(conventions.reading,))
     return found if ground is None else from_local_ground(found, ground)
 
 
@@ -81,13 +88,17 @@ def through_orip(project: ExchangedProject, name: str) -> ExchangedProject:
     "title", [pytest.param(title, marks=[pytest.mark.long] * title.startswith("COLMAP")) for title in SAMPLES]
 )
 def test_a_genuine_project_comes_back(tmp_path: Path, title: str, copies: bool) -> None:
-    name, make = SAMPLES[title]
+    names, make = SAMPLES[title]
+    reader, name = names.split()[0], names.split()[-1]
+    if copies and (reader != name or title == "VisualSFM"):
+        pytest.skip("the format is not copied")
     (tmp_path / "given").mkdir()
     source = make(tmp_path / "given")
-    found = format_named(name)
+    found, given = format_named(name), format_named(reader)
     assert found.read is not None
     assert found.write is not None
-    before = read_well(found.read, source)
+    assert given.read is not None
+    before = _with_sizes(read_well(given.read, source))
     files = found.write(through_orip(before, name), source if copies else None)
     target = tmp_path / "again"
     target.mkdir()
@@ -95,9 +106,14 @@ def test_a_genuine_project_comes_back(tmp_path: Path, title: str, copies: bool) 
         (target / file).write_bytes(data)
     if name == "opensfm" and copies:
         shutil.copy(source / "tracks.csv", target)
-    is_document = name == "metashape"
-    after = read_well(found.read, target / next(iter(files)) if is_document else target)
+    is_document = name == "metashape" or found.is_file
+    after = _with_sizes(read_well(found.read, target / next(iter(files)) if is_document else target))
     _require_same(before, after)
+
+
+def _with_sizes(project: ExchangedProject) -> ExchangedProject:
+    """Return a project whose cameras have the size of their photos, which VisualSFM does not write."""
+    return project if all(camera.columns for camera in project.cameras) else with_frame(project, 2832, 2128)
 
 
 def _require_same(before: ExchangedProject, after: ExchangedProject) -> None:
@@ -116,11 +132,15 @@ def _require_same(before: ExchangedProject, after: ExchangedProject) -> None:
         assert np.abs(seen - again).max() < limit
     if len(after.rays.photo):
         assert len(after.rays.photo) == len(before.rays.photo)
-        assert _rays(after) == pytest.approx(_rays(before), abs=1e-6)
+        assert _rays(after) == pytest.approx(_rays(before), abs=1e-6, nan_ok=True)
 
 
 def _rays(project: ExchangedProject) -> np.ndarray:
     """Return the image coordinates in an order of their own, with the points that they are of."""
     coordinates = project.points.coordinates[project.rays.point]
-    rows = np.column_stack([project.rays.image, coordinates])
+    pixels = project.rays.image.copy()
+    of_ray = np.array([photo.camera for photo in project.photos])[project.rays.photo]
+    for number, camera in enumerate(project.cameras):
+        pixels[of_ray == number] = convert_camera(camera, "C").pixels(pixels[of_ray == number])
+    rows = np.column_stack([pixels, coordinates])
     return rows[np.lexsort(np.round(rows, 4).T)]

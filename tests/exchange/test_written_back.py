@@ -329,12 +329,17 @@ def test_shots_of_opensfm_have_their_precision(tmp_path: Path) -> None:
     folder = test_opensfm.project_folder(tmp_path)
     project = read_well(read_opensfm, folder)
     covariance = (1.0, 0.1, 0.2, 0.1, 2.0, 0.3, 0.2, 0.3, 3.0)
-    precise = replace(project.photos[0], position_covariance=covariance, angle_deviation=(0.1, 0.2, 0.3))
+    pose = tuple(float(n) for n in range(36))
+    precise = replace(
+        project.photos[0], position_covariance=covariance, pose_covariance=pose, angle_deviation=(0.1, 0.2, 0.3)
+    )
     for original in (folder, None):
         files = write_opensfm(replace(project, photos=(precise, *project.photos[1:])), original)
         shots = json.loads(files["reconstruction.json"])[-1]["shots"]
         assert shots["0.jpg"]["position_covariance"] == [[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 3.0]]
         assert shots["0.jpg"]["omega_phi_kappa_sd"] == [0.1, 0.2, 0.3]
+        # by rows, as OpenSfM's reader takes an array of 6 by 6
+        assert np.ravel(shots["0.jpg"]["covariance"]).tolist() == list(pose)
         assert "position_covariance" not in shots["1.jpg"]
 
 

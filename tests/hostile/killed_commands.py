@@ -49,7 +49,7 @@ _OTHERS = {
     FILM: (
         "init", "measure", "solve", "run", "prelim", "prelim update", "report",
         "update photos", "update points", "export-toml --output orip.toml --force", "load FIRST.PHO FIRST.dump",
-        "init --sample small_frame_block sample", "init MINE mine",
+        "init --sample small_frame_block sample", "init MINE mine", "new MINE mine --kind drone",
         "observations disregard point left P1", "observations include point left 4",
         "observations kill point left P1 --yes", "observations rename point left P1 P2",
         "observations remeasure again.txt", "stations import flown.csv --camera C35 --replace",
@@ -77,7 +77,8 @@ _OTHERS = {
 ONLY_READING = frozenset(
     {
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
-        "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo",
+        "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
+        "archive diff",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",
@@ -88,6 +89,9 @@ ONLY_READING = frozenset(
 
 UNTIL_A_SIGNAL = frozenset({"drive emulate", "online"})
 """Run until somebody ends them; killed in tests/link and in tests/cli/test_online_command.py."""
+
+OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
+"""Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""
 
 
 def _of_control() -> Iterator[str]:

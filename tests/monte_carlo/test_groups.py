@@ -8,9 +8,14 @@ from __future__ import annotations
 import logging
 from collections import Counter
 
+import numpy as np
 import pytest
 from monte_carlo.grouped_blocks import Grouped, Planted, grouped_block, verdict_of
 from monte_carlo.simulated_blocks import in_parallel
+from monte_carlo.stations_study import block_with_stations
+
+from orip.bundle.results.solution import solution_of
+from orip.report.misfits import suspects
 
 LOG = logging.getLogger(__name__)
 
@@ -64,3 +69,19 @@ def test_a_group_that_is_shifted_is_named_in_95_percent_of_200_blocks(planted):
 @pytest.mark.timeout(3600)
 def test_at_most_5_percent_of_500_clean_blocks_are_doubted():
     assert counted("none", 500, 2)["clean"] >= 475
+
+
+def alarms(run: int) -> tuple[bool, bool, bool]:
+    """Return whether a clean block with stations is doubted, has a group in doubt, and an observation that misfits."""
+    found, verdict = verdict_of(block_with_stations("clean blocks with stations", run))
+    solution = solution_of(found)
+    return bool(verdict.contradictions), any(group.doubted for group in verdict.groups), bool(suspects(solution))
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+def test_clean_blocks_with_stations_are_rarely_doubted():
+    # 5 % for the tests of groups together, 5 % for those of observations: 17 of 200 are as rare as one in a hundred
+    doubted, groups, misfits = np.sum(in_parallel(alarms, range(200), 2), axis=0).tolist()
+    LOG.info("of 200 clean blocks with stations %d doubted, %d with a group, %d with misfits", doubted, groups, misfits)
+    assert max(doubted, groups, misfits) <= 17

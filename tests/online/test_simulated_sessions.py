@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import poisson
 
-from orip.online.measuring import Measuring, summary
-from orip.online.online_block import Measurement, OnlineBlock
+from orip.online.measurements import Measurement
+from orip.online.measuring import ALPHA, Measuring, summary
+from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
 from orip.sequential.observation_rows import ObservationKey
 
@@ -20,8 +22,14 @@ def _played(session: SimulatedSession) -> Measuring:
     measured: list[tuple[str, str]] = []
     wrong = {(blunder.photo, blunder.point) for blunder in session.blunders}
     for measurement in session.measurements:
-        measuring.measure(measurement)
+        answer = measuring.measure(measurement)
         measured.append(measurement[:2])
+        if measurement[:2] in wrong:
+            # two earlier rays check it
+            named = {*answer.suspects, *measuring.suspects.values()}
+            alike = {other for suspect in named for other in (suspect.key, *suspect.alike)}
+            checked = answer.state != "waiting"
+            assert not checked or measuring.block.key(*measurement[:2]) in alike, f"{measurement[:2]} passed"
         for photo, point in wrong.intersection(measured):
             assert measuring.answer(photo, point).state != "included", f"{point} in {photo} passed"
     return measuring
@@ -29,7 +37,10 @@ def _played(session: SimulatedSession) -> Measuring:
 
 def _assert_found(session: SimulatedSession, measuring: Measuring) -> None:
     wrong = {ObservationKey("photo", blunder.photo, blunder.point) for blunder in session.blunders}
-    assert set(measuring.suspects) == wrong
+    assert wrong <= set(measuring.suspects)
+    # each measurement is tested with an error probability of 0.001: more are wrongly suspect once in a thousand times
+    chance = poisson.ppf(0.999, ALPHA * len(session.measurements))
+    assert len(measuring.suspects) - len(wrong) <= chance
     assert measuring.block.sigma0 == pytest.approx(1.0, abs=0.15)
     assert {photo for photo, _, _ in session.measurements} == set(measuring.block.values.orientations)
 
@@ -100,7 +111,7 @@ def test_excluded_and_included_again(clean) -> None:
 def test_started_with_all_measurements_it_is_where_the_session_ended(clean) -> None:
     """What is kept on the disk are the measurements: a session that starts from them goes on where it was."""
     session, played = clean[0], deepcopy(clean[1])
-    measured = replace(session.inputs.measured, observations={"DEMO": played.block.observations})
+    measured = replace(session.inputs.measured, observations={"DEMO": played.block.measurements.observations})
     again = Measuring(OnlineBlock(replace(session.inputs, measured=measured)))
     assert not again.suspects
     for measuring in (played, again):

@@ -10,6 +10,7 @@ import pytest
 from bundle.solving import OFF, noisy, redefined, solved
 from support.synthetic_block import synthetic_block
 
+from orip.bundle.results.covariance import covariance, photo_figures
 from orip.bundle.results.solution import solution_of
 from orip.bundle.unknowns import CONSTANT
 from orip.report.drawings.ellipses import drawn_points, ellipse_views, standard_ellipses
@@ -31,7 +32,7 @@ def test_correlations_are_those_of_the_dense_inverse(adjusted) -> None:
     found = solution_of(adjusted)
     compared = 0
     for columns, shown in (
-        (adjusted.problem.unknowns.photos[:, :3], found.photo_correlations),
+        (adjusted.problem.unknowns.photos[:, :3], found.photo_correlations[:, :3]),
         (adjusted.problem.unknowns.points, found.point_correlations),
     ):
         for place, row in zip(columns, shown, strict=True):
@@ -44,6 +45,15 @@ def test_correlations_are_those_of_the_dense_inverse(adjusted) -> None:
                 assert r == pytest.approx(expected, abs=1e-6)
                 compared += 1
     assert compared > 60
+
+
+def test_correlations_of_photos_are_those_of_the_whole_matrix(adjusted) -> None:
+    found = solution_of(adjusted).photo_correlations
+    for photo, row in enumerate(found):
+        matrix = covariance(adjusted, [photo_figures(adjusted, photo)], [photo_figures(adjusted, photo)])
+        sd = np.sqrt(np.diag(matrix))
+        # the inverse of a matrix of condition 1e8 or so keeps eight digits
+        np.testing.assert_allclose(row, (matrix / np.outer(sd, sd))[np.tril_indices(6, -1)], atol=1e-6)
 
 
 def test_axes_are_the_eigenvectors() -> None:

@@ -153,7 +153,7 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
         point_kinds=("control",) * 200 + ("tie",) * (points - 200),
         residuals=residuals, check_points=(), additional=(), correlations=(),
         photo_rotation_sd_about_axes=(False,) * photos,
-        photo_correlations=random.uniform(-0.9, 0.9, (photos, 3)),
+        photo_correlations=random.uniform(-0.9, 0.9, (photos, 15)),
         point_correlations=random.uniform(-0.9, 0.9, (points, 3)),
     )  # fmt: skip
     camera = Camera("CAMERA", (150.0, *(0.0,) * 11), frame=(230.0, 230.0))

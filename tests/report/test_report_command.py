@@ -41,6 +41,7 @@ def test_report_is_written_where_it_is_wanted(project: Path, tmp_path: Path) -> 
 def test_json_names_the_file(project: Path) -> None:
     said = orip(project, "report", "--json")
     assert said.document == {
+        "schema": "orip.report/1",
         "command": "report", "run": run_in_store(project), "bundle": "MAIN", "file": "report.html",
     }  # fmt: skip
 

@@ -12,6 +12,9 @@ from orip.sequential.sequential_block import SequentialBlock
 _TRIANGLE = 1e-10
 _LEFTOVER = 1e-9
 
+_MOST = 200
+"""Observations of a session: with more, nearly all of the time goes into the singular values that they are held to."""
+
 
 class _Session:
     """Random observations of photos and points, and the equations that are in, densely."""
@@ -72,7 +75,7 @@ class _Session:
             self.new_photo()
         elif kind < 0.06 and len(self.points) < 40:
             self.new_point()
-        elif kind < 0.60 or len(keys) < 30:
+        elif (kind < 0.60 and len(keys) < _MOST) or len(keys) < 30:
             self.include()
         elif kind < 0.85:
             self.block.exclude(keys[self.random.integers(len(keys))])

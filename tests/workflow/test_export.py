@@ -334,3 +334,18 @@ def test_error_ellipses_are_the_eigenvectors_of_covariances() -> None:
     assert np.allclose(found[:, :2] ** 2, values[:, ::-1])
     along = np.column_stack([np.cos(found[:, 2]), np.sin(found[:, 2])])
     assert np.allclose(np.abs(np.sum(along * vectors[:, :, 1], axis=1)), 1.0)
+
+
+def test_control_goes_where_the_points_go(drone: Path) -> None:
+    """A block in a map projection is written east, north and up of a place, and its control too."""
+    assert orip(drone, "export", "metashape").code == 0
+    for name in ("reference_markers.csv", "reference_cameras.csv"):
+        with (drone / "metashape_adjusted" / name).open(encoding="utf-8") as stream:
+            rows = [row for row in csv.DictReader(stream) if row["X/East"]]
+        assert rows
+        given = np.array([[float(row[key]) for key in ("X/East", "Y/North", "Z/Altitude")] for row in rows])
+        found = np.array([[float(row[f"{axis}_est"]) for axis in "XYZ"] for row in rows])
+        # a position of the sample has a blunder of a metre; coordinates of the map are millions of metres
+        assert np.abs(given - found).max() < 2.0
+        assert np.median(np.abs(given - found)) < 0.05
+        assert np.abs(given).max() < 1e4

@@ -90,9 +90,9 @@ def test_what_is_answered_is_on_the_disk(project) -> None:
     for point in points:
         reply = _measure(session, folder, point)
         again = OnlineSession(folder, None)
-        assert again.measuring.block.row_of(reply["photo"], reply["point"]) is not None
+        assert again.measuring.block.measurements.at(reply["photo"], reply["point"]) is not None
     again = OnlineSession(folder, None)
-    assert len(again.measuring.block.observations.photos) == len(points)
+    assert len(again.measuring.block.measurements) == len(points)
     assert set(again.measuring.block.values.orientations) == set(session.measuring.block.values.orientations)
     for session_now in (session, again):
         session_now.measuring.relinearise()
@@ -115,7 +115,7 @@ def test_undo_remove_exclude_and_include(project) -> None:
     assert session._measured(photo, name) == pytest.approx((x, y), abs=1e-9)
     assert _reply(session, folder, do="remove", photo=photo, point=name)["state"] == "removed"
     assert "is not measured" in _reply(session, folder, do="remove", photo=photo, point=name)["error"]
-    assert len(OnlineSession(folder, None).measuring.block.observations.photos) == len(points) - 1
+    assert len(OnlineSession(folder, None).measuring.block.measurements) == len(points) - 1
 
 
 def test_lines_that_others_append_are_answered(project) -> None:

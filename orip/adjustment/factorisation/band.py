@@ -16,6 +16,9 @@ _LARGEST_SHARE = 0.4
 """Largest width of a band that pays, as a part of all unknowns."""
 _BORDER_SHARE = 0.25
 """Part of all groups of unknowns; a group that is coupled with more of them goes to the border."""
+_BORDER_EFFORT = 8.0
+"""Time of a multiplication where the border is divided by the band's factor, row by row, over that of a product of full
+matrices."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,13 +205,19 @@ def arranged(groups: IntArray, touched: csr_array) -> Arrangement | None:
     widths = [_width(graph.tocoo(), inner, order, sizes) for order in orders]
     best = orders[int(np.argmin(widths))]
     width, banded = min(widths), int(sizes[best].sum())
-    if width > _LARGEST_SHARE * len(groups) or banded < 2:
+    if width > _LARGEST_SHARE * len(groups) or banded < 2 or _effort(banded, width, len(groups)) > len(groups) ** 3 / 3:
         return None
     order = np.concatenate([best, np.flatnonzero(is_border)])
     place_of_group = np.empty(count, dtype=np.int64)
     place_of_group[order] = np.cumsum(sizes[order]) - sizes[order]
     first = np.searchsorted(groups, np.arange(count))
     return Arrangement(place_of_group[groups] + np.arange(len(groups)) - first[groups], banded, width)
+
+
+def _effort(banded: int, width: int, size: int) -> float:
+    """Return the multiplications that a band with a border takes, where a full matrix takes a third of size cubed."""
+    border = size - banded
+    return banded * (width**2 + 2.0 * _BORDER_EFFORT * width * border + border**2) + border**3 / 3
 
 
 def _width(graph: coo_array, inner: IntArray, order: IntArray, sizes: IntArray) -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
+from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
@@ -54,8 +54,8 @@ class Cameras:
 class Pattern:
     """How the photo points of eliminated points go into the normal equations, group by group.
 
-    A group consists of the points that are measured in the same photos. A run is the unknowns of a camera, given by its
-    number, or of a photo, given by its number plus c.
+    A group consists of points that are measured in the same photos, or in nearly the same; see `point_groups`. A run is
+    the unknowns of a camera, given by its number, or of a photo, given by its number plus c.
 
     Parameters
     ----------
@@ -67,6 +67,8 @@ class Pattern:
         Where each group's points begin.
     runs_start, runs : arrays (g + 1,), (l,)
         Where each group's runs begin, and the runs that its points are coupled with.
+    coupled_start, coupled : arrays (s + 1,), (q,)
+        The same for each set of photos that show a point: its runs are coupled with each other.
     """
 
     order: IntArray
@@ -75,37 +77,44 @@ class Pattern:
     group_start: IntArray
     runs_start: IntArray
     runs: IntArray
+    coupled_start: IntArray
+    coupled: IntArray
 
 
 def pattern_of_loop(
-    photo: NDArray[np.int64], block: NDArray[np.int64], blocks: int, camera_of_photo: IntArray, cameras: int
+    photo: NDArray[np.int64], block: NDArray[np.int64], coordinates: FloatArray, camera_of_photo: IntArray, cameras: int
 ) -> Pattern:
-    """Return the pattern of photo points in photos (n,) of points of block numbers (n,), negative: not eliminated."""
+    """Return the pattern of photo points in photos (n,) of points of block numbers (n,), negative: not eliminated.
+
+    `coordinates` (b, 3) are those of the eliminated points, roughly: see `groups_of_sets`.
+    """
     order = np.flatnonzero(block >= 0)
-    order = order[np.lexsort((photo[order], block[order]))].astype(np.int32)
-    start = np.searchsorted(block[order], np.arange(blocks + 1))
-    shown = photo[order].astype(np.int32)
-    numbers: dict[bytes, int] = {}
-    group = np.array(
-        [numbers.setdefault(shown[first:last].tobytes(), len(numbers)) for first, last in pairwise(start.tolist())],
-        dtype=np.int64,
-    )
-    by_group = np.argsort(group, kind="stable")
+    order = order[np.lexsort((photo[order], block[order]))]
+    start = np.searchsorted(block[order], np.arange(len(coordinates) + 1))
+    of_point, sets = sets_of_photos(photo[order].astype(np.int32), start)
+    group_of_set = groups_of_sets(of_point, sets, coordinates)
+    group = group_of_set[of_point]
+    by_group = np.lexsort((of_point, group))
     counts = np.diff(start)[by_group]
     ends = np.cumsum(counts)
     order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
-    group_start = np.searchsorted(group[by_group], np.arange(len(numbers) + 1))
+    group_start = np.searchsorted(group[by_group], np.arange(group.max(initial=-1) + 2))
 
-    # all points of a group have the runs of its first one
-    first = np.zeros(blocks, dtype=bool)
-    first[group_start[:-1]] = True
-    shown = photo[order][np.repeat(first, counts)]
-    of_group = np.repeat(np.arange(len(numbers)), counts[first])
-    every = cameras + len(camera_of_photo)
-    keys = np.unique(np.concatenate([every * of_group + camera_of_photo[shown], every * of_group + cameras + shown]))
-    runs_start = np.searchsorted(keys // every, np.arange(len(numbers) + 1))
-    small = (order, np.append(0, ends), by_group, group_start, runs_start, keys % every)
+    of_set = np.repeat(np.arange(len(sets)), [len(photos) for photos in sets])
+    shown = np.array([photo for photos in sets for photo in photos], dtype=np.int64)
+    runs_start, runs = _runs(group_of_set[of_set], shown, camera_of_photo, cameras)
+    coupled = _runs(of_set, shown, camera_of_photo, cameras)
+    small = (order, np.append(0, ends), by_group, group_start, runs_start, runs, *coupled)
     return Pattern(*(array.astype(np.int32) for array in small))
+
+
+def _runs(
+    number: NDArray[np.int64], photo: NDArray[np.int64], camera_of_photo: IntArray, cameras: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return where the runs of each number begin and the runs, cameras first, of pairs of a number and a photo."""
+    every = cameras + len(camera_of_photo)
+    keys = np.unique(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
+    return np.searchsorted(keys // every, np.arange(number.max(initial=-1) + 2)), keys % every
 
 
 def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:

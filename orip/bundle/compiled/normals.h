@@ -24,6 +24,13 @@ INLINE double *element_at(const Reduced *m, int64_t one, int64_t other)
     return i < m->banded ? m->band + j * m->stride + i : m->border + (i - m->banded) * m->size + j;
 }
 
+/* Whether the matrix has an element. Points of a group are not all in all its photos: those may be too far apart. */
+INLINE int is_stored(const Reduced *m, int64_t one, int64_t other)
+{
+    const int64_t i = one > other ? one : other, j = one > other ? other : one;
+    return i >= m->banded || i - j <= m->stride;
+}
+
 typedef struct {
     const double *factor, *misclosure;
     const uint8_t *fixed;
@@ -220,6 +227,8 @@ INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const 
     }
     for (int64_t j = 0; j < size; j++) {
         double *column = s->matrix + j * s->stride;
+        if (w0[j] == 0.0 && w1[j] == 0.0 && w2[j] == 0.0)
+            continue; /* of a photo that does not show the point */
         const Lanes a = ALL(w0[j]), b = ALL(w1[j]), c = ALL(w2[j]);
         for (int64_t i = j / LANES * LANES; i < size; i += LANES)
             AT(column + i) -= a * AT(w0 + i) + b * AT(w1 + i) + c * AT(w2 + i);
@@ -249,14 +258,15 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
         n->right[own] += s->right[j];
         n->diagonal[own] += s->diagonal[j];
         for (int64_t i = j; i < local->size; i += stretch[i]) {
-            const int64_t place = local->place[i], length = stretch[i];
+            const int64_t place = local->place[i], length = stretch[i], room = own + m->stride + 1 - place;
             if (place >= own && place + length <= m->banded) {
                 double *banded = m->band + own * m->stride + place;
-                for (int64_t k = 0; k < length; k++)
+                for (int64_t k = 0; k < length && k < room; k++)
                     banded[k] += column[i + k];
             } else
                 for (int64_t k = 0; place >= 0 && k < length; k++)
-                    *element_at(m, own, place + k) += column[i + k];
+                    if (is_stored(m, own, place + k))
+                        *element_at(m, own, place + k) += column[i + k];
             if (i != j && place >= 0 && place <= own && own < place + length)
                 *element_at(m, own, own) += column[i + own - place];
         }

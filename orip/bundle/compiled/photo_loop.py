@@ -166,16 +166,16 @@ class PhotoPointLoop:
         return np.empty(0, dtype=np.int64) if all_go else np.flatnonzero(np.repeat(~self.eliminated, 2))
 
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return pairs of a group and the first unknown of a camera or photo that it is coupled with."""
+        """Return pairs of a set of photos that show a point, and the first unknown of one of them or of its camera."""
         largest = np.iinfo(np.int32).max
         columns = [
             np.where(table == CONSTANT, largest, table).min(axis=1, initial=largest)
             for table in (self.cameras.columns, self.photo_columns)
         ]
-        first = np.concatenate(columns)[self.pattern.runs]
-        group = np.repeat(np.arange(len(self.pattern.runs_start) - 1), np.diff(self.pattern.runs_start))
-        is_unknown = first < np.iinfo(np.int32).max
-        return group[is_unknown], first[is_unknown].astype(np.int64)
+        first = np.concatenate(columns)[self.pattern.coupled]
+        number = np.repeat(np.arange(len(self.pattern.coupled_start) - 1), np.diff(self.pattern.coupled_start))
+        is_unknown = first < largest
+        return number[is_unknown], first[is_unknown].astype(np.int64)
 
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
@@ -251,19 +251,24 @@ def is_compiled() -> bool:
     return _IS_COMPILED
 
 
-def photo_loop(points: PhotoPointObservations, unknowns: Unknowns) -> PhotoPointLoop:
+def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: FloatArray) -> PhotoPointLoop:
     """Return the loop over the photo points of a block.
 
     Parameters
     ----------
     points : PhotoPointObservations
     unknowns : Unknowns
+    coordinates : array (number of points, 3)
+        From which neighbours are known; rough ones will do.
     """
-    block = blocks_of_points(unknowns)[points.point]
+    of_point = blocks_of_points(unknowns)
+    block = of_point[points.point]
+    of_block = np.zeros((unknowns.layout.blocks, 3))
+    of_block[of_point[of_point >= 0]] = coordinates[of_point >= 0]
     camera_of_photo = np.zeros(len(unknowns.photos), dtype=np.int32)
     camera_of_photo[points.photo] = points.camera
     cameras = cameras_of_loop(points, unknowns)
-    pattern = pattern_of_loop(points.photo, block, unknowns.layout.blocks, camera_of_photo, len(unknowns.cameras))
+    pattern = pattern_of_loop(points.photo, block, of_block, camera_of_photo, len(unknowns.cameras))
     return PhotoPointLoop(
         points,
         cameras,

@@ -35,7 +35,7 @@ INLINE void take_part(const Reduced *inverse, const Local *local, double *room, 
     for (int64_t j = 0; j < size; j++)
         for (int64_t i = j; i < size; i++) {
             const int32_t one = local->place[i], other = local->place[j];
-            if (one >= 0 && other >= 0)
+            if (one >= 0 && other >= 0 && is_stored(inverse, one, other))
                 part->inverse[i * part->stride + j] = part->inverse[j * part->stride + i] = *element_at(inverse, one, other);
         }
 }
@@ -55,6 +55,8 @@ INLINE void with_inverse(const Part *part, int64_t size, const double *H, double
     }
     for (int64_t j = 0; j < size; j++) {
         const double *column = part->inverse + j * part->stride;
+        if (b[0][j] == 0.0 && b[1][j] == 0.0 && b[2][j] == 0.0)
+            continue;
         const Lanes x = ALL(b[0][j]), y = ALL(b[1][j]), z = ALL(b[2][j]);
         for (int64_t i = 0; i < size; i += LANES) {
             AT(q[0] + i) += x * AT(column + i);

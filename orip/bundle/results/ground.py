@@ -113,9 +113,23 @@ def point_correlations(solved: SolvedBlock) -> FloatArray:
 
 
 def photo_correlations(solved: SolvedBlock) -> FloatArray:
-    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the projection centres; see `_place_correlations`."""
-    columns = solved.problem.unknowns.photos[:, :3]
-    return _place_correlations(solved, columns, solved.state.centres, _removed(solved, columns))
+    """Return the correlation coefficients (n, 15) of X0, Y0, Z0, OMEGA, PHI, KAPPA: the lower triangle, row by row.
+
+    Rotations are those of `photo_results`. NaN where one of the two is constant or not determined.
+    """
+    columns, centres = solved.problem.unknowns.photos, solved.state.centres
+    partials = np.zeros((len(columns), 6, 6))
+    partials[:, :3, :3] = solved.block.ground.project_with_partials(centres).by_local
+    partials[:, 3:, 3:], _ = rotation_partials(solved)
+    covariance = partials @ _reduced_cofactors(solved, columns) @ partials.transpose(0, 2, 1)
+    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
+    removed = _removed(solved, columns)
+    place = _place_deviations(solved, columns[:, :3], centres, removed[:, :3])
+    deviation[:, :3][~np.isfinite(place)] = np.nan
+    deviation[removed[:, 3:].any(axis=1), 3:] = np.nan
+    a, b = np.tril_indices(6, -1)
+    with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
+        return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
 
 
 def _place_correlations(
@@ -172,9 +186,15 @@ def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     eliminated = last >= first_of_blocks
     result[eliminated] = solved.cofactors.blocks[(last[eliminated] - first_of_blocks) // 3]
     reduced = (last != CONSTANT) & ~eliminated
-    mine = columns[reduced]
-    unknown = mine != CONSTANT
-    mine = np.where(unknown, mine, mine.max(axis=1, keepdims=True, initial=CONSTANT))
-    found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
-    result[reduced] = np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0)
+    result[reduced] = _reduced_cofactors(solved, columns[reduced])
     return result
+
+
+def _reduced_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+    """Return the cofactors (n, k, k) of unknowns of the reduced system at `columns` (n, k); zero for constants."""
+    unknown = columns != CONSTANT
+    if not unknown.any():
+        return np.zeros((*columns.shape, columns.shape[1]))
+    mine = np.where(unknown, columns, 0)
+    found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
+    return np.asarray(np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0))

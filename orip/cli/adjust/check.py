@@ -39,6 +39,7 @@ def register(app: typer.Typer) -> None:
         terminal.warn(outcome.warnings)
         if terminal.json:
             terminal.document(
+                "check",
                 {
                     "command": "check",
                     "bundle": outcome.bundle,
@@ -47,7 +48,7 @@ def register(app: typer.Typer) -> None:
                     "gates": gate_rows(outcome.results),
                     "pass": outcome.solved and not outcome.failed,
                     "warnings": warning_rows(outcome.warnings),
-                }
+                },
             )
         else:
             for result in outcome.results:

@@ -59,7 +59,7 @@ def register(app: typer.Typer) -> None:
         outcome = compare(invocation.folder, a, b, Tolerance(tolerance, relative, sigma))
         terminal = invocation.terminal
         if terminal.json:
-            terminal.document(_document(outcome))
+            terminal.document("compare", _document(outcome))
         else:
             _list(terminal, outcome.comparison)
         _tell(terminal, outcome)

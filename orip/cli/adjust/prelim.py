@@ -75,7 +75,7 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     with limited_threads(invocation.terminal):
         found = relative_orientations(_given(invocation, bundle), model)
     if invocation.terminal.json:
-        invocation.terminal.document(relative_document(found))
+        invocation.terminal.document("relative", relative_document(found))
     else:
         points = [line for one in found.oriented for line in relative_orientation_lines(one)]
         lines = [*relative_overview(found.oriented), *(points if model else relative_remarks(found.oriented))]
@@ -128,7 +128,7 @@ def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> Non
         given = _given(invocation, bundle)
         values = values_of(given)
     if terminal.json:
-        terminal.document(absolute_document(values, given.project.definition.ground_unit))
+        terminal.document("absolute", absolute_document(values, given.project.definition.ground_unit))
     elif values.absolute is not None:
         terminal.data("\n".join(similarity_lines(values.absolute, given.project.definition.ground_unit)))
     elif any(photo.rotation is not None for photo in values.photos):
@@ -150,7 +150,7 @@ def show_command(invocation: Invocation, after: After = "absolute", bundle: Bund
         given = _given(invocation, bundle)
         found = model_coordinates(given, after)
     if invocation.terminal.json:
-        invocation.terminal.document(coordinates_document(found))
+        invocation.terminal.document("model-coordinates", coordinates_document(found))
     else:
         invocation.terminal.data("\n".join(model_coordinate_lines(found, given.project.definition.ground_unit)))
 
@@ -178,7 +178,7 @@ def _chain(invocation: Invocation, bundle: str | None) -> None:
         outcome = carry_out(given.state, partial(keep_values, prelim(given))).outcome
     tell_chain(invocation.terminal, outcome)
     if invocation.terminal.json:
-        invocation.terminal.document(chain_document(outcome))
+        invocation.terminal.document("prelim", chain_document(outcome))
     if complaint := not_oriented(outcome.values):
         raise NotSolvableError(complaint)
 
@@ -187,7 +187,7 @@ def _show_similarities(invocation: Invocation, found: SimilaritySteps, *, alone:
     from orip.files.listings.preliminary_steps import similarity_lines, similarity_overview, similarity_remarks
 
     if invocation.terminal.json:
-        invocation.terminal.document(similarity_document(found))
+        invocation.terminal.document("similarities", similarity_document(found))
     elif found.steps:
         points = [line for step in found.steps for line in similarity_lines(step, "")]
         lines = [*similarity_overview(found.steps), *(points if alone else similarity_remarks(found.steps))]

@@ -57,4 +57,4 @@ def register(app: typer.Typer) -> None:
             size = print_pdf(written.path, printed, document["pdf"])
             terminal.say(f"wrote    {document['pdf']} ({size / 1e6:.1f} MB)")
         if terminal.json:
-            terminal.document(document)
+            terminal.document("report", document)

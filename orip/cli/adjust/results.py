@@ -55,7 +55,7 @@ def register(app: typer.Typer) -> None:
             raise UsageError(message)
         shown = results(read_bundle(invocation.folder, bundle, "solutions").adjusted, what, names or ())
         if invocation.terminal.json:
-            invocation.terminal.document(shown.document)
+            invocation.terminal.document("result-part", shown.document)
         else:
             invocation.terminal.data(shown.text)
 
@@ -71,5 +71,7 @@ def _write_covariance(invocation: Invocation, names: Sequence[str], output: Path
     write_covariance(matrix, path)
     if terminal.json:
         figures = len(matrix.names)
-        terminal.document({"command": "results covariance", "run": matrix.run, "file": str(path), "figures": figures})
+        terminal.document(
+            "covariance", {"command": "results covariance", "run": matrix.run, "file": str(path), "figures": figures}
+        )
     terminal.say(f"wrote    {path}: covariances of {len(matrix.names)} figures")

@@ -75,6 +75,7 @@ def _update(
     tell(invocation.terminal, outcome, dry_run=dry_run)
     if invocation.terminal.json:
         invocation.terminal.document(
+            "update",
             {
                 "command": "update",
                 "what": outcome.what,
@@ -90,7 +91,7 @@ def _update(
                 "constant": outcome.constant,
                 "others": outcome.others,
                 "warnings": warning_rows(outcome.warnings),
-            }
+            },
         )
 
 
@@ -119,7 +120,7 @@ def _undo(invocation: Invocation, what: Kind | None, *, dry_run: bool) -> None:
         "undone": list(outcome.names),
     }
     if invocation.terminal.json:
-        invocation.terminal.document(document)
+        invocation.terminal.document("update-undone", document)
     invocation.terminal.say(text)
 
 

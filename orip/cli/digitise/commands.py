@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -207,6 +208,9 @@ def points_command(
     listed: ListOption = None,
     new: NewOption = False,
     first: FirstOption = "1",
+    online: Annotated[
+        bool, typer.Option("--online", help="Test each point at once, as 'orip online' does, and show a page.")
+    ] = False,
     dry_run: DryRunOption = False,
 ) -> None:
     """Digitise photo points: named or listed ones, else all that should be seen and are not measured yet.
@@ -216,6 +220,7 @@ def points_command(
     Example: orip digitise points --list again.txt --link tcp://127.0.0.1:4788
     """
     from orip.cli.digitise.output import tell_digitised
+    from orip.cli.online.serving import answered_online
     from orip.workflow.digitise.new_points import NewPointsChoice, digitise_new_points
     from orip.workflow.digitise.point_visits import Viewing
     from orip.workflow.digitise.points import digitise_points
@@ -223,13 +228,14 @@ def points_command(
 
     setup = instrument.setup(invocation, log, dry_run=dry_run)
     viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
-    if new:
-        _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
-        chosen = NewPointsChoice(tuple(photo or ()), model, first)
-        found = digitise_new_points(setup, bundle, chosen, viewing=viewing)
-    else:
-        choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
-        found = digitise_points(setup, bundle, choice, viewing=viewing, start=start)
+    with answered_online(invocation, bundle) if online and not dry_run else nullcontext() as written:
+        if new:
+            _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
+            chosen = NewPointsChoice(tuple(photo or ()), model, first)
+            found = digitise_new_points(setup, bundle, chosen, viewing=viewing, written=written)
+        else:
+            choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
+            found = digitise_points(setup, bundle, choice, viewing=viewing, start=start, written=written)
     tell_digitised(invocation.terminal, "digitise points", found)
 
 

@@ -34,6 +34,7 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
         terminal.say("next     orip measure")
     if terminal.json:
         terminal.document(
+            "digitise",
             {
                 "command": command_name,
                 "log": found.log,
@@ -42,7 +43,7 @@ def tell_digitised(terminal: Terminal, command_name: str, found: Digitised) -> N
                 "entries": [asdict(entry) for entry in found.entries],
                 "orientations": [_orientation(orientation) for orientation in found.orientations],
                 "warnings": warning_rows(found.warnings),
-            }
+            },
         )
 
 
@@ -56,7 +57,7 @@ def tell_ground(terminal: Terminal, found: GroundDigitised) -> None:
     if terminal.json:
         document = {"command": "digitise ground", "file": found.file, "ending": found.ending}
         points = [asdict(point) for point in found.points]
-        terminal.document({**document, "points": points, "warnings": warning_rows(found.warnings)})
+        terminal.document("digitise-ground", {**document, "points": points, "warnings": warning_rows(found.warnings)})
 
 
 def _places(found: Digitised) -> list[str]:

@@ -51,7 +51,7 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
             "start": list(outcome.table.start),
             "warnings": warning_rows(outcome.warnings),
         }
-        invocation.terminal.document(document)
+        invocation.terminal.document("drive-table", document)
 
 
 def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:

@@ -73,6 +73,7 @@ def emulate_command(
     def listening(address: str, token: str | None) -> None:
         link = f"tcp://{address}" if token is None else f"tcp://{token}@{address}"
         terminal.answer(
+            "drive-emulate",
             {"command": "drive emulate", "listening": address, "link": link},
             f"listening on {address}" if token is None else f"listening on {address}; link {link}",
         )

@@ -56,7 +56,7 @@ def download_command(invocation: Invocation, bundle: BundleArgument = None, link
     if terminal.json:
         document = {"command": "drive download", "link": link, "file": shown, "changed": done.table.changed}
         document |= {"photos": len(table.photos), "models": len(table.models), "sha256": done.digest}
-        terminal.document({**document, "warnings": warning_rows(done.table.warnings)})
+        terminal.document("drive-download", {**document, "warnings": warning_rows(done.table.warnings)})
 
 
 def goto_command(
@@ -89,7 +89,7 @@ def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DE
     with observing(invocation.folder, bundle, link) as project:
         found = project.where()
         invocation.terminal.warn(project.warnings)
-    invocation.terminal.answer(where_document(found), "\n".join(where_lines(found)))
+    invocation.terminal.answer("drive-where", where_document(found), "\n".join(where_lines(found)))
 
 
 def profile_command(
@@ -114,7 +114,7 @@ def profile_command(
     with operating(invocation.folder, bundle, link) as project:
         points = project.profile((x1, y1, z1), (x2, y2, z2), step)
         invocation.terminal.warn(project.warnings)
-    invocation.terminal.answer(profile_document(points), "\n".join(profile_lines(points)))
+    invocation.terminal.answer("drive-profile", profile_document(points), "\n".join(profile_lines(points)))
 
 
 def forward_command(invocation: Invocation, link: Link = DEFAULT_LINK) -> None:
@@ -161,4 +161,4 @@ def tell_driven(invocation: Invocation, verb: str, driven: Driven, condition: st
     from orip.cli.drive.output import driven_document, driven_line
 
     document = {"command": f"drive {verb}", **driven_document(driven), "condition": condition}
-    invocation.terminal.answer(document, f"{driven_line(driven)}  {condition}")
+    invocation.terminal.answer("drive-to", document, f"{driven_line(driven)}  {condition}")

@@ -100,7 +100,9 @@ def _set(invocation: Invocation, verb: str, link: str, setting: Callable[[PlateP
         status = setting(processor)
     set_to = {"model": status.model, "guide": status.guide, "condition": status.condition, "lock": status.lock}
     switches = {"prisms": list(status.prisms), "automatic": status.automatic}
-    invocation.terminal.answer({"command": f"drive {verb}", **set_to, **switches}, "\n".join(_lines(status)))
+    invocation.terminal.answer(
+        "drive-panel", {"command": f"drive {verb}", **set_to, **switches}, "\n".join(_lines(status))
+    )
 
 
 def _lines(status: Status) -> Sequence[str]:

@@ -62,7 +62,7 @@ def watch_command(
     try:
         invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
         with _server(watch, address) as server:
-            invocation.terminal.answer({"command": "drive watch", "url": server.url}, server.url)
+            invocation.terminal.answer("drive-watch", {"command": "drive watch", "url": server.url}, server.url)
             invocation.terminal.flush()
             invocation.terminal.say("Ctrl-C ends it")
             _serve(server, browser=browser)

@@ -75,6 +75,7 @@ def tell_export(terminal: Terminal, exported: ExportedResult, *, is_last: bool =
     terminal.point("wrote", f"{exported.target}{names}")
     if terminal.json:
         terminal.document(
+            "export",
             {
                 "command": "export",
                 "format": exported.format.name,
@@ -84,5 +85,5 @@ def tell_export(terminal: Terminal, exported: ExportedResult, *, is_last: bool =
                 "points": len(project.points.names),
                 "notes": list(exported.notes),
                 "files": list(exported.files),
-            }
+            },
         )

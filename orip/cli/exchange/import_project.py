@@ -29,7 +29,7 @@ class SourceOptions(NamedTuple):
         str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Size of images, where no file says it.")
     ] = None
     exact_distortion: Annotated[
-        bool, typer.Option("--exact-distortion", help="Correct measurements for what orip's camera cannot represent.")
+        bool, typer.Option("--exact-distortion", help="Accept any camera: measurements are corrected by its misfit.")
     ] = False
     hold_cameras: Annotated[bool, typer.Option("--hold-cameras", help="Do not adjust cameras.")] = False
     precision: Annotated[
@@ -131,7 +131,7 @@ def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
     shown = [one for one in FORMATS if (one.read if is_read else one.write) is not None]
     if terminal.json:
         rows = [{"name": one.name, "title": one.title} for one in shown]
-        terminal.document({"command": "import" if is_read else "export", "formats": rows})
+        terminal.document("formats", {"command": "import" if is_read else "export", "formats": rows})
         return
     width = max(len(one.name) for one in shown)
     for one in shown:
@@ -161,6 +161,7 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         has_residuals = block.found.lengths.size > 0
         stated = block.project.stated
         terminal.document(
+            "import",
             {
                 "command": "import",
                 "format": imported.format.name,
@@ -172,5 +173,5 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
                 "stated_error": None if stated is None else {"of": stated.of, "value": stated.value},
                 "notes": list(imported.content.notes),
                 "files": list(imported.file_names),
-            }
+            },
         )

@@ -71,7 +71,7 @@ def _register_list(group: typer.Typer) -> None:
         given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
         found = list_observations(given, photo, point, every=every, with_partners=partners)
         if invocation.terminal.json:
-            invocation.terminal.document(list_document(found))
+            invocation.terminal.document("observations", list_document(found))
         else:
             tell_list(invocation.terminal, found, with_partners=partners, every=every)
 
@@ -158,6 +158,22 @@ def _edited(
     return edit_observations(state, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run)
 
 
+def _tell_next(invocation: Invocation, bundle: str | None) -> None:
+    """Tell what is worth measuring next, the most profitable first."""
+    from orip.workflow.online.replies import shown
+    from orip.workflow.online.session import OnlineSession
+
+    session = OnlineSession(invocation.folder, bundle)
+    invocation.terminal.warn(session.warnings)
+    advised = shown(session, "todo")["todo"]
+    if invocation.terminal.json:
+        document = {"command": "observations todo", "bundle": session.bundle.name, "next": advised}
+        invocation.terminal.document("todo-next", document)
+        return
+    for one in advised:
+        invocation.terminal.data(f"{one['gain']:5.1f} bit  {one['text']}\n")
+
+
 def _register_again(group: typer.Typer) -> None:
     @command(group, "todo")
     def todo_command(
@@ -165,11 +181,20 @@ def _register_again(group: typer.Typer) -> None:
         bundle: BundleOption = None,
         output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write there.")] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
+        following: Annotated[
+            bool, typer.Option("--next", help="List what is worth measuring next instead, as 'orip online' advises.")
+        ] = False,
     ) -> None:
         """Write a .MEA file of what to measure again: down-weighted, disregarded and killed points, single rays.
 
         Example: orip observations todo --output again.txt
         """
+        if following:
+            if output is not None:
+                message = "--next lists places in photos on the terminal; leave --output out"
+                raise UsageError(message)
+            _tell_next(invocation, bundle)
+            return
         from orip.workflow.observations.listed import LISTED_FROM
         from orip.workflow.observations.todo import measure_again
         from orip.workflow.project.bundle_state import read_bundle
@@ -178,7 +203,7 @@ def _register_again(group: typer.Typer) -> None:
         given = read_bundle(invocation.folder, bundle, *LISTED_FROM)
         todo = commit(measure_again(given, output, overwrite=force)).outcome
         if invocation.terminal.json:
-            invocation.terminal.document(todo_document(todo))
+            invocation.terminal.document("todo", todo_document(todo))
         else:
             tell_todo(invocation.terminal, todo)
 

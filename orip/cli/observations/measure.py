@@ -44,6 +44,7 @@ def register(app: typer.Typer) -> None:
         if invocation.terminal.json:
             outcome, counts = measured.outcome, measured.outcome.counts
             invocation.terminal.document(
+                "measure",
                 {
                     "command": "measure",
                     "unchanged": not measured.changed,
@@ -53,7 +54,7 @@ def register(app: typer.Typer) -> None:
                     "points": dict(counts.points),
                     "remeasured": counts.remeasured,
                     "warnings": warning_rows(outcome.warnings),
-                }
+                },
             )
 
 

@@ -60,6 +60,7 @@ def tell_edited(terminal: Terminal, verb: str, edited: AddedEdits) -> None:
         terminal.say("next     orip solve")
     if terminal.json:
         terminal.document(
+            "observation-edit",
             {
                 "command": f"observations {verb}",
                 "bundle": edited.bundle,
@@ -68,7 +69,7 @@ def tell_edited(terminal: Terminal, verb: str, edited: AddedEdits) -> None:
                 "added": list(edited.lines),
                 "left_alone": _rows(edited.left_alone),
                 "warnings": warning_rows(edited.warnings),
-            }
+            },
         )
 
 

@@ -6,6 +6,7 @@ import json
 import queue
 import sys
 import threading
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,7 @@ import typer
 from orip.cli.options import BundleArgument, Invocation, command
 
 if TYPE_CHECKING:
-    from orip.workflow.online.session import OnlineSession
+    from orip.workflow.online.served import ServedSession
 
 _LOOKS_EVERY = 0.5
 """Seconds after which measurement files are looked at again, while nothing is asked."""
@@ -26,11 +27,24 @@ Demo = Annotated[
 ]
 
 
+Listen = Annotated[
+    str | None,
+    typer.Option("--listen", metavar="HOST:PORT", help="Serve several programs instead of stdin; one may write."),
+]
+Page = Annotated[bool, typer.Option("--page", help="Show the session in the browser: its address is printed.")]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
     @command(app, "online")
-    def online_command(invocation: Invocation, bundle: BundleArgument = None, demo: Demo = False) -> None:
+    def online_command(
+        invocation: Invocation,
+        bundle: BundleArgument = None,
+        listen: Listen = None,
+        page: Page = False,
+        demo: Demo = False,
+    ) -> None:
         """Answer measurements while they are made: each is tested, and a wrong one is named at once.
 
         Requests are lines of JSON on stdin, replies on stdout; what others append to measurement files is answered as
@@ -41,23 +55,30 @@ def register(app: typer.Typer) -> None:
         if demo:
             _play(invocation)
             return
+        from orip.workflow.drive.listening import listening_address
+
+        address = None if listen is None else listening_address(listen, ", which is where programs can measure")
         from threadpoolctl import threadpool_limits
 
+        from orip.cli.online.serving import page_of, serve_programs
         from orip.workflow.online.replies import shown
+        from orip.workflow.online.served import ServedSession
         from orip.workflow.online.session import OnlineSession
 
         with threadpool_limits(invocation.terminal.threads, user_api="blas"):
             session = OnlineSession(invocation.folder, bundle)
             invocation.terminal.warn(session.warnings)
-            _put(invocation, shown(session, "summary"))
-            _serve(invocation, session)
+            served = ServedSession(session, invocation.folder)
+            with page_of(invocation, served) if page else nullcontext():
+                if address is not None:
+                    serve_programs(invocation, served, address)
+                    return
+                _put(invocation, shown(session, "summary"))
+                _serve(invocation, served)
 
 
-def _serve(invocation: Invocation, session: OnlineSession) -> None:
+def _serve(invocation: Invocation, session: ServedSession) -> None:
     """Answer until stdin ends or the session is asked to."""
-    from orip.errors import OripError
-    from orip.workflow.online.replies import reply_of, reply_to
-
     lines: queue.Queue[str | None] = queue.Queue()
     threading.Thread(target=_read, args=(lines,), daemon=True).start()
     while True:
@@ -65,18 +86,15 @@ def _serve(invocation: Invocation, session: OnlineSession) -> None:
             line = lines.get(timeout=_LOOKS_EVERY)
         except queue.Empty:
             line = ""
-        try:
-            for answer in session.appended():
-                _put(invocation, reply_of(answer))
-        except OripError as error:
-            _put(invocation, {"error": str(error)})
+        for reply in session.appended():
+            _put(invocation, reply)
         if line is None:
             return
         if line.strip():
-            reply = reply_to(session, invocation.folder, line)
-            if reply is None:
+            answer = session.reply(line)
+            if answer is None:
                 return
-            _put(invocation, reply)
+            _put(invocation, answer)
 
 
 def _read(lines: queue.Queue[str | None]) -> None:
@@ -121,6 +139,7 @@ def _play(invocation: Invocation) -> None:
                 say(f"{at} {words_of(key)} fits now")
         named = [words_of(key) for key in measuring.suspects]
         invocation.terminal.answer(
+            "online-demo",
             {"command": "online", "summary": summary(measuring), "suspects": named},
             f"{summary(measuring)}: {', '.join(named)}",
         )

@@ -10,6 +10,7 @@ from orip.cli.exchange.export_project import tell_export
 from orip.cli.exchange.import_project import WORDS, SourceOptions, settings_of, split_words, tell_import
 from orip.cli.options import Invocation, command
 from orip.cli.project.run import run_project
+from orip.errors import UsageError
 
 
 def register(app: typer.Typer) -> None:
@@ -33,6 +34,9 @@ def register(app: typer.Typer) -> None:
         terminal = invocation.terminal
         name, given, folder = split_words(words or [], "adjust")
         imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
+        if imported.block.project.is_calibration:
+            message = f"{given} has a camera alone, and nothing to adjust; 'orip import {given}' makes a project of it"
+            raise UsageError(message)
         target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
         with folder_in_the_making(target) as temporary:
             write_project(imported, temporary)

@@ -42,6 +42,7 @@ def register(app: typer.Typer) -> None:
             terminal.say(f"kept     the old text as {shown(outcome.backup)}")
         if terminal.json:
             terminal.document(
+                "export-toml",
                 {
                     "command": "export-toml",
                     "file": None if outcome.path is None else shown(outcome.path),
@@ -49,7 +50,7 @@ def register(app: typer.Typer) -> None:
                     "unchanged": not outcome.changed,
                     "text": outcome.text,
                     "warnings": warning_rows(outcome.warnings),
-                }
+                },
             )
         elif outcome.path is None:
             terminal.data(outcome.text)

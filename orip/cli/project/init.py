@@ -76,6 +76,7 @@ def register(app: typer.Typer) -> None:
         tell(invocation.terminal, outcome)
         if invocation.terminal.json:
             invocation.terminal.document(
+                "init",
                 {
                     "command": "init",
                     "unchanged": not outcome.changes,
@@ -85,7 +86,7 @@ def register(app: typer.Typer) -> None:
                     ],
                     "differences": [asdict(difference) for difference in outcome.differences],
                     "warnings": warning_rows(outcome.warnings),
-                }
+                },
             )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,7 +41,7 @@ def register(app: typer.Typer) -> None:
     ) -> None:
         """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
 
-        All text files are checked before anything is written. With --json: result.json, or with several bundles a list.
+        All text files are checked before anything is written. With --json: result.json, or those of all bundles.
 
         Example: orip -C zurich_city_hall run
         """
@@ -89,5 +88,5 @@ def run_project(
     if terminal.json and len(solutions) == 1:
         terminal.data(result_text(solutions[0]))
     elif terminal.json:
-        terminal.data(json.dumps([result_document(solution) for solution in solutions], indent=2))
+        terminal.document("results", {"command": "run", "results": [result_document(one) for one in solutions]})
     return max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0)

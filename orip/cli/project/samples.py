@@ -20,7 +20,7 @@ def list_samples(terminal: Terminal) -> None:
 
     if terminal.json:
         rows = [{"name": name, "text": text} for name, text in SAMPLES.items()]
-        terminal.document({"command": "init", "samples": rows})
+        terminal.document("samples", {"command": "init", "samples": rows})
         return
     width = max(map(len, SAMPLES))
     for name, text in SAMPLES.items():
@@ -35,24 +35,35 @@ def tell_sample(terminal: Terminal, written: SampleWritten) -> None:
     terminal.say(f"next     {next_command}", "bold")
     if terminal.json:
         terminal.document(
+            "sample-written",
             {
                 "command": "init",
                 "sample": written.name,
                 "folder": str(written.folder),
                 "files": list(written.files),
                 "next": next_command,
-            }
+            },
         )
 
 
 def tell_made(terminal: Terminal, made: ProjectMade) -> None:
     """Say which project was made, and the command that comes next."""
-    next_command = f"orip{_option(made.folder)} camera add NAME c=..."
+    next_command = f"orip{_option(made.folder)} {made.next}"
     terminal.say(f"wrote    {made.folder / 'orip.toml'}: project {made.name}")
+    if len(made.files) > 1:
+        terminal.say(f"         and {', '.join(name for name in made.files if name != 'orip.toml')}: fill them in")
     terminal.say(f"next     {next_command}", "bold")
     if terminal.json:
-        document = {"command": "init", "project": made.name, "folder": str(made.folder), "next": next_command}
-        terminal.document(document)
+        terminal.document(
+            "project-made",
+            {
+                "command": "init" if len(made.files) == 1 else "new",
+                "project": made.name,
+                "folder": str(made.folder),
+                "files": list(made.files),
+                "next": next_command,
+            },
+        )
 
 
 def _option(folder: Path) -> str:

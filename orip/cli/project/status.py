@@ -39,6 +39,7 @@ def show(invocation: Invocation, link: str | None = None) -> None:
     terminal = invocation.terminal
     if terminal.json:
         terminal.document(
+            "status",
             {
                 "command": "status",
                 "project": found.project.definition.name,
@@ -47,7 +48,7 @@ def show(invocation: Invocation, link: str | None = None) -> None:
                 "steps": [{"command": step.command, "state": step.state, "text": step.text} for step in found.steps],
                 "next": found.next_command,
                 "warnings": warning_rows(found.warnings),
-            }
+            },
         )
         return
     terminal.warn(found.warnings)

@@ -55,7 +55,7 @@ def _register_plot(group: typer.Typer) -> None:
         found = distortion_curve(
             read_project(invocation.folder, "definitions", "solutions"), name, radius, is_stored=stored
         )
-        invocation.terminal.answer(_document(found), "\n".join(_plot(found, ascii_only=ascii_only)))
+        invocation.terminal.answer("camera-plot", _document(found), "\n".join(_plot(found, ascii_only=ascii_only)))
 
 
 def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:

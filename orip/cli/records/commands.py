@@ -72,7 +72,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         rows = [
             {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source} for row in found.rows
         ]
-        invocation.terminal.answer({"command": f"{kind} list", "records": rows}, found.text)
+        invocation.terminal.answer("records", {"command": f"{kind} list", "records": rows}, found.text)
 
     @command(group, "show")
     def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
@@ -88,7 +88,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
             "from": found.row.source,
             "named_by": list(found.named_by),
         }
-        invocation.terminal.answer(document, found.text)
+        invocation.terminal.answer("record", document, found.text)
 
 
 def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
@@ -195,7 +195,7 @@ def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None
         terminal.say(f"deleted  {measured}")
     if terminal.json:
         document = edit_document(command_name, outcome, measurements_deleted=list(outcome.measurements))
-        terminal.document(document)
+        terminal.document("record-edit", document)
 
 
 def _tell_change(terminal: Terminal, change: RecordChange) -> None:

@@ -160,6 +160,7 @@ def tell(terminal: Terminal, outcome: ImportedStations) -> None:
     terminal.warn(outcome.warnings)
     if terminal.json:
         terminal.document(
+            "stations-import",
             {
                 "command": "stations import",
                 "file": outcome.shown,
@@ -168,7 +169,7 @@ def tell(terminal: Terminal, outcome: ImportedStations) -> None:
                 "replaced": outcome.replaced,
                 "new_photos": list(outcome.photos),
                 "warnings": warning_rows(outcome.warnings),
-            }
+            },
         )
         return
     would = "would be " if outcome.dry_run else ""

@@ -108,7 +108,7 @@ def _guarded(read: Callable[[_Bytes], T], data: bytes, shown: str, nothing: T) -
         found = read(source)
         source.require_end()
     except _DamagedError as fault:
-        return Parsed(nothing, (Complaint(f"the file is damaged, or no such file of COLMAP: {fault}", shown),))
+        return Parsed(nothing, (Complaint(f"the file is damaged, or not of COLMAP: {fault}", shown),))
     return Parsed(found)
 
 

@@ -105,7 +105,7 @@ def _beside(path: Path, faults: Faults) -> _Node | None:
         return None
     named = root.attributes.get("path")
     if root.tag != "document" or named is None:
-        faults.complain("this is no project of Metashape: a <document> with a path should be here", root.line)
+        faults.complain("this is not a project of Metashape: a <document> with a path should be here", root.line)
         return None
     return _document_at(named.replace(_PROJECT_NAME, path.stem), root, path.parent, XmlFields(faults))
 
@@ -115,7 +115,7 @@ def _active_chunk(root: _Node, notes: list[str]) -> _Node | None:
         return None
     chunks = list(root.element.within("chunk"))
     if not chunks:
-        root.fields.faults.complain("there is no chunk in the project", root.element.line)
+        root.fields.faults.complain("the project has no chunk", root.element.line)
         return None
     active = next(root.element.within("chunks"), root.element).attributes.get("active_id")
     chosen = next((chunk for chunk in chunks if chunk.attributes.get("id") == active), chunks[0])

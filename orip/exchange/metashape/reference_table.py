@@ -104,6 +104,8 @@ def read_reference_table(path: Path, faults: Faults, letters: str = "") -> Refer
         Names of the columns, a letter each; empty: the table's heading names them.
     """
     lines = text_lines(path, faults)
+    if faults.complaints:
+        return ReferenceTable("", ())
     systems = [match[1].strip() for line in lines if (match := _SYSTEM.match(line))]
     rows = _lettered(lines, letters) if letters else _headed(lines, faults)
     references = [

@@ -54,7 +54,7 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
     """
     faults = Faults(shown)
     table = read_reference_table(path, faults, letters)
-    if fault := _other_system(project, table):
+    if not faults.complaints and (fault := _other_system(project, table)):
         faults.complain(fault)
     if faults.complaints:
         return Parsed(project, tuple(faults.complaints))
@@ -148,8 +148,8 @@ def _control(
 
 def _notes(found: _Placed, shown: str, *, is_on_the_ground: bool) -> list[str]:
     counts = [(len(found.stations), "camera"), (len(found.control), "marker")]
-    named = ", ".join(counted(number, noun) for number, noun in counts if number) or "nothing"
-    notes = [f"References from {shown}: {named}."]
+    named = ", ".join(counted(number, noun) for number, noun in counts if number)
+    notes = [f"References from {shown}: {named}."] if named else []
     if found.stations and not is_on_the_ground:
         notes.append("The chunk is not on the ground: references of cameras are left out.")
     if found.incomplete:

@@ -57,7 +57,9 @@ def _added_points(cloud: TieCloud, chunk: ChunkReader, points: CollectedPoints) 
         vertices = _vertices(cloud, element, _POINT)
         if vertices is None:
             continue
-        ground = chunk.transform(element.attributes.get("component_id")).points(_coordinates(vertices, ("x", "y", "z")))
+        transform = chunk.transform(element.attributes.get("component_id"))
+        with np.errstate(all="ignore"):  # coordinates of a damaged file may be of any size; those not finite are lost
+            ground = transform.points(_coordinates(vertices, _POINT[:3]))
         for track, place in zip(vertices["id"].tolist(), _valid(ground), strict=True):
             tracks.append(int(track))
             places.append(points.add(str(int(track)), place, is_track=True))

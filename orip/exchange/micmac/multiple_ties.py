@@ -81,7 +81,7 @@ class _Text:
     def whole(self, most: int) -> int:
         word = self._taken(1)[0]
         if not word.isdigit() or len(word) > 10 or int(word) > most:
-            message = f"line {self.place}: '{shown_token(word.decode(errors='replace'))}' is no number up to {most}"
+            message = f"line {self.place}: '{shown_token(word.decode(errors='replace'))}' is not a number up to {most}"
             raise _DamagedError(message)
         return int(word)
 
@@ -90,7 +90,7 @@ class _Text:
         try:
             return np.array([float(word) for word in words])
         except ValueError:
-            message = f"line {self.place}: a word is no number"
+            message = f"line {self.place}: a word is not a number"
             raise _DamagedError(message) from None
 
     def line(self) -> bytes:
@@ -137,7 +137,7 @@ def read_multiple_ties(path: Path, photos: dict[str, int], joiner: TrackJoiner, 
         return
     end = data.find(_END + b"\n", 0, _LONGEST_LINE)
     if not data.startswith(_BEGIN) or end < 0:
-        faults.complain("this is no file of tie points of MicMac; write it again", 1)
+        faults.complain("this is not a file of tie points of MicMac; write it again", 1)
         return
     begin = end + len(_END) + 1
     numbers: _Numbers = _Binary(data, begin)
@@ -169,7 +169,7 @@ def _points(
             values = numbers.decimals(2 * shown + attributes)
             pixels = values[: 2 * shown].reshape(-1, 2)
             if not (np.abs(pixels) < _FARTHEST).all():
-                message = "a column or row is no pixel of a photo"
+                message = "a column or row is not in a photo"
                 raise _DamagedError(message)
             if len(wanted) > 1:
                 yield [(float(pixels[n, 0]), float(pixels[n, 1])) for n in wanted], [places[n] for n in wanted]

@@ -112,7 +112,7 @@ def _read_binary(path: Path, photos: tuple[int, int], joiner: TrackJoiner, fault
     is_sound = (pairs["photos"] == _IN_PAIR) & (np.abs(pairs["pixels"]) < _FARTHEST).all(axis=1)
     if not is_sound.all():
         byte = _BINARY_HEAD.itemsize + _BINARY_PAIR.itemsize * int(np.flatnonzero(~is_sound)[0])
-        faults.complain(f"byte {byte}: this is no pair of pixels; write the file again")
+        faults.complain(f"byte {byte}: this is not a pair of pixels; write the file again")
         return
     for first_x, first_y, second_x, second_y in pairs["pixels"].tolist():
         joiner.join(joiner.feature(photos[0], first_x, first_y), joiner.feature(photos[1], second_x, second_y))

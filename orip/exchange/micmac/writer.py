@@ -25,8 +25,7 @@ def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[st
     InputError
         If a file of the original cannot be read.
     """
-    folders = [] if original is None or not original.is_dir() else find_orientations(original)
-    copied = copied_files(project, folders[0]) if len(folders) == 1 else {}
+    copied = copied_files(project, find_orientations(original)[0]) if original and is_copied_folder(original) else {}
     names = [f"{camera.name}.xml" if copied else f"{_calibration(camera.name)}.xml" for camera in project.cameras]
     files = {name: _camera_text(camera) for name, camera in zip(names, project.cameras, strict=True)}
     for photo in project.photos:
@@ -34,6 +33,12 @@ def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[st
             file = photo.name.replace("\\", "/").rsplit("/", 1)[-1]
             files[ORIENTATION.format(file)] = _orientation_text(photo, names[photo.camera])
     return {name: text.encode() for name, text in files.items()} | copied
+
+
+def is_copied_folder(original: Path) -> bool:
+    """Return whether a result is put into a copy: of the first version's orientations, of which there is one folder."""
+    folders = find_orientations(original) if original.is_dir() else []
+    return len(folders) == 1 and any(folders[0].glob(ORIENTATION.format("*")))
 
 
 def _calibration(name: str) -> str:

@@ -192,7 +192,6 @@ def _sound_points(points: Any) -> dict[str, tuple[float, ...]]:
     if not set(map(type, numbers)) <= {int, float} or not all(abs(number) <= LARGEST_NUMBER for number in numbers):
         return {}
     decimals = list(map(float, numbers))
-    decimals = list(map(float, numbers))
     return dict(zip(points, zip(decimals[::3], decimals[1::3], decimals[2::3], strict=True), strict=True))
 
 

@@ -42,7 +42,7 @@ def read_shots_geojson(source: Path, shown: str) -> Parsed[ExchangedProject | No
         if properties is not None:
             _add_shot(properties, cameras, photos)
     if not faults.complaints and not photos:
-        faults.complaints.append(Complaint("there is no photo in it; name odm_report/shots.geojson", shown))
+        faults.complaints.append(Complaint("the file has no photo; name odm_report/shots.geojson", shown))
     if faults.complaints:
         return Parsed(None, tuple(faults.complaints))
     crs = crs_of_heading(beginning(source.parent.parent / _COORDS, _FIRST_LINE).partition("\n")[0])

@@ -14,7 +14,7 @@ from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
-from orip.exchange.opensfm.tracks import Tracks, read_tracks
+from orip.exchange.opensfm.tracks import Features, read_features
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
@@ -130,14 +130,14 @@ def _project(
 ) -> ExchangedProject:
     points, rays = CollectedPoints(), CollectedRays()
     notes = list(reconstruction.notes)
-    for name, coordinates in reconstruction.points.items():
-        points.add(name, coordinates, is_track=True)
+    points.add_tracks(reconstruction.points)
     photos = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
     if files.tracks is None:
         notes.append("There is no tracks.csv beside the reconstruction: tie points have no measurements.")
     else:
         faults = faults_of(files.tracks)
-        notes += _add_tracks(read_tracks(files.tracks, faults), reconstruction, points, rays)
+        features = read_features(files.tracks, faults, photos, points.tracks)
+        notes += _add_features(features, reconstruction, rays)
         complaints += faults.complaints
     control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays)
     stations, reference = reconstruction.stations, IN_PROJECT
@@ -180,21 +180,15 @@ def _pixel(camera: ExchangedCamera, x: float, y: float) -> tuple[float, float]:
     return x * longer + camera.columns / 2.0, y * longer + camera.rows / 2.0
 
 
-def _add_tracks(
-    tracks: Tracks, reconstruction: Reconstruction, points: CollectedPoints, rays: CollectedRays
-) -> list[str]:
+def _add_features(features: Features, reconstruction: Reconstruction, rays: CollectedRays) -> list[str]:
     """Add the rays of tracks that have a point, in photos that are oriented; return what is left out."""
-    place_of_photo = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
-    photo = np.array([place_of_photo.get(name, -1) for name in tracks.shots], dtype=np.int64)
-    found = [points.place(name, is_track=True) for name in tracks.tracks]
-    point = np.array([-1 if place is None else place for place in found], dtype=np.int64)
-    photo_of_row, point_of_row = photo[tracks.shot], point[tracks.track]
-    used = (photo_of_row >= 0) & (point_of_row >= 0)
+    used = (features.photo >= 0) & (features.point >= 0)
+    photo = features.photo[used]
     cameras = [reconstruction.cameras[item.camera] for item in reconstruction.photos]
     size = np.array([(camera.columns, camera.rows) for camera in cameras], dtype=np.float64).reshape(-1, 2)
-    of_ray = size[photo_of_row[used]]
-    image = tracks.coordinates[used] * of_ray.max(axis=1, initial=0.0)[:, None] + of_ray / 2.0
-    rays.extend(photo_of_row[used], point_of_row[used], image)
+    of_ray = size[photo]
+    image = features.coordinates[used] * of_ray.max(axis=1, initial=0.0)[:, None] + of_ray / 2.0
+    rays.extend(photo, features.point[used], image)
     lost = len(used) - int(used.sum())
     return (
         [f"{counted(lost, 'feature')} of tracks without a point, or in photos not oriented, left out."] if lost else []

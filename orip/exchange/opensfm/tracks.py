@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -24,104 +26,102 @@ _FIELDS = {0: 8, 1: 9, 2: 11}
 _FARTHEST = 10.0
 """Normalised coordinate that no camera has; the corners of a photo are at 0.7."""
 _LARGEST_FEATURE = 1 << 31
-_LINES_AT_ONCE = 50_000
+_MOST_DIGITS = 9
+"""Of the number of a feature that is read without looking at it."""
+_LINES_AT_ONCE = 5_000
+"""The words of more do not stay in the processor's cache."""
 _SHOT, _TRACK, _FEATURE, _X, _Y = range(5)
 
 
 @dataclass(frozen=True, slots=True)
-class Tracks:
-    """Features of photos that belong to tracks.
+class Features:
+    """Features of photos that belong to tracks, n of them.
 
     Parameters
     ----------
-    shots : tuple of str
-        Names of the photos.
-    tracks : tuple of str
-        Names of the tracks.
-    shot, track, feature : int array, shape (n,)
-        Of each feature: indices of its photo and of its track, and its number in the photo.
+    photo, point : int array, shape (n,)
+        Places of the photo and of the track's point; -1 where it has none.
     coordinates : float array, shape (n, 2)
         Normalised x (right) and y (down).
-    line : int array, shape (n,)
-        Its line in the file.
     """
 
-    shots: tuple[str, ...]
-    tracks: tuple[str, ...]
-    shot: IntArray
-    track: IntArray
-    feature: IntArray
+    photo: IntArray
+    point: IntArray
     coordinates: FloatArray
-    line: IntArray
 
 
-def read_tracks(path: Path, faults: Faults) -> Tracks:
-    """Read a file of tracks; what is wrong with it is kept with its line."""
+def read_features(path: Path, faults: Faults, photos: Mapping[str, int], points: Mapping[str, int]) -> Features:
+    """Read a file of tracks; what is wrong with it is kept with its line.
+
+    Parameters
+    ----------
+    path : Path
+    faults : Faults
+    photos, points : mapping of str to int
+        Places by the names of photos and of tracks.
+    """
     lines = read_lines(path, faults.shown)
     faults.complaints += lines.complaints
     first = lines.value[0] if lines.value else ""
     fields = _fields_of_version(first, faults)
     begin = 1 if first.startswith(_HEAD) else 0
-    found = _Gathered()
+    found = _Gathered(photos, points)
     for place in range(begin, len(lines.value), _LINES_AT_ONCE):
         several = lines.value[place : place + _LINES_AT_ONCE]
-        if not found.add_sound(several, place + 1, fields):
+        if not found.add_sound(several, fields):
             for number, line in enumerate(several, start=place + 1):
                 if line.strip():
                     found.add_line(line, number, fields, faults)
-    return found.tracks()
+    return found.features()
 
 
 class _Gathered:
     """Rows of the file, as they are read."""
 
-    def __init__(self) -> None:
-        self._shots: dict[str, int] = {}
-        self._tracks: dict[str, int] = {}
-        self._indices, self._coordinates = array("q"), array("d")
+    def __init__(self, photos: Mapping[str, int], points: Mapping[str, int]) -> None:
+        self._photos, self._points = photos, points
+        self._places, self._coordinates = array("q"), array("d")
 
-    def add_sound(self, lines: list[str], number: int, fields: int) -> bool:
-        """Add lines that have no fault, from a line number on; return False, and add none, if one may have some."""
-        if any(line.count("\t") != fields - 1 for line in lines):
+    def add_sound(self, lines: list[str], fields: int) -> bool:
+        """Add lines that have no fault; return False, and add none, if one may have some."""
+        if set(map(str.count, lines, repeat("\t"))) != {fields - 1}:
             return False
         words = "\t".join(lines).split("\t")
+        features = words[_FEATURE::fields]
+        if not all(map(str.isdigit, features)) or max(map(len, features)) > _MOST_DIGITS:
+            return False
         try:
-            feature = np.array(list(map(int, words[_FEATURE::fields])), dtype=np.int64)
-            places = np.array([list(map(float, words[_X::fields])), list(map(float, words[_Y::fields]))])
-        except (ValueError, OverflowError):
+            places = np.stack([_decimals(words[column::fields]) for column in (_X, _Y)], axis=1)
+        except ValueError:
             return False
-        if not ((feature >= 0) & (feature < _LARGEST_FEATURE) & (np.abs(places) <= _FARTHEST).all(axis=0)).all():
+        if not (np.abs(places) <= _FARTHEST).all():
             return False
-        count = len(lines)
-        shots = _places_of(words[_SHOT::fields], self._shots)
-        tracks = _places_of(words[_TRACK::fields], self._tracks)
-        rows = [shots, tracks, feature, np.arange(number, number + count)]
-        self._indices.frombytes(np.ascontiguousarray(np.stack(rows, axis=1), dtype=np.int64).tobytes())
-        self._coordinates.frombytes(np.ascontiguousarray(places.T).tobytes())
+        found = [_places_of(words[_SHOT::fields], self._photos), _places_of(words[_TRACK::fields], self._points)]
+        self._places.frombytes(np.ascontiguousarray(np.stack(found, axis=1)).tobytes())
+        self._coordinates.frombytes(places.tobytes())
         return True
 
     def add_line(self, line: str, number: int, fields: int, faults: Faults) -> None:
         """Add a line; what is wrong with it is kept."""
         row = _row(line, number, fields, faults)
         if row is not None:
-            shot, track, feature, x, y = row
-            places = (self._shots.setdefault(shot, len(self._shots)), self._tracks.setdefault(track, len(self._tracks)))
-            self._indices.extend((*places, feature, number))
+            shot, track, x, y = row
+            self._places.extend((self._photos.get(shot, -1), self._points.get(track, -1)))
             self._coordinates.extend((x, y))
 
-    def tracks(self) -> Tracks:
+    def features(self) -> Features:
         """Return what was added."""
-        columns = np.frombuffer(self._indices, dtype=np.int64).reshape(-1, 4).T
-        places = np.frombuffer(self._coordinates, dtype=float).reshape(-1, 2)
-        shots, tracks = tuple(self._shots), tuple(self._tracks)
-        return Tracks(shots, tracks, columns[0], columns[1], columns[2], places, columns[3])
+        columns = np.frombuffer(self._places, dtype=np.int64).reshape(-1, 2).T
+        return Features(columns[0], columns[1], np.frombuffer(self._coordinates, dtype=float).reshape(-1, 2))
 
 
-def _places_of(names: list[str], known: dict[str, int]) -> IntArray:
-    """Return the places of names, those that are not known being added."""
-    for name in dict.fromkeys(names):
-        known.setdefault(name, len(known))
-    return np.fromiter(map(known.__getitem__, names), dtype=np.int64, count=len(names))
+def _decimals(words: Sequence[str]) -> FloatArray:
+    return np.fromiter(map(float, words), dtype=np.float64, count=len(words))
+
+
+def _places_of(names: Sequence[str], known: Mapping[str, int]) -> IntArray:
+    """Return the places of names; -1 for those that have none."""
+    return np.fromiter(map(known.get, names, repeat(-1)), dtype=np.int64, count=len(names))
 
 
 def _fields_of_version(first: str, faults: Faults) -> int:
@@ -134,7 +134,7 @@ def _fields_of_version(first: str, faults: Faults) -> int:
     return _FIELDS[int(version)]
 
 
-def _row(line: str, number: int, fields: int, faults: Faults) -> tuple[str, str, int, float, float] | None:
+def _row(line: str, number: int, fields: int, faults: Faults) -> tuple[str, str, float, float] | None:
     found = line.count("\t") + 1
     if found != fields:
         form = "photo, track, feature, x, y and others, separated by tabs"
@@ -146,7 +146,7 @@ def _row(line: str, number: int, fields: int, faults: Faults) -> tuple[str, str,
     except ValueError:
         feature, x, y = -1, math.nan, math.nan
     if 0 <= feature < _LARGEST_FEATURE and abs(x) <= _FARTHEST and abs(y) <= _FARTHEST:
-        return words[_SHOT], words[_TRACK], feature, x, y
+        return words[_SHOT], words[_TRACK], x, y
     faults.complain(
         "feature, x and y should be a whole number and two normalised coordinates, found "
         f"'{shown_token(' '.join(words[_FEATURE : _Y + 1]))}'; correct them",

@@ -34,15 +34,16 @@ _GREY = [128.0, 128.0, 128.0]
 def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:
     """Return reconstruction.json; without an original also tracks.csv, in which all points are tracks.
 
-    Points have their covariances (m²) as ``covariance``, shots those of the projection centre as
-    ``position_covariance``, and ``omega_phi_kappa_sd`` (degrees). OpenSfM passes over all of them.
+    Points have their covariances (m²) as ``covariance``. Shots have as ``covariance`` that of the rotation vector from
+    camera to ground (radians) and of the projection centre (m), 6 by 6, as OpenSfM's own adjustment gives it and its
+    reader takes it; and ``position_covariance``, ``omega_phi_kappa_sd`` (degrees), which OpenSfM passes over.
 
     Raises
     ------
     InputError
         If the original is damaged or gone.
     """
-    path = None if original is None or is_shots_geojson(original) else reconstruction_file(original)
+    path = reconstruction_file(original) if original is not None and is_copied_reconstruction(original) else None
     if path is None:
         return {_NAME: _encoded([_new(project)]), "tracks.csv": _tracks(project)}
     faults = Faults(str(path))
@@ -57,6 +58,11 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
     data = document.source.data
     ending = data[len(data.rstrip()) :]
     return {path.name: _encoded(document.value, is_indented=data[:3].split() == [b"["]) + ending}
+
+
+def is_copied_reconstruction(original: Path) -> bool:
+    """Return whether a result is put into a copy: of a reconstruction, and not of the shots of a report."""
+    return not is_shots_geojson(original) and reconstruction_file(original) is not None
 
 
 def _encoded(document: object, *, is_indented: bool = False) -> bytes:
@@ -136,6 +142,8 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
 def _precision(photo: ExchangedPhoto) -> dict[str, Any]:
     """Return covariances of the projection centre and standard deviations of the angles, where they are known."""
     found: dict[str, Any] = {}
+    if photo.pose_covariance is not None:
+        found["covariance"] = [list(photo.pose_covariance[n : n + 6]) for n in range(0, 36, 6)]
     if photo.position_covariance is not None:
         found["position_covariance"] = [list(photo.position_covariance[n : n + 3]) for n in (0, 3, 6)]
     if photo.angle_deviation is not None:

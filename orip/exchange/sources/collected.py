@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -18,30 +19,46 @@ class CollectedPoints:
     """Points by name; a track and a point of the same name are two."""
 
     def __init__(self) -> None:
-        self._place: dict[tuple[str, bool], int] = {}
+        self._tracks: dict[str, int] = {}
+        self._others: dict[str, int] = {}
         self._coordinates = array("d")
+
+    @property
+    def tracks(self) -> Mapping[str, int]:
+        """Return the places of tracks by their names."""
+        return self._tracks
 
     def add(self, name: str, coordinates: Sequence[float] | None = None, *, is_track: bool = False) -> int:
         """Return the place of a point, which is added if it is new; coordinates are those given last."""
-        known = len(self._place)
-        place = self._place.setdefault((name, is_track), known)
+        known = len(self._tracks) + len(self._others)
+        place = (self._tracks if is_track else self._others).setdefault(name, known)
         if place == known:
             self._coordinates.extend(_UNKNOWN)
         if coordinates is not None:
             self._coordinates[3 * place : 3 * place + 3] = array("d", coordinates)
         return place
 
+    def add_tracks(self, coordinates: Mapping[str, Sequence[float]]) -> None:
+        """Add tracks with their coordinates, where there are no points yet."""
+        if self._tracks or self._others:
+            message = "there are points already"
+            raise ValueError(message)
+        self._tracks = dict(zip(coordinates, range(len(coordinates)), strict=True))
+        self._coordinates = array("d", chain.from_iterable(coordinates.values()))
+
     def place(self, name: str, *, is_track: bool = False) -> int | None:
         """Return the place of a point; None if there is no such point."""
-        return self._place.get((name, is_track))
+        return (self._tracks if is_track else self._others).get(name)
 
     def points(self) -> ExchangedPoints:
         """Return all points."""
-        return ExchangedPoints(
-            tuple(name for name, _ in self._place),
-            np.array(self._coordinates, dtype=np.float64).reshape(-1, 3),
-            np.array([is_track for _, is_track in self._place], dtype=bool),
-        )
+        names = [""] * (len(self._tracks) + len(self._others))
+        is_track = np.zeros(len(names), dtype=bool)
+        is_track[np.fromiter(self._tracks.values(), dtype=np.int64, count=len(self._tracks))] = True
+        for known in (self._tracks, self._others):
+            for name, place in known.items():
+                names[place] = name
+        return ExchangedPoints(tuple(names), np.array(self._coordinates, dtype=np.float64).reshape(-1, 3), is_track)
 
 
 class CollectedRays:

@@ -58,7 +58,7 @@ class ZipMembers:
             self._left -= size
             return self._archive.read(name)
         except KeyError:
-            self.faults.complain(f"there is no '{shown_token(name)}' in the zip file; save the project again")
+            self.faults.complain(f"the zip file has no '{shown_token(name)}'; save the project again")
         except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError, ValueError):
             self.faults.complain(f"'{shown_token(name)}' is damaged or encrypted; save the project again")
         return None
@@ -73,7 +73,7 @@ def open_zip(path: Path, faults: Faults) -> ZipMembers | None:
     try:
         archive = zipfile.ZipFile(BytesIO(data))
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError, EOFError, IndexError):
-        faults.complain("this is no zip file, or a damaged one; save the project again")
+        faults.complain("this is not a zip file, or it is damaged; save the project again")
         return None
     outside = [name for name in archive.namelist() if not is_inside(name)]
     if outside:

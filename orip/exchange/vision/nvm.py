@@ -88,7 +88,7 @@ def read_nvm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         )
         photos.append(ExchangedPhoto(name, number, tuple(pose[:4]), tuple(pose[4:7]), key=number))
     if not photos and not faults.complaints:
-        faults.complaints.append(Complaint("there is no photo in the first model", shown))
+        faults.complaints.append(Complaint("the first model has no photo", shown))
     if faults.complaints:
         return Parsed(None, tuple(faults.complaints))
     return Parsed(ExchangedProject("", tuple(cameras), tuple(photos), points.points(), found, (READING,)))

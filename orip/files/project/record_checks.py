@@ -45,6 +45,7 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
         else:
             message = f"{key} '{shown_token(given)}' {fault}; write a base name without folder and extension"
             yield ("project", key), message
+    yield from _check_output_folder(table.output_folder)
     for key, path, extension in (
         ("camera_file", table.camera_file, ".CAM"),
         ("temtick_file", table.temtick_file, ".TIK"),
@@ -56,6 +57,13 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
         fault = pattern_fault(pattern)
         if fault is not None:
             yield ("project", "measurement_files", index), f"'{shown_token(pattern)}' of measurement_files {fault}"
+
+
+def _check_output_folder(name: str | None) -> Iterator[Fault]:
+    fault = None if name is None else file_name_fault(name)
+    if fault is not None:
+        message = f"output_folder '{shown_token(str(name))}' {fault}; write the name of a folder in that of the project"
+        yield ("project", "output_folder"), f'{message}, such as "results"'
 
 
 def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:

@@ -43,6 +43,7 @@ class ProjectTable(CheckedTable):
     project_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
     control_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
     measurement_files: Annotated[list[FilledText], Limits(examples=['["*.MEA"]'])] = ["*.MEA"]
+    output_folder: Annotated[str | None, Limits(examples=['"results"'])] = None
     ground_unit: Annotated[FilledText, Limits(examples=['"m"'])] = "m"
     crs: Annotated[str | None, Limits(min_length=1, examples=['"EPSG:2056"'])] = None
 
@@ -51,6 +52,7 @@ class CheckTable(CheckedTable):
     """``[check]``."""
 
     gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
+    test_level: Annotated[float | None, Limits(ge=1e-9, le=0.5, examples=["0.001"])] = None
 
 
 def _printable(text: str) -> str:

@@ -19,8 +19,9 @@ from orip.records.results.group_test import GroupTest
 from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 from orip.records.results.station_residuals import station_residuals
 from orip.records.results.variance_component import VarianceComponent
+from orip.schemas.catalogue import identifier
 
-SCHEMA = "orip.result/1"
+SCHEMA = identifier("result")
 SINGULAR = "singular"
 
 INDENT = "  "

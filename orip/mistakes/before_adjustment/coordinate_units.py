@@ -12,9 +12,10 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.records.names import record_key
+from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
+from orip.records.project.photo import Photo
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
 """Names of units by their number in a millimetre."""
@@ -48,15 +49,13 @@ def coordinates_in_other_units(definitions: Definitions, observations: PhotoObse
     observations : PhotoObservations
         Of one bundle.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
-        photo = definitions.photos.get(record_key(name))
-        if photo is not None and photo.template is None and photo.scan is None:
-            rows.setdefault(record_key(photo.camera), []).append(row)
-    for key, of_camera in rows.items():
-        camera = definitions.cameras[key]
-        if camera.sensor is None and not camera.fiducials and len(of_camera) >= _FEWEST:
-            yield from _warnings(camera, observations.measured[of_camera])
+    for camera, rows in points_of_cameras(definitions, observations, _is_measured_directly):
+        if camera.sensor is None and not camera.fiducials and len(rows) >= _FEWEST:
+            yield from _warnings(camera, observations.measured[rows])
+
+
+def _is_measured_directly(photo: Photo) -> bool:
+    return photo.template is None and photo.scan is None
 
 
 def _warnings(camera: Camera, xy: FloatArray) -> Iterator[ProjectWarning]:

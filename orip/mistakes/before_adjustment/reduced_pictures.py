@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.records.names import record_key
+from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.observations.measurement import PhotoObservations
 
 CODE = "resolution"
@@ -31,21 +31,15 @@ def reduced_pictures(definitions: Definitions, observations: PhotoObservations) 
     observations : PhotoObservations
         Of one bundle.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
-        photo = definitions.photos.get(record_key(name))
-        if photo is not None and definitions.camera_of(photo).sensor is not None:
-            rows.setdefault(record_key(photo.camera), []).append(row)
-    for key, mine in rows.items():
-        camera = definitions.cameras[key]
-        photos = {observations.photos[row] for row in mine}
-        if camera.sensor is None or len(mine) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
+    for camera, rows in points_of_cameras(definitions, observations, lambda _: True):
+        photos = {observations.photos[row] for row in rows}
+        if camera.sensor is None or len(rows) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
             continue
-        reached = (observations.measured[mine] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
+        reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
         for factor in _FACTORS:
             if (np.abs(reached * factor - 0.5 * (_FILLED + _EDGE)) < 0.5 * (_EDGE - _FILLED)).all():
                 text = (
-                    f"all {len(mine)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
+                    f"all {len(rows)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
                     f"{camera.sensor.rows} rows of the sensor, and would fill it multiplied by {factor}: they seem to "
                     "be measured at a lower resolution; write columns and rows of the pictures that were measured, "
                     "with the same width and height"

@@ -227,6 +227,10 @@ def _no_correlations() -> FloatArray:
     return np.empty((0, 3))
 
 
+def _no_photo_correlations() -> FloatArray:
+    return np.empty((0, 15))
+
+
 @dataclass(frozen=True, slots=True)
 class Solution:
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
@@ -235,8 +239,9 @@ class Solution:
 
     `projections` are those of `cameras`, in their order.
 
-    `photo_correlations` and `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each place, NaN
-    where a coordinate has no standard deviation; without rows they are not known.
+    `point_correlations` (n, 3) are the correlation coefficients XY, XZ, YZ of each point, `photo_correlations` (n, 15)
+    those of X0, Y0, Z0, OMEGA, PHI, KAPPA: the lower triangle row by row, XY, XZ, YZ first. NaN where a value has no
+    standard deviation; without rows they are not known.
     """
 
     project: str
@@ -277,5 +282,5 @@ class Solution:
     projections: tuple[Projection, ...] = ()
     groups: tuple[GroupTest, ...] = ()
     variance_components: tuple[VarianceComponent, ...] = ()
-    photo_correlations: FloatArray = field(default_factory=_no_correlations)
+    photo_correlations: FloatArray = field(default_factory=_no_photo_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)

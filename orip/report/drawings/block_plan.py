@@ -13,6 +13,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
 from orip.report.drawings.block_view import frame_rays
+from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import MapPlane, map_plane
@@ -20,6 +21,7 @@ from orip.report.drawings.svg import drawing, element, number, round_step, text
 from orip.report.photo_scale import camera_of_photo, photo_scale
 from orip.report.report_input import ReportInput
 from orip.report.vertical import BlockSide, side_of_block, vertical
+from orip.wording import joined
 
 MOST_POINTS = 1500
 _MOST_LABELS = 60
@@ -34,6 +36,8 @@ MOST_OVERLAP = 9
 """Photos from which the overlap has one colour."""
 
 _SIGN = {"height": "the adjusted point is higher", "depth": "the adjusted point is nearer to the photos"}
+
+_RINGS = "Rings: photos whose strip or camera contradicts the others, see the groups of observations."
 
 _DOWNWARD = 0.7
 """Cosine between camera axes and the normal of the drawing from which the overlap is counted."""
@@ -77,7 +81,8 @@ def block_plan(given: ReportInput) -> BlockPlan | None:
     plane = map_plane(places.min(axis=0) - _MARGIN * longest, places.max(axis=0) + _MARGIN * longest)
     picture, enlargement = _plan(given, scene, plane)
     kinds = tuple(kind for kind in ("control", "check", "rejected", "tie") if kind in set(solution.point_kinds))
-    note = " ".join([_note(scene, enlargement, len(solution.points.names)), up.note]).strip()
+    rings = _RINGS if doubted_photos(given) else ""
+    note = " ".join([_note(scene, enlargement, len(solution.points.names)), rings, up.note]).strip()
     return BlockPlan(side.title, picture, note, kinds, _overlap(given, scene, plane))
 
 
@@ -99,6 +104,7 @@ def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, f
     drawn = [
         *_footprints(scene, plane),
         *_points(solution, scene, plane),
+        *_doubted(given, scene, plane),
         *_photos(solution, scene, plane),
         *(_errors(solution, scene.side, plane, enlargement, kind, found) for kind, found in errors.items()),
         *_names(solution, scene, plane),
@@ -156,6 +162,18 @@ def _photos(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
             title = f"<title>photo {escape(name)}</title>"
             side = f'x="{number(x - 2)}" y="{number(y - 2)}" width="4" height="4"'
             marks.append(f'<rect {side} class="mark photo">{title}</rect>')
+    return marks
+
+
+def _doubted(given: ReportInput, scene: _Scene, plane: MapPlane) -> list[str]:
+    """Return rings about the photos whose strip or camera contradicts all others."""
+    places = dict(zip(given.solution.photos.names, plane.place(scene.photos).tolist(), strict=True))
+    marks = []
+    for name, groups in doubted_photos(given).items():
+        x, y = places.get(name, (np.nan, np.nan))
+        if np.isfinite([x, y]).all():
+            title = f"<title>photo {escape(name)}: {escape(joined(groups))} contradicts the others</title>"
+            marks.append(f'<circle cx="{number(x)}" cy="{number(y)}" r="6" class="doubted">{title}</circle>')
     return marks
 
 

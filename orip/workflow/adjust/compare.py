@@ -10,6 +10,7 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
 from orip.records.results.figure import ResultFigures
 from orip.solving.differences import Comparison, Tolerance, compare_figures
+from orip.workflow.project.folder import PROJECT_FILE, open_project
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +65,20 @@ def _require_sound(tolerance: Tolerance) -> None:
             raise UsageError(message)
 
 
+def _folder_of_results(path: Path, given: Path) -> tuple[Path, Path]:
+    """Return where the results of a project folder are, and how messages name that; of another folder itself."""
+    if not (path / PROJECT_FILE).is_file():
+        return path, given
+    results = open_project(path).results
+    return results, given / results.relative_to(path)
+
+
 def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
     path = folder / given
     if not path.is_dir():
         return path, str(given)
-    found = sorted(file.name for file in path.iterdir() if file.name.endswith("result.json"))
+    path, given = _folder_of_results(path, given)
+    found = sorted(file.name for file in path.iterdir() if file.name.endswith("result.json")) if path.is_dir() else []
     if not found:
         message = "there is no result.json in this folder; run 'orip solve' there first"
         raise InputError.single(message, str(given))

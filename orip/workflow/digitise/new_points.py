@@ -17,7 +17,7 @@ from orip.wording import listed_names
 from orip.workflow.control.edits import list_control
 from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named
-from orip.workflow.digitise.point_visits import PointVisits, Viewing
+from orip.workflow.digitise.point_visits import PointVisits, Viewing, Written
 from orip.workflow.digitise.session import Session
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, bundle_points, model_named
@@ -57,6 +57,7 @@ def digitise_new_points(
     choice: NewPointsChoice,
     *,
     viewing: Viewing | None = None,
+    written: Written | None = None,
 ) -> Digitised:
     """Digitise points that the operator selects and names.
 
@@ -68,6 +69,8 @@ def digitise_new_points(
     choice : NewPointsChoice
     viewing : {"mono", "stereo"} or None
         None: stereo where the bundle has models.
+    written : function or None
+        Is told of each point that has been written to the log.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def digitise_new_points(
     places = _models(points, choice) if viewing == "stereo" else _photos(points, choice)
     taken = {fields[0] or "" for _, fields, _ in list_control(films.state, "points").rows} | set(points.measured_photos)
     with setup.session(films, f"all of it is in {films.shown_log}; repeat the command") as session:
-        visits = PointVisits(session, points, viewing, again=False)
+        visits = PointVisits(session, points, viewing, again=False, written=written)
         for number, place in enumerate(places, start=1):
             session.tell(f"{place.title} ({number} of {len(places)})")
             _tell_single(session, visits, place)

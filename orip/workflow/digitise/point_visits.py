@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
@@ -17,12 +18,18 @@ from orip.workflow.digitise.wanted import BundlePoints
 
 Viewing = Literal["mono", "stereo"]
 
+Written = Callable[[str, str, Position | None], None]
+"""Is told of each point that has been written to the log: photo, point, and coordinates; None: it was deleted."""
+
 
 class PointVisits:
     """The points of a session: what was measured before or is by now, and the blocks of the current chapter."""
 
-    def __init__(self, session: Session, points: BundlePoints, viewing: Viewing, *, again: bool) -> None:
+    def __init__(
+        self, session: Session, points: BundlePoints, viewing: Viewing, *, again: bool, written: Written | None = None
+    ) -> None:
         self._session, self._points, self._viewing, self._again = session, points, viewing, again
+        self._written = written
         self._measured = dict(points.measured)
         self._blocks: dict[str, dict[str, str]] = {}
         self._chapter: str | None = None
@@ -159,3 +166,5 @@ class PointVisits:
             session.log.edit(kill_line(self._points.bundle.name, name, point))
             self._blocks = {}
         session.enter(Entry("point", name, point, outcome, place.known, place.xy, logged))
+        if self._written is not None and (logged is not None or outcome == "skipped"):
+            self._written(name, point, logged)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from orip.errors import ProjectWarning, UsageError
 from orip.multimodel.digitising import Turn, from_point
-from orip.workflow.digitise.point_visits import PointVisits, Viewing
+from orip.workflow.digitise.point_visits import PointVisits, Viewing, Written
 from orip.workflow.digitise.setup import Digitised, DigitisingSetup
 from orip.workflow.digitise.wanted import BundlePoints, PointChoice, bundle_points, wanted_points
 
@@ -18,6 +18,7 @@ def digitise_points(
     *,
     viewing: Viewing | None = None,
     start: str | None = None,
+    written: Written | None = None,
 ) -> Digitised:
     """Digitise photo points of a bundle.
 
@@ -34,6 +35,8 @@ def digitise_points(
         None: stereo where the bundle has models.
     start : str or None
         The point to begin with.
+    written : function or None
+        Is told of each point that has been written to the log.
 
     Raises
     ------
@@ -50,7 +53,7 @@ def digitise_points(
         turns = _from(turns, start)
     repeat = "repeat the command, with --from POINT" if choice.again or choice.file else "repeat the command"
     with setup.session(films, f"all of it is in {films.shown_log}; {repeat}") as session:
-        visits = PointVisits(session, points, viewing, again=choice.again)
+        visits = PointVisits(session, points, viewing, again=choice.again, written=written)
         if not turns:
             session.warnings.append(_nothing_to_digitise(points))
         for turn in turns:

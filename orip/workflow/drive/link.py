@@ -165,13 +165,13 @@ def _object_system(folder: Path, bundle: str | None, link: PlateProcessorLink) -
 
 
 def _is_loaded(project: ProjectFolder, name: str, link: PlateProcessorLink) -> bool:
-    path = project.beside_photos(name, "DRV")
+    path = project.drive_table(name)
     return path.is_file() and file_digest(path) == link.digest()
 
 
 def _is_in_system(project: ProjectFolder, name: str, solution: Solution, ground: GroundSystem) -> bool:
     """Tell whether a table is in the object system of the solution: a later adjustment may have another origin."""
-    table = read_drive_table(regular_bytes(project.beside_photos(name, "DRV"))).table
+    table = read_drive_table(regular_bytes(project.drive_table(name))).table
     if table is None:
         return False
     rows = {record_key(photo): row for row, photo in enumerate(solution.photos.names)}

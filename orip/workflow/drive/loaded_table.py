@@ -152,5 +152,5 @@ def _table(state: ProjectState, name: str) -> bytes | None:
 
 def _was_of_project(project: ProjectFolder, bundles: Sequence[str], loaded: str) -> bool:
     """Tell whether a loaded table is one that was written for the project: then only its values can be old."""
-    paths = [project.beside_photos(name, "DRV") for name in bundles]
+    paths = [project.drive_table(name) for name in bundles]
     return any(path.is_file() and file_digest(path) == loaded for path in paths)

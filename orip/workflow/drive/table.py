@@ -62,7 +62,7 @@ def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:
         stage.
     """
     table, warnings = _current_table(bundle)
-    path, text = bundle.project.beside_photos(bundle.name, "DRV"), drive_table_text(table)
+    path, text = bundle.project.drive_table(bundle.name), drive_table_text(table)
     changed = not _holds(path, text)
     outputs = (TextOutput(path, lambda: [text], "remove the cause and try again"),) if changed else ()
     return Change(bundle.state, DriveTableOutcome(bundle.project, table, path, changed, warnings), outputs=outputs)
@@ -78,7 +78,7 @@ def drive_step(bundle: BundleState) -> Step | None:
     """
     project = bundle.project
     command = "orip drive table" if project.has_one_bundle else f"orip drive table {bundle.name}"
-    path = project.beside_photos(bundle.name, "DRV")
+    path = project.drive_table(bundle.name)
     try:
         table, _ = _current_table(bundle)
     except InputError:

@@ -42,7 +42,7 @@ def open_watch(folder: Path, bundle: str | None, link: str | None) -> Watch:
     """
     state = read_bundle(folder, bundle, "solutions")
     project = state.project
-    path = project.beside_photos(state.name, "DRV")
+    path = project.drive_table(state.name)
     if not path.is_file():
         commit(make_drive_table(read_bundle(folder, bundle, *DRIVEN_FROM)))
     data = regular_bytes(path)
@@ -59,7 +59,7 @@ def watch_warnings(folder: Path, bundle: str | None, link: str | None) -> tuple[
     """Return a warning where the table that is shown is older than the last adjustment or mounting."""
     project = open_project(folder)
     name = project.bundle_name(bundle)
-    path = project.beside_photos(name, "DRV")
+    path = project.drive_table(name)
     command = "table" if link is None else "download"
     remedy = f"run 'orip measure' and 'orip drive {command}'"
     return table_warnings(folder, [name], file_digest(path), project.shown(path), remedy)

@@ -23,6 +23,9 @@ _CAMERA = "CAMERA"
 _VISIBLE_PX = 0.001
 """Differences of cameras that are worth a note."""
 
+_FAITHFUL_PX = 0.01
+"""Differences of cameras above this are corrected in the measurements: fifty times less than these are good for."""
+
 _LARGEST_IMAGE, _LARGEST_PLACE = 1e7, 1e12
 """Coordinates in a photo (pixels, mm) and on the ground beyond which a file is damaged."""
 
@@ -36,7 +39,7 @@ class ExchangeSettings:
     frame : tuple of 2 int, or None
         Columns and rows of cameras whose size no file says.
     corrects_distortion : bool
-        Measurements are corrected for what orip's camera cannot represent.
+        Cameras may be fitted however badly: measurements are corrected for what orip's camera cannot represent.
     holds_cameras : bool
         Cameras are not adjusted.
     precision : float or None
@@ -140,7 +143,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
 def _impossible(project: ExchangedProject) -> Iterator[str]:
     """Yield what no project can have: a file that says it is damaged, or was read as what it is not."""
     if not project.photos and not project.is_calibration:
-        yield "there are no photos in it"
+        yield "the project has no photos"
     image = ~(np.abs(project.rays.image) <= _LARGEST_IMAGE).all(axis=1)
     if image.any():
         row = int(np.flatnonzero(image)[0])
@@ -190,6 +193,10 @@ def _pixels(
         pixels[rows] = converted.pixels(pixels[rows])
         if corrects_distortion:
             pixels[rows] = converted.corrected_pixels(pixels[rows])
+        elif _is_corrected(converted):
+            corrected = converted.corrected_pixels(pixels[rows])
+            # far outside the frame the formula of the camera may have no inverse: such measurements are wrong anyway
+            pixels[rows] = np.where(np.isfinite(corrected), corrected, pixels[rows])
     lost = int((~np.isfinite(pixels).all(axis=1)).sum())
     if lost:
         message = (
@@ -198,6 +205,11 @@ def _pixels(
         )
         raise InputError.single(message, shown)
     return pixels
+
+
+def _is_corrected(converted: ConvertedCamera) -> bool:
+    """Return whether measurements are corrected for what a camera of orip does not hold, without being asked."""
+    return converted.worst_px > _FAITHFUL_PX
 
 
 def _coarse(found: Reprojection) -> str:
@@ -221,10 +233,10 @@ def _misfit(found: Reprojection) -> str:
 def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
     for converted in cameras:
         if converted.worst_px >= _VISIBLE_PX:
+            done = "; measurements are corrected by that" if _is_corrected(converted) else ""
             yield (
                 f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
-                f"the frame it differs by up to {converted.worst_px:.3f} px, RMS "
-                f"{converted.rms_px:.3f} px."
+                f"the frame it differs by up to {converted.worst_px:.3f} px, RMS {converted.rms_px:.3f} px{done}."
             )
     assumed = [converted.camera.name for converted in cameras if converted.size_is_assumed]
     if assumed:

@@ -91,12 +91,12 @@ def export(
         original = imported.path
     project = exchanged_result(bundle, read_names(folder), found.conventions, corrects_distortion=corrects_distortion)
     notes = list(project.notes)
-    returns_to = found.conventions.returns_to
-    if original is not None and returns_to is not None:
-        if returns_to(original):
-            project = in_terms_of(project, found, original)
+    is_copied = found.conventions.is_copied
+    if original is not None:
+        if is_copied is None or is_copied(original):
+            project = in_terms_of(project, found, original) if found.conventions.has_terms_of_original else project
         else:
-            notes.append(f"The original ({original}) is read, not written; what is written has the result alone.")
+            notes.append(f"The original ({original}) is not copied; what is written has the result alone.")
             original, is_own = None, False
     if original is None and imported is not None and is_own:
         notes.append(f"The original ({imported.path}) is not there; what is written has the result alone.")

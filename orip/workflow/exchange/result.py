@@ -11,11 +11,12 @@ from orip.arrays import FloatArray
 from orip.conversion.cameras import ExportedCamera, UnsuitableCameraError, export_camera
 from orip.conversion.error_ellipses import error_ellipses
 from orip.conversion.footprints import footprint
+from orip.conversion.pose_covariances import rotation_vector_covariances
 from orip.conversion.poses import exchanged_poses
 from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
-from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
@@ -23,6 +24,7 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted, counted_names
+from orip.workflow.exchange.film import cameras_with_frames, measured_pixels
 from orip.workflow.exchange.given import given_control, given_stations
 from orip.workflow.project.bundle_state import BundleState
 
@@ -68,7 +70,7 @@ def exchanged_result(
     UnsuitableCameraError
         If a camera has no sensor, or the format has none that comes near enough.
     """
-    adjusted = _adjusted(bundle)
+    adjusted = _adjusted(bundle, with_film=conventions.lens is not None and conventions.lens_axes.unit == "mm")
     exported = _cameras(adjusted, names, conventions, accepts_any_fit=corrects_distortion)
     notes = [
         *_notes_on_cameras(exported, conventions, corrects_distortion=corrects_distortion),
@@ -106,7 +108,8 @@ def exchanged_result(
     )
 
 
-def _adjusted(bundle: BundleState) -> _Adjusted:
+def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
+    """Return the solution of a bundle; with film, cameras without a sensor have a frame in its place."""
     solution = bundle.adjusted
     records = bundle.records
     of_photo = {
@@ -119,7 +122,7 @@ def _adjusted(bundle: BundleState) -> _Adjusted:
         key: replace(records.cameras[key], parameters=tuple(values.get(key, records.cameras[key].parameters)))
         for key in dict.fromkeys(of_photo.values())
     }
-    return _Adjusted(solution, cameras, of_photo)
+    return _Adjusted(solution, cameras_with_frames(bundle, cameras, of_photo) if with_film else cameras, of_photo)
 
 
 def _cameras(
@@ -186,10 +189,8 @@ def _photos(
         rotations = np.swapaxes(frame.axes_at(centres), -1, -2) @ rotations
         centres = frame.to_local(centres)
     numbers, positions = exchanged_poses(rotations, centres, conventions.reading)
-    covariances = _covariances(solution.photos.sd[:, :3], solution.photo_correlations)
-    if frame is not None:
-        axes = frame.axes_at(solution.photos.values[:, :3])
-        covariances = np.swapaxes(axes, -1, -2) @ covariances @ axes
+    poses = _pose_covariances(solution, rotations, frame, conventions)
+    covariances = poses[:, 3:, 3:]
     found = []
     for row, name in enumerate(solution.photos.names):
         key = record_key(name)
@@ -205,11 +206,31 @@ def _photos(
                 tuple(numbers[row].tolist()),
                 tuple(positions[row].tolist()),
                 _if_known(deviation),
-                tuple(covariances[row].ravel().tolist()) if np.isfinite(covariances[row]).all() else None,
+                _known_matrix(covariances[row]),
+                _known_matrix(poses[row]),
                 _if_known(angles) if is_of_angles else None,
             )
         )
     return tuple(found)
+
+
+def _known_matrix(covariance: FloatArray) -> tuple[float, ...] | None:
+    return tuple(covariance.ravel().tolist()) if np.isfinite(covariance).all() else None
+
+
+def _pose_covariances(
+    solution: Solution, rotations: FloatArray, frame: GroundFrame | None, conventions: Conventions
+) -> FloatArray:
+    """Return the covariances (n, 6, 6) of rotation vectors and projection centres; NaN where they are not known."""
+    angles = solution.photos.values[:, 3:] * RADIANS_PER_DEGREE
+    sd = solution.photos.sd * ([1.0] * 3 + [RADIANS_PER_DEGREE] * 3)
+    turn = np.broadcast_to(np.eye(3), (len(sd), 3, 3))
+    if frame is not None:
+        turn = np.swapaxes(frame.axes_at(solution.photos.values[:, :3]), -1, -2)
+    about_axes = np.array(solution.photo_rotation_sd_about_axes, dtype=np.bool_)
+    by_axes = np.where(about_axes[:, None, None], np.eye(3), axes_rotation_from_angle_rates(angles))
+    given = _covariances(sd, solution.photo_correlations)
+    return rotation_vector_covariances(rotations, given, turn @ by_axes, turn, conventions.reading)
 
 
 def _if_known(deviations: FloatArray) -> tuple[float, float, float] | None:
@@ -254,12 +275,16 @@ def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -
 
 
 def _covariances(sd: FloatArray, correlations: FloatArray) -> FloatArray:
-    """Return the covariances (m, 3, 3) of places, NaN where a coordinate has no standard deviation."""
+    """Return the covariances (m, k, k) of k values, NaN where one of the two has no standard deviation.
+
+    Correlations (m, k (k - 1) / 2) are the lower triangle, row by row; without rows there are none.
+    """
     deviations = np.where(np.isfinite(sd), sd, np.nan)
-    correlation = np.broadcast_to(np.eye(3), (len(deviations), 3, 3)).copy()
+    size = deviations.shape[1]
+    correlation = np.broadcast_to(np.eye(size), (len(deviations), size, size)).copy()
     if len(correlations):
-        for (i, j), values in zip(((0, 1), (0, 2), (1, 2)), correlations.T, strict=True):
-            correlation[:, i, j] = correlation[:, j, i] = values
+        i, j = np.tril_indices(size, -1)
+        correlation[:, i, j] = correlation[:, j, i] = correlations
     covariance: FloatArray = deviations[:, :, None] * correlation * deviations[:, None, :]
     return covariance
 
@@ -310,7 +335,7 @@ def _rays(
     point = np.array([point_place.get(name, -1) for name in observed.points], dtype=np.int64)
     kept = (photo >= 0) & (point >= 0)
     photo, point = photo[kept], point[kept]
-    image = observed.measured[kept].copy()
+    image = measured_pixels(bundle, adjusted.cameras, adjusted.camera_of_photo)[kept]
     camera_of_photo = [adjusted.camera_of_photo.get(record_key(name), "") for name in solution.photos.names]
     of_ray = np.array(camera_of_photo, dtype=object)[photo] if len(photo) else np.zeros(0, dtype=object)
     for key, camera in exported.items():

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from orip.errors import OripError, UsageError
-from orip.online.answers import Answer, Suspect, words_of
+from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.measuring import summary
 from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure
@@ -17,6 +17,9 @@ from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
 
 Reply = dict[str, Any]
+
+_MOST_ADVISED = 20
+"""What to measure next that is shown."""
 
 
 def reply_to(session: OnlineSession, folder: Path, line: str) -> Reply | None:
@@ -31,19 +34,19 @@ def reply_to(session: OnlineSession, folder: Path, line: str) -> Reply | None:
 def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Reply:
     match request.do:
         case "measure":
-            return reply_of(session.measure(request.photo, request.point, request.xy))
+            return reply_of(session, session.measure(request.photo, request.point, request.xy))
         case "exclude":
-            return reply_of(session.exclude(request.photo, request.point))
+            return reply_of(session, session.exclude(request.photo, request.point))
         case "include":
-            return reply_of(session.include(request.photo, request.point))
+            return reply_of(session, session.include(request.photo, request.point))
         case "remove":
             session.remove(request.photo, request.point)
             return {"photo": request.photo, "point": request.point, "state": "removed"}
         case "undo":
             undone = session.undo()
-            return {"state": "removed"} if undone is None else reply_of(undone)
+            return {"state": "removed"} if undone is None else reply_of(session, undone)
         case "relinearise":
-            if session.measuring.block.block is None:
+            if not len(session.measuring.block.measurements):
                 message = "nothing is measured yet"
                 raise UsageError(message)
             session.measuring.relinearise()
@@ -76,6 +79,9 @@ def shown(session: OnlineSession, what: Shown) -> Reply:
             return {"waiting": list(measuring.waiting().values())}
         case "suspects":
             return {"suspects": [_suspect(one) for one in measuring.suspects.values()]}
+        case "todo":
+            advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)
+            return {"todo": [_candidate(session, one) for one in advised]}
         case "photos":
             return {"photos": sorted(values.orientations)}
         case "points":
@@ -84,7 +90,7 @@ def shown(session: OnlineSession, what: Shown) -> Reply:
             return {"summary": summary(measuring)}
 
 
-def reply_of(answer: Answer) -> Reply:
+def reply_of(session: OnlineSession, answer: Answer) -> Reply:
     """Return the answer to a measurement."""
     return {
         "photo": answer.photo,
@@ -100,6 +106,24 @@ def reply_of(answer: Answer) -> Reply:
         "cleared": [words_of(key) for key in answer.cleared],
         "oriented": list(answer.oriented),
         "placed": list(answer.placed),
+        "next": [_candidate(session, one) for one in answer.next],
+    }
+
+
+def _candidate(session: OnlineSession, candidate: Candidate) -> Reply:
+    x, y = session.to_log(candidate.photo, candidate.xy)
+    ellipse = candidate.ellipse
+    within = "" if ellipse is None else f", ellipse {ellipse[0]:.3f} x {ellipse[1]:.3f} mm at {ellipse[2]:.0f}°"
+    name = candidate.point or "a new point"
+    return {
+        "photo": candidate.photo,
+        "point": candidate.point,
+        "x": round(x, 4),
+        "y": round(y, 4),
+        "mm": list(session.to_photo(candidate.photo, candidate.xy)),
+        "ellipse": None if ellipse is None else list(ellipse),
+        "gain": candidate.gain,
+        "text": f"{name} in {candidate.photo}, expected at {x:.3f}, {y:.3f}{within}: {candidate.why}",
     }
 
 

@@ -101,14 +101,31 @@ class OnlineSession:
             message = f"photo {record.name} has no interior orientation; measure its fiducial marks first"
             raise UsageError(message)
         before = self._measured(record.name, point)
-        self._undo.append(_Undo(record.name, point, None if before is None else self._to_log(record.name, before)))
+        self._undo.append(_Undo(record.name, point, None if before is None else self.to_log(record.name, before)))
         self._write(record.name, point, xy, again=before is not None)
         return self.measuring.measure((record.name, point, stored))
+
+    def written(self, photo: str, point: str, xy: tuple[float, float] | None) -> Answer | None:
+        """Answer a measurement that this program has written to a measurement file itself.
+
+        Parameters
+        ----------
+        photo, point : str
+        xy : tuple or None
+            As in the file; None: what was measured of the point there is deleted, and there is no answer.
+        """
+        name = self._films.photo(photo).name
+        self._seen = self._files_now()
+        if xy is not None:
+            return self.measuring.measure((name, point, self._to_stored(name, (round(xy[0], 4), round(xy[1], 4)))))
+        if self._measured(name, point) is not None:
+            self.measuring.remove(name, point)
+        return None
 
     def remove(self, photo: str, point: str) -> None:
         """Delete what was measured of a point in a photo."""
         name, before = self._required(photo, point)
-        self._undo.append(_Undo(name, point, self._to_log(name, before)))
+        self._undo.append(_Undo(name, point, self.to_log(name, before)))
         self._edit("KILL", name, point)
         self.measuring.remove(name, point)
 
@@ -170,7 +187,7 @@ class OnlineSession:
         excluded = {(record_key(key.photo), key.point) for key in self.measuring.excluded}
         before = {
             (photo, point): (xy, (record_key(photo), point) in excluded)
-            for (photo, point), (xy, _) in _places(self.measuring.block.observations).items()
+            for (photo, point), (xy, _) in _places(self.measuring.block.measurements.observations).items()
         }
         for photo, point in before.keys() - after.keys():
             self.measuring.remove(photo, point)
@@ -197,11 +214,7 @@ class OnlineSession:
         return tuple(found)
 
     def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
-        row = self.measuring.block.row_of(photo, point)
-        if row is None:
-            return None
-        x, y = self.measuring.block.observations.measured[row]
-        return float(x), float(y)
+        return self.measuring.block.measurements.at(photo, point)
 
     def _required(self, photo: str, point: str) -> tuple[str, tuple[float, float]]:
         record = self._films.photo(photo)
@@ -221,7 +234,13 @@ class OnlineSession:
         x, y = to_log.inverse().apply(np.array([xy]))[0]
         return float(x), float(y)
 
-    def _to_log(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+    def to_photo(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+        """Return the photo coordinates, mm, of stored ones."""
+        x, y = self._films.interior.to_photo[record_key(photo)].apply(np.array([stored]))[0]
+        return float(x), float(y)
+
+    def to_log(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
+        """Return the coordinates of a measurement file of stored ones."""
         to_log = stored_to_log(self._films.photo(photo), self._films.definitions, self._films.interior.to_template)
         assert to_log is not None, "it has been measured"
         x, y = to_log.apply(np.array([stored]))[0]

@@ -136,9 +136,14 @@ class ProjectFolder:
         return self.folder / "before_update.json"
 
     @property
+    def results(self) -> Path:
+        """Return the folder of listings, results and reports."""
+        return self.folder / (self.definition.output_folder or "")
+
+    @property
     def interior_listing(self) -> Path:
         """Return the path of INTERIOR_RESULT.OUT."""
-        return self.folder / "INTERIOR_RESULT.OUT"
+        return self.results / "INTERIOR_RESULT.OUT"
 
     def observations(self, bundle: str) -> Path:
         """Return the store of a bundle's photo observations."""
@@ -151,7 +156,11 @@ class ProjectFolder:
     def preliminary_listing(self, bundle: str) -> Path:
         """Return the path of PRELIM_RESULT.OUT: a plain name where the bundle is the project's only one."""
         prefix = "" if self.has_one_bundle else f"{bundle}_"
-        return self.folder / f"{prefix}PRELIM_RESULT.OUT"
+        return self.results / f"{prefix}PRELIM_RESULT.OUT"
+
+    def drive_table(self, bundle: str) -> Path:
+        """Return the path of a bundle's drive table: among the other outputs if they have a folder of their own."""
+        return self.beside_photos(bundle, "DRV") if self.results == self.folder else self.results / f"{bundle}.DRV"
 
     def beside_photos(self, bundle: str, extension: str) -> Path:
         """Return a bundle's file in the folder of the project files."""
@@ -159,7 +168,7 @@ class ProjectFolder:
 
     def report(self, bundle: str) -> Path:
         """Return the path of a bundle's report: a plain name where it is the project's only bundle."""
-        return self.folder / f"{'' if self.has_one_bundle else f'{bundle}_'}report.html"
+        return self.results / f"{'' if self.has_one_bundle else f'{bundle}_'}report.html"
 
     def outputs(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results go: plain names where it is the project's only bundle."""
@@ -172,10 +181,10 @@ class ProjectFolder:
     def _outputs(self, bundle: str, *, only: bool) -> OutputFiles:
         start, prefix = ("", "BUNDLE") if only else (f"{bundle}_", bundle)
         return OutputFiles(
-            self.folder / f"{start}result.json",
-            self.folder / f"{start}residuals.csv",
-            self.folder / f"{prefix}_RESULT.OUT",
-            self.folder / f"{prefix}_ERROR.OUT",
+            self.results / f"{start}result.json",
+            self.results / f"{start}residuals.csv",
+            self.results / f"{prefix}_RESULT.OUT",
+            self.results / f"{prefix}_ERROR.OUT",
         )
 
     def shown(self, path: Path) -> str:

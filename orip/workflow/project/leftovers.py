@@ -21,7 +21,9 @@ def remove_leftovers_of_kills(project: ProjectFolder) -> None:
     What cannot be removed stays: it has no effect.
     """
     with suppress(OSError, OripError):
-        remove_leftovers(project.folder)
+        for folder in {project.folder, project.results}:
+            if folder.is_dir() and not folder.is_symlink():
+                remove_leftovers(folder)
         strange = _stores_of_no_bundle(project, project.bundle_names)
         if strange:
             with reading(project.record_stores) as stores:

@@ -48,7 +48,7 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     """
     files = project.outputs(solution.bundle)
     found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
-    misfits = suspect_rows(solution).tolist()
+    misfits = suspect_rows(solution, project.definition.test_level).tolist()
     return (
         TextOutput(files.residuals, lambda: residuals_csv_pieces(solution.residuals, found), _REMEDY),
         TextOutput(files.listing, lambda: lines_in_pieces(bundle_listing_lines(solution, found, measured)), _REMEDY),

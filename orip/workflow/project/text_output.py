@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.files.text.atomic import replace_text_in_pieces, reporting_failure
+from orip.files.text.atomic import replace_text_in_pieces, reporting_failure, require_no_link
 from orip.files.text.digest import file_digest
 from orip.workflow.project.folder import ProjectFolder
 
@@ -64,7 +64,16 @@ def write_output(project: ProjectFolder, output: TextOutput) -> None:
         If it cannot be written; it is unchanged then.
     """
     with reporting_failure(project.shown(output.path), output.remedy):
+        if output.path.parent == project.results:
+            _make_folder(project)
         replace_text_in_pieces(output.path, output.pieces())
+
+
+def _make_folder(project: ProjectFolder) -> None:
+    """Make the folder of the outputs where they have one of their own; a link could lead out of the project."""
+    if project.results != project.folder:
+        require_no_link(project.results)
+        project.results.mkdir(exist_ok=True)
 
 
 def digest_of_text(path: Path) -> str | None:

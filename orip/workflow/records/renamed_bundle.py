@@ -110,5 +110,5 @@ def _results(project: ProjectFolder, bundle: str) -> Sequence[Path]:
         *project.outputs(bundle).all,
         project.preliminary_listing(bundle),
         project.report(bundle),
-        project.beside_photos(bundle, "DRV"),
+        project.drive_table(bundle),
     )

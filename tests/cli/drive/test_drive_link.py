@@ -190,10 +190,12 @@ def test_goto_where_profile_next_model_forward(tmp_path, port):
 def test_json(tmp_path, port, monkeypatch):
     monkeypatch.setenv("ORIP_LINK", f"tcp://127.0.0.1:{port}")
     assert orip(tmp_path, "drive", "goto", "30", "0", "0", "--json").document == {
+        "schema": "orip.drive-to/1",
         "command": "drive goto", "model": "M1-2", "upper": [45.005, 60.105], "lower": [34.995, 59.895],
         "condition": "IN",
     }  # fmt: skip
     assert orip(tmp_path, "drive", "where", "--json").document == {
+        "schema": "orip.drive-where/1",
         "command": "drive where", "model": "M1-2", "condition": "IN", "ground": [30.0, 0.0, 0.0], "y_parallax": 0.0,
         "upper": [45.005, 60.105], "lower": [34.995, 59.895], "guide": "OBJECT", "lock": None, "automatic": True,
         "photos": {"left": {"photo": "P1-2", "xy": [5.0, 0.0]}, "right": {"photo": "P1-3", "xy": [-5.0, 0.0]}},

@@ -54,6 +54,7 @@ def test_the_panel_by_commands(tmp_path, port):
         assert client.ask("EVENT") == "OK KEY ENTER"
     document = orip(tmp_path, "drive", "guide", "object", *link_to(port), "--json").document
     assert document == {
+        "schema": "orip.drive-panel/1",
         "command": "drive guide", "model": "M1-1", "guide": "OBJECT", "condition": "IN", "lock": None,
         "prisms": [0, 90], "automatic": True,
     }  # fmt: skip

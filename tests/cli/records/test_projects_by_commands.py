@@ -98,7 +98,7 @@ def test_a_project_is_made_once_and_with_a_name_that_is_allowed(tmp_path: Path) 
     before = contents(tmp_path / "NEW")
     said = orip(tmp_path, "init", "NEW")
     assert said.code == 2
-    assert "has an orip.toml already: name another folder" in said.err
+    assert "has the file orip.toml already: name another folder" in said.err
     assert contents(tmp_path / "NEW") == before
     said = orip(tmp_path, "init", "A/B")
     assert said.code == 3

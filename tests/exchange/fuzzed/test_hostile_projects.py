@@ -11,11 +11,13 @@ from pathlib import Path
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, block
 from exchange import (
+    metashape_projects,
     test_aerial,
     test_blocks_exchange,
     test_gubaio,
     test_images,
     test_metashape,
+    test_metashape_references,
     test_metric,
     test_micmac,
     test_opensfm,
@@ -26,6 +28,7 @@ from exchange.imported import written
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
+from orip.exchange.format import Format
 from orip.exchange.formats import format_named
 from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
@@ -64,6 +67,18 @@ def _tables(folder: Path, project: ExchangedProject) -> Path:
     return test_tables.tables_of(folder, project)
 
 
+LENS = (
+    '<?xml version="1.0"?>\n<calibration>\n<projection>frame</projection><width>4000</width><height>3000</height>\n'
+    "<f>3000</f><cx>10</cx><cy>-10</cy><k1>-0.01</k1><b2>0.3</b2>\n</calibration>\n"
+)
+
+
+def _references(folder: Path) -> Path:
+    written(folder / "cameras.xml", test_metashape.document(small(metashape.READING)))
+    written(folder / "table.csv", test_metashape_references.TABLE)
+    return folder
+
+
 def _folder(files: Callable[[Path, ExchangedProject], Path], reading: PoseReading) -> Callable[[Path], Path]:
     return lambda folder: files(folder, small(reading))
 
@@ -87,15 +102,23 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     ),
     "csv": _folder(_tables, tables.READING),
     "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
+    "metashape psz": lambda folder: metashape_projects.psz(folder / "a.psz", small(metashape.READING)),
+    "metashape psx": lambda folder: metashape_projects.psx(folder / "a.psx", small(metashape.READING)),
+    "metashape references": _references,
+    "lens": lambda folder: written(folder / "lens.xml", LENS),
 }
-"""Of each format a project that is read without complaints."""
+"""Of each format a project that is read without complaints; after a blank, of which kind."""
+
+
+def format_of(name: str) -> Format:
+    return format_named(name.split(maxsplit=1)[0])
 
 
 def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
     """Read a project that often, with one of its files changed; and convert what has been read."""
     source = SOUND[name](folder)
     files = [source] if source.is_file() else sorted(path for path in source.rglob("*") if path.is_file())
-    read = format_named(name).read
+    read = format_of(name).read
     assert read is not None
     assert not read(source, name).complaints
 
@@ -125,7 +148,7 @@ def test_no_mutated_file_takes_much_memory(tmp_path: Path, name: str) -> None:
     source = SOUND[name](tmp_path)
     files = [source] if source.is_file() else sorted(path for path in source.rglob("*") if path.is_file())
     size = sum(path.stat().st_size for path in files)
-    read = format_named(name).read
+    read = format_of(name).read
     assert read is not None
     read(source, name)  # what is imported on demand is there now
 
@@ -162,7 +185,8 @@ def test_deep_nesting_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_format_recognises_its_own_files_alone(tmp_path: Path) -> None:
+    names = {format_of(name).name for name in SOUND}
     for name, files in SOUND.items():
         source = files(tmp_path / name)
-        found = [other for other in SOUND if format_named(other).recognises(source)]
-        assert found == [name]
+        found = [other for other in names if format_named(other).recognises(source)]
+        assert found == [format_of(name).name]

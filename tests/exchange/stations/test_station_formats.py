@@ -215,6 +215,10 @@ def test_genuine_deviations(tmp_path: Path) -> None:
         "photo,X,Y,Z,sX,sY,sZ,omega,phi,kappa\nDJI_1.JPG,1,2,3,0.1,0.2,0.3,10,20,30\n",
         "# image; Easting [m];N [m];H (m); sde;sdn;sdu;om(deg);ph;ka\nimg/DJI_1.JPG; 1;2;3;0.1;0.2;0.3;10;20;30\n",
         "label x y altitude ax ay az om ph ka\nDJI_1 1 2 3 0.1 0.2 0.3 10 20 30\n",
+        (
+            "#Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_X_(m),Accuracy_Y_(m),Accuracy_Z_(m),Omega,Phi,Kappa\n"
+            "DJI_1,1,2,3,0.1,0.2,0.3,10,20,30\n"
+        ),
         'Name\tE\tN\tH\tstd_x\tstd_y\tstd_z\tomega\tphi\tkappa\n"DJI_1.tif"\t1\t2\t3\t0.1\t0.2\t0.3\t10\t20\t30\n',
     ],
 )

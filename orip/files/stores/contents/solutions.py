@@ -166,7 +166,10 @@ TUPLE_LISTS: dict[str, StoreTable] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),
     "warnings": _list_of_solution("warning", *_texts("code", "where", "text")),
 }
-PHOTO_CORRELATIONS = _list_of_solution("photo_correlation", *_reals("XY", "XZ", "YZ"))
+PHOTO_CORRELATIONS = _list_of_solution(
+    "photo_correlation",
+    *_reals(*(f"{b}_{a}" for n, a in enumerate(PHOTO_PARAMETERS) for b in PHOTO_PARAMETERS[:n])),
+)
 POINT_CORRELATIONS = _list_of_solution("point_correlation", *_reals("XY", "XZ", "YZ"))
 BULK_TABLES = (CAMERAS, PHOTOS, POINTS, RESIDUALS, PHOTO_CORRELATIONS, POINT_CORRELATIONS)
 LIST_TABLES = (*(table for _item, table in ITEM_LISTS.values()), *TUPLE_LISTS.values())

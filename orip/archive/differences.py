@@ -1,0 +1,118 @@
+"""What differs between two runs of an archive: values that moved by more than their standard deviation, and gates."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from orip.archive.tables import NAME_COLUMN, VALUES, Cell, Row
+
+ANGLES = frozenset({"omega", "phi", "kappa"})
+_CIRCLE = 360.0
+
+Key = tuple[Cell, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """A value that has moved by more than its standard deviation.
+
+    Parameters
+    ----------
+    project, bundle : str
+    name : str
+        What it is a value of: ``photo 101 X0``.
+    before, after : float
+    times : float
+        The difference in standard deviations, the larger of the two; infinite where neither run has one.
+    """
+
+    project: str
+    bundle: str
+    name: str
+    before: float
+    after: float
+    times: float
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """A word that is another one: how a project ended, its status, a gate; empty where one of the runs has none."""
+
+    project: str
+    bundle: str
+    name: str
+    before: str
+    after: str
+
+
+def moved_values(table: str, before: Iterable[Row], after: Iterable[Row], limit: float) -> Iterator[Moved]:
+    """Yield the values of a table that differ by more than `limit` standard deviations, and those without one.
+
+    Parameters
+    ----------
+    table : {"cameras", "photos", "points"}
+    before, after : iterables of Row
+    limit : float
+    """
+    name_column = NAME_COLUMN[table]
+    old, new = _by_key(before, name_column), _by_key(after, name_column)
+    for key in old.keys() & new.keys():
+        one, other = old[key], new[key]
+        for column in VALUES[table]:
+            times, was, is_now = _times(column, one, other)
+            if times > limit:
+                yield Moved(str(key[0]), str(key[1]), f"{name_column} {key[2]} {column}", was, is_now, times)
+
+
+def _times(column: str, one: Row, other: Row) -> tuple[float, float, float]:
+    """Return the difference in standard deviations, and the two values."""
+    was, is_now = _number(one[column]), _number(other[column])
+    difference = abs(was - is_now)
+    if column in ANGLES:
+        difference = min(difference % _CIRCLE, _CIRCLE - difference % _CIRCLE)
+    if not difference > 0.0:
+        return 0.0, was, is_now
+    deviations = [_number(row[f"sd_{column}"]) for row in (one, other)]
+    largest = max((value for value in deviations if not math.isnan(value)), default=0.0)
+    return (difference / largest if largest > 0.0 else math.inf), was, is_now
+
+
+def changed_words(
+    before: Iterable[Row], after: Iterable[Row], name_column: str | None, columns: Sequence[str]
+) -> Iterator[Changed]:
+    """Yield the words that differ, and rows that one of the runs has alone.
+
+    Parameters
+    ----------
+    before, after : iterables of Row
+    name_column : str or None
+        The column that names a row besides project and bundle; None: there is none.
+    columns : sequence of str
+        Those that are compared.
+    """
+    old, new = _by_key(before, name_column), _by_key(after, name_column)
+    for key in sorted(old.keys() | new.keys(), key=str):
+        one, other = old.get(key), new.get(key)
+        for column in columns:
+            words = _word(one, column), _word(other, column)
+            if words[0] != words[1]:
+                name = str(key[2]) if name_column else column
+                yield Changed(str(key[0]), str(key[1]), name, *words)
+
+
+def _by_key(rows: Iterable[Row], name_column: str | None) -> Mapping[Key, Row]:
+    columns = ("project", "bundle", *([name_column] if name_column else []))
+    return {tuple(row[column] for column in columns): row for row in rows}
+
+
+def _word(row: Row | None, column: str) -> str:
+    cell = None if row is None else row[column]
+    if isinstance(cell, bool):
+        return "pass" if cell else "FAIL"
+    return "" if cell is None else str(cell)
+
+
+def _number(cell: Cell) -> float:
+    return float(cell) if isinstance(cell, int | float) else math.nan

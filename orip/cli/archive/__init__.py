@@ -1,0 +1,5 @@
+"""`orip archive`."""
+
+from orip.cli.archive.commands import register
+
+__all__ = ["register"]

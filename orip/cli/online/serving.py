@@ -1,0 +1,86 @@
+"""Serving a session: to programs over TCP, and to a browser."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from orip.errors import OripError
+
+if TYPE_CHECKING:
+    from orip.cli.options import Invocation
+    from orip.workflow.online.served import ServedSession
+
+
+@contextmanager
+def page_of(invocation: Invocation, session: ServedSession) -> Iterator[None]:
+    """Serve the page of a session meanwhile; its address is printed."""
+    from orip.link.watch_server import WatchServer
+
+    server = WatchServer(session.page)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    invocation.terminal.say(f"the session can be watched at {server.url}")
+    try:
+        yield
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+@contextmanager
+def answered_online(invocation: Invocation, bundle: str | None) -> Iterator[Callable[..., None]]:
+    """Answer what is digitised meanwhile: each point that is written is handed to the function that is yielded."""
+    from threadpoolctl import threadpool_limits
+
+    from orip.workflow.online.served import ServedSession
+    from orip.workflow.online.session import OnlineSession
+
+    with threadpool_limits(invocation.terminal.threads, user_api="blas"):
+        session = ServedSession(OnlineSession(invocation.folder, bundle), invocation.folder)
+
+        def written(photo: str, point: str, xy: tuple[float, float] | None) -> None:
+            reply = session.written(photo, point, xy)
+            if reply is not None:
+                invocation.terminal.say(reply["text"])
+                for suspect in reply["suspects"]:
+                    if (suspect["photo"], suspect["point"]) != (photo, point):
+                        invocation.terminal.say(f"{suspect['observation']} does not fit: measure it again")
+
+        with page_of(invocation, session):
+            yield written
+
+
+def serve_programs(invocation: Invocation, session: ServedSession, address: tuple[str, int]) -> None:
+    """Serve a session to programs until Ctrl-C.
+
+    Raises
+    ------
+    OripError
+        If the address is taken.
+    """
+    from orip.link.online_server import Answering, OnlineServer
+
+    server = OnlineServer(Answering(session.greeting, session.reply, session.appended))
+
+    def listening(host: str, port: int) -> None:
+        at = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        invocation.terminal.data(json.dumps({"listening": at}) + "\n")
+        invocation.terminal.flush()
+
+    async def serve() -> None:
+        end, loop = asyncio.Event(), asyncio.get_running_loop()
+        for stop in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(stop, lambda *_: loop.call_soon_threadsafe(end.set))
+        await server.serve(*address, listening, end.wait())
+
+    try:
+        asyncio.run(serve())
+    except OSError as error:
+        message = f"{address[0]}:{address[1]} cannot be listened at: {error.strerror}"
+        raise OripError(message) from error

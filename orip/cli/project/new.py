@@ -1,0 +1,152 @@
+"""`orip new`: a commented project from a few options, or from questions on a terminal."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+
+import typer
+
+from orip.cli.options import Invocation, command
+from orip.cli.project.samples import tell_made
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from orip.files.project.starting_texts import Start
+
+Kind = Annotated[
+    Literal["drone", "object", "film"] | None,
+    typer.Option("--kind", help="drone: with RTK; object: with scale bars; film: scanned aerial photos."),
+]
+
+_KINDS = {"drone": "a drone block with RTK", "object": "an object with scale bars", "film": "scanned aerial film"}
+_FRAME = re.compile(r"([1-9]\d{1,5})\s*[xX*]\s*([1-9]\d{1,5})")
+
+
+class StartOptions(NamedTuple):
+    """What is known of the camera, the system and the errors; a question is asked for what is not given."""
+
+    camera: Annotated[str | None, typer.Option("--camera", metavar="NAME", help="Name of the camera.")] = None
+    focal_length: Annotated[
+        float | None, typer.Option("--c", metavar="MM", help="Principal distance; nominal focal length.")
+    ] = None
+    frame: Annotated[
+        str | None, typer.Option("--frame", metavar="COLUMNSxROWS", help="Pixels of the sensor, such as 5472x3648.")
+    ] = None
+    pixel: Annotated[
+        float | None, typer.Option("--pixel", metavar="MICROMETRES", help="Size of a pixel of sensor or scan.")
+    ] = None
+    crs: Annotated[
+        str | None, typer.Option("--crs", metavar="CODE", help="Such as EPSG:25832; default: plane coordinates.")
+    ] = None
+    photo_error: Annotated[
+        float | None, typer.Option("--photo-error", metavar="PIXELS", help="A-priori error of a photo coordinate.")
+    ] = None
+    control_error: Annotated[
+        float | None, typer.Option("--control-error", metavar="METRES", help="That of control points.")
+    ] = None
+    station_error: Annotated[
+        float | None, typer.Option("--station-error", metavar="METRES", help="That of exposure stations.")
+    ] = None
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "new")
+    def new_command(
+        invocation: Invocation,
+        name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the project.")],
+        options: StartOptions,
+        folder: Annotated[
+            Path | None, typer.Argument(metavar="DIR", help="The folder of the project; default ./NAME.")
+        ] = None,
+        kind: Kind = None,
+        user: Annotated[str, typer.Option("--user", help="The operator, whose name is on all outputs.")] = "",
+    ) -> None:
+        """Make a project with commented texts to fill in: camera, photos, control, measurements.
+
+        On a terminal it asks for what no option says; elsewhere there are defaults, which the texts show.
+        For projects of other programs see 'orip import'.
+
+        Example: orip new QUARRY --kind drone --frame 5280x3956 --pixel 3.3 --c 12.3 --crs EPSG:25832
+        """
+        from orip.workflow.new_project import make_started_project
+
+        start = _start(name, user, kind, options)
+        tell_made(invocation.terminal, make_started_project(start, invocation.folder / (folder or name)))
+
+
+def _start(name: str, user: str, kind: Literal["drone", "object", "film"] | None, options: StartOptions) -> Start:
+    """Return what options say, then what the user answers, then defaults of the kind of block."""
+    from orip.workflow.new_project import STARTS
+
+    asks = sys.stdin.isatty() and sys.stderr.isatty()
+    if kind is None and asks:
+        text = "; ".join(f"{word}: {meaning}" for word, meaning in _KINDS.items())
+        answer = _answer(f"Kind of block ({text})", "drone", lambda word: word in _KINDS)
+        kind = next(word for word in ("drone", "object", "film") if word == answer)
+    usual = replace(STARTS[kind or "drone"], name=name, user=user)
+    film = usual.kind == "film"
+    camera = _text(options.camera, asks, "Camera", usual.camera)
+    c = _number(options.focal_length, asks, "Principal distance (focal length), mm", usual.focal_length)
+    columns, rows = usual.columns, usual.rows
+    if not film:
+        columns, rows = _frame(_text(options.frame, asks, "Pixels of the sensor", f"{columns}x{rows}", _is_frame))
+    pixel = _number(options.pixel, asks, f"Size of a pixel of the {'scan' if film else 'sensor'}, µm", usual.pixel)
+    crs = _text(options.crs, asks, "Coordinate reference system, such as EPSG:25832 (none: plane coordinates)", "none")
+    photo = _number(options.photo_error, asks, "A-priori error of a photo coordinate, pixels", usual.photo_error)
+    control = _number(options.control_error, asks, "A-priori error of control points, m", usual.control_error)
+    station = usual.station_error
+    if usual.kind == "drone":
+        station = _number(options.station_error, asks, "A-priori error of RTK positions, m", station)
+    return replace(
+        usual, camera=camera, focal_length=c, columns=columns, rows=rows, pixel=pixel,
+        crs="" if crs.lower() == "none" else crs, photo_error=photo, control_error=control, station_error=station,
+    )  # fmt: skip
+
+
+def _text(given: str | None, asks: bool, question: str, usual: str, fits: Callable[[str], bool] = bool) -> str:
+    return given if given is not None else _answer(question, usual, fits) if asks else usual
+
+
+def _number(given: float | None, asks: bool, question: str, usual: float) -> float:
+    if given is None:
+        given = float(_answer(question, f"{usual:g}", _is_above_zero)) if asks else usual
+    if not _is_above_zero(str(given)):
+        message = f"{question}: {given} is not a number above 0"
+        raise UsageError(message)
+    return given
+
+
+def _answer(question: str, usual: str, fits: Callable[[str], bool]) -> str:
+    """Ask until the answer fits."""
+    while True:
+        answer = str(typer.prompt(question, default=usual, err=True)).strip()
+        if fits(answer):
+            return answer
+        typer.echo(f"  '{answer}' is not possible here; write it as {usual}", err=True)
+
+
+def _is_above_zero(text: str) -> bool:
+    try:
+        return 0.0 < float(text) < inf
+    except ValueError:
+        return False
+
+
+def _is_frame(text: str) -> bool:
+    return _FRAME.fullmatch(text) is not None
+
+
+def _frame(text: str) -> tuple[int, int]:
+    found = _FRAME.fullmatch(text)
+    if found is None:
+        message = f"--frame {text}: write columns and rows, such as 5472x3648"
+        raise UsageError(message)
+    return int(found[1]), int(found[2])

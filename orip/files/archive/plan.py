@@ -1,0 +1,83 @@
+"""The plan of an archive's run: which projects, how, and where; read by `orip archive status`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from orip.archive.tables import SCHEMA
+from orip.errors import InputError, UsageError
+from orip.files.archive.layout import ResultsFolder
+from orip.files.text.atomic import replace_text, reporting_failure
+
+
+@dataclass(frozen=True, slots=True)
+class ArchivePlan:
+    """What a run of an archive does.
+
+    Parameters
+    ----------
+    base : str
+        The folder from which projects are named, absolute.
+    projects : tuple of str
+        Their names.
+    settings : str
+        Digest of method, gates and version of orip.
+    method : str
+        The method in words.
+    orip : str
+        Version of orip.
+    dashboard : str
+        Address of Dask's dashboard; empty before the run begins.
+    began : float
+        Seconds since 1970.
+    """
+
+    base: str
+    projects: tuple[str, ...]
+    settings: str
+    method: str
+    orip: str
+    dashboard: str
+    began: float
+
+
+def write_plan(results: ResultsFolder, plan: ArchivePlan) -> None:
+    """Write the plan.
+
+    Raises
+    ------
+    OripError
+        If the folder or the disk refuses.
+    """
+    with reporting_failure(results.plan, "remove the cause, or name another folder with --out"):
+        results.folder.mkdir(parents=True, exist_ok=True)
+        replace_text(results.plan, json.dumps({"schema": SCHEMA, **asdict(plan)}, indent=1) + "\n")
+
+
+def read_plan(folder: Path, shown: str) -> ArchivePlan:
+    """Read the plan of a results folder.
+
+    Raises
+    ------
+    UsageError
+        If the folder holds no results of an archive.
+    InputError
+        If the plan is damaged, or of another schema.
+    """
+    results = ResultsFolder(folder)
+    try:
+        found = json.loads(results.plan.read_text(encoding="utf-8"))
+        schema = found.pop("schema")
+        if schema == SCHEMA:
+            return ArchivePlan(**{**found, "projects": tuple(found["projects"])})
+    except OSError:
+        message = (
+            f"'{shown}' holds no results of an archive: there is no {results.plan.name}; 'orip archive run' makes it"
+        )
+        raise UsageError(message) from None
+    except (ValueError, TypeError, KeyError, AttributeError):
+        schema = "something else"
+    message = f"holds {schema} where this version reads {SCHEMA}; 'orip archive run' writes it again"
+    raise InputError.single(message, f"{shown}/{results.plan.name}")

@@ -1,0 +1,210 @@
+"""What to measure next: rays that are not measured yet, by what they would tell about the block.
+
+A further observation with the equations a, divided by its errors, multiplies the determinant of the normal equations by
+det(I + a N^-1 a^T). Half of its binary logarithm is the information that the observation gives, in bits (Lindley 1956,
+*On a measure of the information provided by an experiment*): it is large where coordinates are imprecise, where
+observations are unchecked, and where the datum is weak.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.bundle.starting_points import given_coordinates
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.fiducial_system import frame_corners
+from orip.online.answers import Candidate
+from orip.online.online_block import OnlineBlock
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.records.project.camera import Camera
+from orip.sequential.hyper_row import ObservationRows, factored
+from orip.sequential.observation_rows import ObservationKey
+
+_MOST_OF_A_PHOTO = 12
+"""Points of a photo whose gain is computed: those with the fewest rays."""
+
+_CELLS = 3
+"""Parts along each side of a photo, each of which should have a point: those of von Gruber."""
+
+_COMMON = 2
+"""Points that are common to two photos from which one tells where the other's points are expected."""
+
+_INSIDE = 0.95
+"""Part of the frame within which a point is expected to be measurable."""
+
+
+def advice(block: OnlineBlock, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
+    """Return what to measure next in some photos, the most profitable first.
+
+    Parameters
+    ----------
+    block : OnlineBlock
+    photos : collection of str
+        In which something is measured.
+    most : int
+        Candidates that are returned.
+    """
+    found: list[Candidate] = []
+    for photo in photos:
+        if photo in block.values.orientations:
+            rays = list(_further_rays(block, photo))
+            found += [*rays, *_empty_parts(block, photo, rays)]
+        else:
+            found += _known_points(block, photo)
+    return tuple(sorted(found, key=lambda one: -one.gain)[:most])
+
+
+def _further_rays(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
+    """Yield the points that an oriented photo should show."""
+    measurements = block.measurements
+    expected = _expected(block, photo)
+    names = sorted(expected, key=lambda name: (len(measurements.photos_of(name)), name))[:_MOST_OF_A_PHOTO]
+    part = measurements.as_if((photo, name, expected[name]) for name in names)
+    if part is None:
+        return
+    rows = block.linearised(_at_values(block, part))
+    rays = {name: rows[key] for name in names if (key := ObservationKey("photo", photo, name)) in rows}
+    equations = [_of_reduced(block, name, ray, rows) for name, ray in rays.items()]
+    errors = dict(zip((part.point_names[row] for row in part.photo_points.point), part.photo_points.error, strict=True))
+    for name, (_, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
+        gain = 0.5 * float(np.log2(np.linalg.det(np.eye(len(cofactor)) + cofactor))) if len(cofactor) else 0.0
+        ellipse = _ellipse(cofactor * np.outer(errors[name], errors[name])) if len(cofactor) == 2 else None
+        yield Candidate(photo, name, expected[name], ellipse, gain, _why(block, name))
+
+
+def _why(block: OnlineBlock, name: str) -> str:
+    rays = len(block.measurements.photos_of(name))
+    if not rays:
+        return "control that is not measured yet"
+    if rays == 1:
+        return "a second ray places it"
+    return "a third ray checks it" if rays == 2 else "one more ray"
+
+
+def _of_reduced(
+    block: OnlineBlock, name: str, ray: ObservationRows, rows: Mapping[ObservationKey, ObservationRows]
+) -> ObservationRows:
+    """Return the equations of a ray; of a point that is not in, what they say with its control about the others."""
+    if block.equations.has_point(name):
+        return ray
+    control = [other for key, other in rows.items() if key.point == name and key.kind != "photo"]
+    _, reduced = factored([*control, ray])
+    return ObservationRows(None, np.zeros((len(reduced.right), 3)), reduced.columns, reduced.rows, reduced.right)
+
+
+def _at_values(block: OnlineBlock, part: Block) -> Block:
+    """Return a block at the session's values, points that have none at their given coordinates."""
+    started = block.values.started(part)
+    start = started.point_start.copy()
+    missing = np.isnan(start).any(axis=1)
+    start[missing] = part.ground.to_local(given_coordinates(part)[missing])
+    return replace(started, point_start=start)
+
+
+def _expected(block: OnlineBlock, photo: str) -> dict[str, tuple[float, float]]:
+    """Return by name the stored coordinates at which an oriented photo should show points that it lacks."""
+    measurements = block.measurements
+    mine = set(measurements.points_in(photo))
+    near = {name for other in measurements.sharing(mine) for name in measurements.points_in(other)}
+    tied = {name for name in near - mine if name in block.values.points}
+    control = {
+        name
+        for name in measurements.control.points
+        if name not in measurements.points and measurements.control.has_coordinates(name)
+    }
+    names = sorted(tied | control)
+    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in names)
+    if part is None:
+        return {}
+    placed = _at_values(block, part)
+    rotation = rotation_from_angles(placed.photo_orientation[:, 3:])[0]
+    rays = (placed.point_start - placed.photo_orientation[0, :3]) @ rotation
+    c, dx, dy = placed.cameras[0].parameters[:3]
+    with np.errstate(all="ignore"):
+        xy = -c * rays[:, :2] / rays[:, 2:] + (dx, dy)
+    seen = (rays[:, 2] * c < 0.0) & _is_inside(placed.cameras[0], xy)
+    return _stored(block, photo, {placed.point_names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
+
+
+def _stored(block: OnlineBlock, photo: str, places: Mapping[str, FloatArray]) -> dict[str, tuple[float, float]]:
+    """Return stored coordinates of places in a photo, mm."""
+    if not places:
+        return {}
+    to_photo = block.measurements.inputs.interior.to_photo[record_key(photo)]
+    stored = to_photo.inverse().apply(np.array(list(places.values())))
+    return {name: (float(x), float(y)) for name, (x, y) in zip(places, stored, strict=True)}
+
+
+def _is_inside(camera: Camera, xy: FloatArray) -> FloatArray:
+    corners = frame_corners(camera)
+    if corners is None:
+        return np.asarray(np.isfinite(xy).all(axis=1))
+    lower, upper = (_INSIDE * corner for corner in corners)
+    return np.asarray((xy >= lower).all(axis=1) & (xy <= upper).all(axis=1))
+
+
+def _camera(block: OnlineBlock, photo: str) -> Camera:
+    records = block.measurements.inputs.records
+    return records.camera_of(records.photos[record_key(photo)])
+
+
+def _photo_mm(block: OnlineBlock, photo: str, points: Collection[str]) -> FloatArray:
+    """Return photo coordinates (n, 2) of measured points, mm."""
+    stored = [xy for name in points if (xy := block.measurements.at(photo, name)) is not None]
+    to_photo = block.measurements.inputs.interior.to_photo[record_key(photo)]
+    return to_photo.apply(np.array(stored, dtype=np.float64).reshape(-1, 2))
+
+
+def _empty_parts(block: OnlineBlock, photo: str, rays: Collection[Candidate]) -> Iterator[Candidate]:
+    """Yield the middles of the parts of an oriented photo that have no point, and none that could be measured."""
+    corners = frame_corners(_camera(block, photo))
+    if corners is None:
+        return
+    to_photo = block.measurements.inputs.interior.to_photo[record_key(photo)]
+    measured = _photo_mm(block, photo, block.measurements.points_in(photo))
+    expected = to_photo.apply(np.array([ray.xy for ray in rays], dtype=np.float64).reshape(-1, 2))
+    size = (corners[1] - corners[0]) / _CELLS
+    places = np.floor((np.vstack([measured, expected]) - corners[0]) / size)
+    taken = {(int(x), int(y)) for x, y in places}
+    for x in range(_CELLS):
+        for y in range(_CELLS):
+            if (x, y) not in taken:
+                place = _stored(block, photo, {"": corners[0] + size * (np.array([x, y]) + 0.5)})[""]
+                yield Candidate(photo, "", place, None, 0.0, "no point is measured in this part of the photo")
+
+
+def _known_points(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
+    """Yield known points of a photo that waits, where a photo with common points has them."""
+    measurements = block.measurements
+    mine = set(measurements.points_in(photo))
+    common = {
+        other: sorted(mine.intersection(measurements.points_in(other)))
+        for other in measurements.sharing(mine)
+        if other in block.values.orientations
+    }
+    if not common:
+        return
+    best = max(common, key=lambda other: (len(common[other]), other))
+    known = [name for name in measurements.points_in(best) if name not in mine and name in block.values.points]
+    if len(common[best]) < _COMMON or not known:
+        return
+    there, here = (_photo_mm(block, name, common[best]) @ [1.0, 1.0j] for name in (best, photo))
+    turn, shift = np.linalg.lstsq(np.column_stack([there, np.ones(len(there))]), here, rcond=None)[0]
+    place = turn * (_photo_mm(block, best, known) @ [1.0, 1.0j]) + shift
+    xy = np.column_stack([place.real, place.imag])
+    inside = _is_inside(_camera(block, photo), xy)
+    expected = {name: at for name, at, seen in zip(known, xy, inside, strict=True) if seen}
+    for name, stored in _stored(block, photo, expected).items():
+        yield Candidate(photo, name, stored, None, 0.0, "a known point: the photo waits for these")
+
+
+def _ellipse(covariance: FloatArray) -> tuple[float, float, float]:
+    """Return semi-axes of the standard ellipse of a position, and the direction of the larger one, degrees from x."""
+    values, vectors = np.linalg.eigh(covariance)
+    minor, major = np.sqrt(np.clip(values, 0.0, None))
+    return float(major), float(minor), float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0)

@@ -1,0 +1,304 @@
+"""What is measured in a session, found by photo and by point, and gathered as blocks as small as a single ray.
+
+A block of everything would have to be gathered again for every measurement. Values and equations of a new ray need the
+rays of its point, or of its photo, and what control observes of these; they are gathered alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.bundle.assemble import BlockInput, gather
+from orip.bundle.local_frame import ground_system
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.observations.measurement import PhotoObservations, no_observations
+from orip.records.observations.station import Station
+
+Pair = tuple[float, float]
+
+Measurement = tuple[str, str, Pair]
+"""Photo, point and stored coordinates; see `PhotoObservations.measured`."""
+
+RayName = tuple[str, str]
+"""Photo, as it is defined, and point."""
+
+_NO_ERRORS = (np.nan, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ray:
+    """Stored coordinates of a photo point and its own a-priori errors, NaN for those of the bundle."""
+
+    xy: Pair
+    errors: Pair = _NO_ERRORS
+
+
+def _testable(inputs: BlockInput) -> Control:
+    """Return the control with held coordinates as observations that are as precise as photo points are on the ground.
+
+    Only what is observed can be tested: control that is held would make what is measured near to a wrong point suspect.
+    """
+    control = inputs.control
+    known = [point.coordinates for point in control.points if None not in point.coordinates]
+    if inputs.definition.datum == "free" or len(known) < 2:
+        return control
+    error = _ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
+
+    def observed(point: ControlPoint) -> ControlPoint:
+        x, y, z = (error if given == 0.0 else given for given in point.errors)
+        return replace(point, errors=(x, y, z)) if point.kind == "control" and error > 0.0 else point
+
+    return replace(control, points=tuple(map(observed, control.points)))
+
+
+def _ray_error(inputs: BlockInput) -> float:
+    """Return the a-priori error of the direction of a ray, radians: that of photo coordinates over the typical C."""
+    precision = inputs.definition.measurement_precision
+    sizes = [size for pair in inputs.interior.pixel_sizes.values() for size in pair]
+    pixel = float(np.median(sizes)) if precision.unit == "px" and sizes else 1.0
+    distances = [camera.parameters[0] for camera in inputs.records.cameras.values() if camera.parameters[0] > 0.0]
+    return precision.value * pixel / float(np.median(distances)) if distances else 0.0
+
+
+class _ControlByName:
+    """All control of a project, found by the points and photos that it is about."""
+
+    def __init__(self, control: Control, preliminary: Iterable[PreliminaryPoint]) -> None:
+        self.points: dict[str, list[ControlPoint]] = {}
+        for point in control.points:
+            self.points.setdefault(point.name, []).append(point)
+        self.preliminary = {point.name: point for point in preliminary}
+        self.distances: dict[str, list[ControlDistance]] = {}
+        for distance in control.distances:
+            for name in (distance.start, distance.end):
+                self.distances.setdefault(name, []).append(distance)
+        self._of_cameras = [element for element in control.elements if element.group == "CAMERA"]
+        self._elements: dict[str, list[ControlElement]] = {}
+        for element in control.elements:
+            name = record_key(element.name) if element.group == "PHOTO" else element.name
+            self._elements.setdefault(f"{element.group} {name}", []).append(element)
+        self._stations: dict[str, list[Station]] = {}
+        for station in control.stations:
+            self._stations.setdefault(record_key(station.photo), []).append(station)
+
+    def about(self, photos: Collection[str], points: Collection[str]) -> Control:
+        """Return what is observed of some photos and points; directions are left to the adjustment."""
+        keys = [record_key(photo) for photo in photos]
+        of_records = [f"PHOTO {key}" for key in keys] + [f"POINT {name}" for name in points]
+        distances = {id(line): line for name in points for line in self.distances.get(name, ())}
+        return Control(
+            tuple(point for name in points for point in self.points.get(name, ())),
+            (*self._of_cameras, *(element for name in of_records for element in self._elements.get(name, ()))),
+            tuple(distances.values()),
+            (),
+            tuple(station for key in keys for station in self._stations.get(key, ())),
+        )
+
+    def has_coordinates(self, name: str) -> bool:
+        """Return whether a point has all of its coordinates given: by control or as preliminary ones."""
+        given = {
+            place
+            for point in self.points.get(name, ())
+            if point.kind == "control"
+            for place in range(3)
+            if point.coordinates[place] is not None
+        }
+        constant = {
+            "XYZ".index(element.kind) for element in self._elements.get(f"POINT {name}", ()) if element.error == 0.0
+        }
+        return name in self.preliminary or len(given | constant) == 3
+
+    def tied_to(self, points: Iterable[str]) -> set[str]:
+        """Return the points that distances tie to some points, with these themselves where any does."""
+        return {
+            name
+            for point in points
+            for line in self.distances.get(point, ())
+            for name in (line.start, line.end)
+        }  # fmt: skip
+
+
+class Measurements:
+    """The rays of a session.
+
+    Additional parameters, directions, and exposure stations with an unknown shift or drift are left to the adjustment
+    of the whole block.
+
+    Parameters
+    ----------
+    inputs : BlockInput
+        Its observations are those that there are at the beginning; none is needed.
+
+    Raises
+    ------
+    InputError
+        If what is measured cannot be gathered, or nothing tells where a block with a crs lies.
+    """
+
+    def __init__(self, inputs: BlockInput) -> None:
+        self._inputs = replace(inputs, control=_testable(inputs))
+        self.control = _ControlByName(self._inputs.control, inputs.preliminary)
+        antennas = tuple(replace(antenna, unknown=()) for antenna in inputs.antennas if antenna.shift == "none")
+        self._has_steady_antennas = len(antennas) == len(inputs.antennas)
+        self._antennas = antennas if self._has_steady_antennas else ()
+        self._of_photo: dict[str, dict[str, _Ray]] = {}
+        self._of_point: dict[str, dict[str, _Ray]] = {}
+        self._count = 0
+        self._whole: Block | None = None
+        self._ground = ground_system(inputs.crs, inputs.ground_unit, inputs.control.points, self._known_centres())
+        given = inputs.measured.observations.get(record_key(inputs.definition.name))
+        if given is not None:
+            rows = zip(given.photos, given.points, given.measured.tolist(), given.errors.tolist(), strict=True)
+            for photo, point, (x, y), errors in rows:
+                self._set(self.name_of(photo), point, _Ray((x, y), tuple(errors)))
+
+    def _known_centres(self) -> np.ndarray:
+        nothing = (np.nan,) * 3
+        known = [
+            [np.nan if value is None else value for value in photo.orientation[:3]]
+            for photo in self._inputs.records.photos.values()
+        ]
+        observed = [station.position for station in self._inputs.control.stations]
+        return np.array([*known, *observed, nothing], dtype=np.float64).reshape(-1, 3)
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def photos(self) -> tuple[str, ...]:
+        """Return the photos in which something is measured, in the order of their first points."""
+        return tuple(self._of_photo)
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Return the points that are measured, in the order of their first rays."""
+        return tuple(self._of_point)
+
+    @property
+    def observations(self) -> PhotoObservations:
+        """Return all rays as observations of the bundle."""
+        return self._as_observations((photo, point, ray) for photo, point, ray in self._all())
+
+    @property
+    def inputs(self) -> BlockInput:
+        """Return what the session was begun with."""
+        return self._inputs
+
+    def name_of(self, photo: str) -> str:
+        """Return the name of a photo as it is defined."""
+        record = self._inputs.records.photos.get(record_key(photo))
+        return photo if record is None else record.name
+
+    def points_in(self, photo: str) -> Collection[str]:
+        """Return the points that are measured in a photo."""
+        return self._of_photo.get(photo, {}).keys()
+
+    def photos_of(self, point: str) -> Collection[str]:
+        """Return the photos in which a point is measured."""
+        return self._of_point.get(point, {}).keys()
+
+    def sharing(self, points: Iterable[str]) -> set[str]:
+        """Return the photos that show some of the points."""
+        return {photo for point in points for photo in self._of_point.get(point, ())}
+
+    def at(self, photo: str, point: str) -> Pair | None:
+        """Return the stored coordinates of a photo point; None if it is not measured."""
+        ray = self._of_photo.get(photo, {}).get(point)
+        return None if ray is None else ray.xy
+
+    def put(self, measurement: Measurement) -> bool:
+        """Add a photo point, or replace what was measured of it; return whether it was measured before.
+
+        Raises
+        ------
+        InputError
+            If the photo is not defined or has no interior orientation; nothing has changed then.
+        """
+        photo, point, xy = measurement
+        before = self._of_photo.get(photo, {}).get(point)
+        if photo not in self._of_photo:
+            self._gathered([(photo, point, _Ray(xy))])
+        self._set(photo, point, _Ray(xy) if before is None else replace(before, xy=xy))
+        return before is not None
+
+    def remove(self, photo: str, point: str) -> None:
+        """Delete a photo point.
+
+        Raises
+        ------
+        KeyError
+            If it is not measured.
+        """
+        del self._of_photo[photo][point], self._of_point[point][photo]
+        if not self._of_photo[photo]:
+            del self._of_photo[photo]
+        if not self._of_point[point]:
+            del self._of_point[point]
+        self._count -= 1
+        self._whole = None
+
+    def part(self, rays: Iterable[RayName]) -> Block | None:
+        """Return the block of some rays, and what control observes of their photos and points; None without rays."""
+        chosen = [(photo, point, self._of_photo[photo][point]) for photo, point in dict.fromkeys(rays)]
+        return self._gathered(chosen) if chosen else None
+
+    def as_if(self, measured: Iterable[Measurement]) -> Block | None:
+        """Return the block of rays that are not measured, with the coordinates that they would have."""
+        chosen = [(photo, point, _Ray(xy)) for photo, point, xy in measured]
+        return self._gathered(chosen) if chosen else None
+
+    def whole(self) -> Block | None:
+        """Return the block of all rays; None if there are none."""
+        if self._whole is None and self._count:
+            self._whole = self._gathered(list(self._all()))
+        return self._whole
+
+    def _all(self) -> Iterator[tuple[str, str, _Ray]]:
+        return ((photo, point, ray) for photo, rays in self._of_photo.items() for point, ray in rays.items())
+
+    def _set(self, photo: str, point: str, ray: _Ray) -> None:
+        self._count += point not in self._of_photo.setdefault(photo, {})
+        self._of_photo[photo][point] = self._of_point.setdefault(point, {})[photo] = ray
+        self._whole = None
+
+    def _as_observations(self, rays: Iterable[tuple[str, str, _Ray]]) -> PhotoObservations:
+        chosen, bundle = list(rays), self._inputs.definition.name
+        if not chosen:
+            return no_observations(bundle)
+        photos, points, values = zip(*chosen, strict=True)
+        return PhotoObservations(
+            bundle,
+            photos,
+            points,
+            np.array([ray.xy for ray in values], dtype=np.float64),
+            np.array([ray.errors for ray in values], dtype=np.float64),
+            np.zeros(len(chosen), dtype=bool),
+        )
+
+    def _gathered(self, rays: list[tuple[str, str, _Ray]]) -> Block:
+        photos, points = dict.fromkeys(photo for photo, _, _ in rays), dict.fromkeys(point for _, point, _ in rays)
+        observations: Mapping[str, PhotoObservations] = {
+            record_key(self._inputs.definition.name): self._as_observations(rays)
+        }
+        ends = self.control.tied_to(points)
+        inputs = replace(
+            self._inputs,
+            measured=replace(self._inputs.measured, observations=dict(observations)),
+            control=self.control.about(photos, [*points, *(ends - points.keys())]),
+            preliminary=tuple(
+                self.control.preliminary[name] for name in {*points, *ends} if name in self.control.preliminary
+            ),
+            antennas=self._antennas,
+            warnings=(),
+        )
+        block = gather(inputs, self._ground)
+        return replace(
+            block,
+            cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras),
+            stations=block.stations if self._has_steady_antennas else (),
+        )

@@ -1,0 +1,339 @@
+"""The type of result.json, and of the parts of it that `orip results` prints."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from msgspec import UNSET, Meta, UnsetType, field
+
+from orip.schemas.parts import Estimate, Part, Status, Warned
+
+
+class Iteration(Part, frozen=True):
+    """An iteration of the adjustment."""
+
+    iteration: int
+    enp: float | None
+    sigma0: float | None
+    down_weighted: int
+    singular: int
+
+
+class Coordinates(Part, frozen=True):
+    """Of a position: residuals, standard residuals or weight factors."""
+
+    X: float | None
+    Y: float | None
+    Z: float | None
+
+
+class Angles(Part, frozen=True):
+    """Of an attitude: residuals, standard residuals or weight factors."""
+
+    OMEGA: float | None
+    PHI: float | None
+    KAPPA: float | None
+
+
+class Photo(Part, frozen=True):
+    """Exterior orientation: ground units and degrees."""
+
+    X0: Estimate
+    Y0: Estimate
+    Z0: Estimate
+    OMEGA: Estimate
+    PHI: Estimate
+    KAPPA: Estimate
+
+
+class Point(Part, frozen=True):
+    """A point on the ground."""
+
+    X: Estimate
+    Y: Estimate
+    Z: Estimate
+    rays: int
+    kind: Literal["control", "check", "rejected", "tie"]
+
+
+class Station(Part, frozen=True):
+    """A photo with an exposure station."""
+
+    strip: str | None
+    time: float | None
+    residual: Coordinates | UnsetType = UNSET
+    w: Coordinates | UnsetType = UNSET
+    weight_factor: Coordinates | UnsetType = UNSET
+    attitude_residual: Angles | UnsetType = UNSET
+    attitude_w: Angles | UnsetType = UNSET
+    attitude_weight_factor: Angles | UnsetType = UNSET
+
+
+class Theodolite(Part, frozen=True):
+    """The zero direction of a set."""
+
+    R: Estimate
+
+
+class Observation(Part, frozen=True):
+    """An observation that lost weight."""
+
+    kind: str
+    photo: str
+    point: str
+    component: str
+    residual: float | None
+    standard_residual: float | None
+    weight_factor: float | None
+
+
+class Singular(Part, frozen=True):
+    """An unknown that nothing determines."""
+
+    group: str
+    name: str
+    kind: str
+    lost_digits: float | None
+
+
+class Correlation(Part, frozen=True):
+    """The correlation of two camera unknowns."""
+
+    a: str
+    b: str
+    r: float | None
+
+
+class Blunder(Part, frozen=True):
+    """An observation that data snooping took out."""
+
+    order: int
+    kind: str
+    photo: str
+    point: str
+    component: str
+    size: float | None
+    sd: float | None
+    statistic: float | None
+    limit: float | None
+    alternatives: list[str]
+
+
+class Diagnosis(Part, frozen=True):
+    """A finding about the block and what to do."""
+
+    code: str
+    where: str
+    text: str
+    remedy: str
+
+
+class CheckPoint(Part, frozen=True):
+    """A check point: adjusted minus given."""
+
+    name: str
+    dX: float | None
+    dY: float | None
+    dZ: float | None
+
+
+class Group(Part, frozen=True):
+    """A group of observations and its tests."""
+
+    kind: str
+    of: str
+    component: str
+    number: int
+    down_weighted: int
+    redundancy: float | None
+    sigma0: float | None
+    p_sigma0: float | None
+    mean: Estimate
+    p_mean: float | None
+    shift: Estimate
+    worst: str
+    worst_size: float | None
+    p_worst: float | None
+    doubted: bool
+
+
+class VarianceComponent(Part, frozen=True):
+    """The estimated error of a group divided by the given one."""
+
+    kind: str
+    of: str
+    component: str
+    number: int
+    redundancy: float | None
+    factor: Estimate
+    p: float | None
+
+
+class InteriorOrientation(Part, frozen=True):
+    """The orientation of a photo or template by its marks."""
+
+    type: str
+    x0: float | None
+    y0: float | None
+    ro: float | None
+    sk: float | None
+    sx: float | None
+    sy: float | None
+    s0: float | None
+    redundancy: int
+
+
+class Interior(Part, frozen=True):
+    """Orientations by marks, by name."""
+
+    templates: dict[str, InteriorOrientation]
+    photos: dict[str, InteriorOrientation]
+
+
+_ESTIMATE = {"$ref": "#/$defs/Estimate"}
+_OF_STRIPS = {"type": "object", "additionalProperties": {"type": "object", "additionalProperties": _ESTIMATE}}
+Antenna = Annotated[
+    dict[str, Any], Meta(extra_json_schema={"properties": {"strips": _OF_STRIPS}, "additionalProperties": _ESTIMATE})
+]
+"""Parameters of an antenna; under ``strips`` those of its strips."""
+
+
+class Result(Part, frozen=True):
+    """All figures of an adjustment: result.json, also printed by `orip solve` and `orip run` with --json."""
+
+    schema: Literal["orip.result/1"]
+    run: str
+    project: str
+    user: str
+    bundle: str
+    status: Status
+    verdict: str
+    ground_unit: str
+    sigma0: float | None
+    sigma0_all: float | None
+    redundancy: int
+    redundancy_used: float | None
+    observations: int
+    unknowns: int
+    enp: float | None
+    iterations: list[Iteration]
+    cameras: dict[str, dict[str, Estimate]]
+    projections: dict[str, Literal["perspective", "equidistant"]]
+    photos: dict[str, Photo]
+    points: dict[str, Point]
+    antennas: dict[str, Antenna]
+    stations: dict[str, Station]
+    theodolites: dict[str, Theodolite]
+    down_weighted: list[Observation]
+    singular: list[Singular]
+    correlations: list[Correlation]
+    blunders: list[Blunder]
+    diagnosis: list[Diagnosis]
+    check_points: list[CheckPoint]
+    groups: list[Group]
+    variance_components: list[VarianceComponent]
+    interior: Interior
+    inputs: dict[str, str]
+    warnings: list[Warned]
+
+
+class Results(Part, frozen=True):
+    """The results of all bundles, from `orip run` in a project with several."""
+
+    command: Literal["run"]
+    results: list[Result]
+
+
+class Residual(Part, frozen=True):
+    """A row of residuals.csv."""
+
+    kind: str
+    photo: str
+    point: str
+    component: str
+    observed: float | None
+    residual: float | None
+    a_priori: float | None
+    standard_residual: float | None
+    weight_factor: float | None
+    redundancy_number: float | None
+    w: float | None
+
+
+class PartOfResult(Part, frozen=True):
+    """A part of the result: the cameras, photos, points, theodolites or residuals that were asked for."""
+
+    run: str
+    cameras: dict[str, dict[str, Estimate]] | UnsetType = UNSET
+    photos: dict[str, Photo] | UnsetType = UNSET
+    points: dict[str, Point] | UnsetType = UNSET
+    theodolites: dict[str, Theodolite] | UnsetType = UNSET
+    residuals: list[Residual] | UnsetType = UNSET
+
+
+class Covariance(Part, frozen=True):
+    """Where the covariance matrix was written."""
+
+    command: Literal["results covariance"]
+    run: str
+    file: str
+    figures: int
+
+
+class Gate(Part, frozen=True):
+    """A gate with the figure that it limits; the reason says why a value is null."""
+
+    name: str
+    operator: Literal["<", "<=", ">", ">=", "==", "!="]
+    limit: float
+    value: float | None
+    passed: bool = field(name="pass")
+    reason: str | None
+
+
+class Check(Part, frozen=True):
+    """Gates against the last adjustment."""
+
+    command: Literal["check"]
+    bundle: str
+    run: str
+    status: Status
+    gates: list[Gate]
+    passed: bool = field(name="pass")
+    warnings: list[Warned]
+
+
+class Report(Part, frozen=True):
+    """Where the report was written."""
+
+    command: Literal["report"]
+    run: str
+    bundle: str
+    file: str
+    pdf: str | UnsetType = UNSET
+
+
+class Difference(Part, frozen=True):
+    """A figure in which two results differ by more than is allowed."""
+
+    name: str
+    a: float | str | None
+    b: float | str | None
+    difference: float | None
+    allowed: float
+
+
+class Compare(Part, frozen=True):
+    """Two results compared figure by figure."""
+
+    command: Literal["compare"]
+    a: str
+    b: str
+    tolerance: float
+    relative: float
+    sigma: float | None
+    equal: bool
+    compared: int
+    differences: list[Difference]
+    only_in_a: list[str]
+    only_in_b: list[str]

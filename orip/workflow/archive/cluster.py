@@ -1,0 +1,156 @@
+"""The cluster that an archive is adjusted on: one of this machine, or one that was started separately."""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from orip.errors import OripError, UsageError
+from orip.version import __version__
+from orip.workflow.archive.worker import WorkerFacts, worker_facts
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_CONNECT_SECONDS = 10
+_WORKERS_SECONDS = 30
+_CLOSE_SECONDS = 5
+_MOST_DEATHS = 20
+"""Workers that may die with a project before it is given up: of a cluster on this machine, where Dask would take 3."""
+
+INSTALL = "pip install 'orip[archive]'"
+
+
+class LostClusterError(OripError):
+    """The scheduler or its workers no longer answer."""
+
+
+def require_dask() -> None:
+    """Raise UsageError if what archives need is not installed."""
+    missing = [name for name in ("distributed", "pyarrow") if importlib.util.find_spec(name) is None]
+    if missing:
+        message = f"archives need {' and '.join(missing)}: {INSTALL}"
+        raise UsageError(message)
+
+
+@contextmanager
+def connected(address: str | None, workers: int | None) -> Iterator[Client]:
+    """Connect to a scheduler, or start a cluster on this machine and end it afterwards.
+
+    Parameters
+    ----------
+    address : str or None
+        Of a scheduler, such as ``tcp://host:8786``; None: a cluster is started.
+    workers : int or None
+        Worker processes of that cluster; None: one for each core.
+
+    Raises
+    ------
+    LostClusterError
+        If nothing answers at the address, or no worker is there.
+    UsageError
+        If the address is malformed.
+    """
+    logging.disable(logging.CRITICAL)  # what matters is told by the program itself
+    try:
+        with _own_cluster(workers) if address is None else _scheduler(address) as client:
+            yield client
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+@contextmanager
+def _own_cluster(workers: int | None) -> Iterator[Client]:
+    """Start a cluster on this machine, and end it."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS, "distributed.worker.profile.enabled": False}
+    with (
+        dask.config.set(settings),
+        LocalCluster(
+            n_workers=workers or cores(),
+            threads_per_worker=1,
+            memory_limit=0,  # projects have limits of their own, and none is in the worker's process
+            dashboard_address="127.0.0.1:8787",
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+@contextmanager
+def _scheduler(address: str) -> Iterator[Client]:
+    """Connect to a scheduler, and leave it."""
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout=_CONNECT_SECONDS)
+    except ValueError as error:
+        message = f"'{address}' is no address of a scheduler ({error}); it is like tcp://HOST:8786"
+        raise UsageError(message) from None
+    except (OSError, TimeoutError):
+        message = f"no scheduler answers at {address}; start it with 'dask scheduler', or correct --dask"
+        raise LostClusterError(message) from None
+    try:
+        _wait_for_workers(client, address)
+        yield client
+    finally:
+        with suppress(Exception):  # the scheduler may be gone
+            client.close(timeout=_CLOSE_SECONDS)
+
+
+def cores() -> int:
+    """Return the cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _wait_for_workers(client: Client, address: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=_WORKERS_SECONDS)
+    except TimeoutError:
+        message = f"the scheduler at {address} has no worker; start one there with 'dask worker {address}'"
+        raise LostClusterError(message) from None
+
+
+def require_fit_workers(client: Client, marker: Path) -> None:
+    """See to it that all workers have the same orip as this process, with the same compiled loops, and see the files.
+
+    Parameters
+    ----------
+    client : Client
+    marker : Path
+        A file in the folder of results.
+
+    Raises
+    ------
+    OripError
+        With everything that is wrong with the workers.
+    """
+    found: Mapping[str, object] = client.run(worker_facts, str(marker), on_error="return")
+    here = worker_facts(str(marker))
+    faults = [f"worker {worker}: {fault}" for worker, facts in sorted(found.items()) for fault in _faults(facts, here)]
+    if faults:
+        raise OripError("\n".join(faults))
+
+
+def _faults(facts: object, here: WorkerFacts) -> Iterator[str]:
+    """Yield what is wrong with a worker."""
+    if not isinstance(facts, WorkerFacts):
+        yield f"orip cannot be loaded there ({facts}); install the same version: {INSTALL}, version {__version__}"
+        return
+    if facts.orip != here.orip:
+        yield f"it has orip {facts.orip}, and this is {here.orip}; install the same version on both"
+    if facts.is_compiled != here.is_compiled:
+        which, other = ("it", "this installation") if here.is_compiled else ("this installation", "it")
+        yield f"{which} lacks the compiled loops that {other} has; install its wheel there, or orip with a C compiler"
+    if not facts.sees_results:
+        yield "it does not see the folder of results; archive and results need the same path on all machines"
+    if not facts.can_fork:
+        yield "its system does not copy processes (fork), which the limits of projects need; use Linux or macOS"

@@ -1,0 +1,198 @@
+"""`orip archive run`: all projects of an archive, as tasks of Dask."""
+
+from __future__ import annotations
+
+import pickle
+import secrets
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from orip.archive.order import ArchiveProject, in_order
+from orip.archive.progress import Progress
+from orip.errors import LockedError, OripError
+from orip.files.archive.layout import ResultsFolder
+from orip.files.archive.plan import ArchivePlan, write_plan
+from orip.files.text.atomic import reporting_failure
+from orip.files.text.lock import locked
+from orip.version import __version__
+from orip.workflow.archive.cluster import LostClusterError, connected, require_dask, require_fit_workers
+from orip.workflow.archive.collecting import Collected, collect
+from orip.workflow.archive.finding import find_projects
+from orip.workflow.archive.task import AS_USUAL, ProjectTask, TaskReply, TaskSettings, keep
+from orip.workflow.archive.worker import MachineFailureError, run_project
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_RETRIES = 2
+"""How often a project is repeated whose process died or whom the system refused something."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArchiveRequest:
+    """What is to be run, and where.
+
+    Parameters
+    ----------
+    roots : sequence of Path
+        Folders whose projects are run.
+    results : Path
+        The folder of results.
+    settings : TaskSettings
+    method : str
+        The method in words, for the overview.
+    scheduler : str or None
+        Its address; None: a cluster on this machine.
+    workers : int or None
+        Worker processes on this machine; None: one for each core.
+    """
+
+    roots: Sequence[Path]
+    results: Path
+    settings: TaskSettings = AS_USUAL
+    method: str = ""
+    scheduler: str | None = None
+    workers: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ArchiveWatcher:
+    """Functions that are called as a run goes on: with the plan, when the cluster is there; with each reply."""
+
+    began: Callable[[ArchivePlan], None]
+    replied: Callable[[TaskReply, Progress], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ArchiveRun:
+    """A run that has come to its end."""
+
+    progress: Progress
+    collected: Collected
+
+
+def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
+    """Adjust all projects that are not finished, and write tables and overview.
+
+    Raises
+    ------
+    UsageError
+        If there is no project, or Dask is not installed.
+    LockedError
+        If another run writes the same results.
+    LostClusterError
+        If the scheduler is lost; what is finished stays so.
+    OripError
+        If the workers do not fit, or the results cannot be written.
+    """
+    require_dask()
+    base, projects = find_projects(request.roots, request.results)
+    results = ResultsFolder(request.results.resolve())
+    with _alone(results), connected(request.scheduler, request.workers) as client:
+        require_fit_workers(client, results.lock)
+        names = tuple(project.name for project in projects)
+        plan = ArchivePlan(
+            str(base), names, request.settings.digest, request.method, __version__, client.dashboard_link, time.time()
+        )
+        write_plan(results, plan)
+        watcher.began(plan)
+        progress = Progress(len(projects))
+        tasks = _Tasks(client, request.settings, str(results.folder))
+        for reply in tasks.replies(projects):
+            progress.states[reply.state] += 1
+            progress.repeated += reply.repeated
+            progress.seconds = time.time() - plan.began
+            watcher.replied(reply, progress)
+    return ArchiveRun(progress, collect(results, plan))
+
+
+@contextmanager
+def _alone(results: ResultsFolder) -> Iterator[None]:
+    """Hold the lock of the results."""
+    with reporting_failure(results.folder, "remove the cause, or name another folder with --out"):
+        results.folder.mkdir(parents=True, exist_ok=True)
+        results.lock.touch()
+    try:
+        with locked(results.lock, str(results.folder), timeout=0.0):
+            yield
+    except LockedError:
+        message = f"another 'orip archive run' is writing {results.folder}; 'orip archive status' shows how far it is"
+        raise LockedError(message) from None
+
+
+@dataclass
+class _Tasks:
+    """The tasks of a run at the scheduler."""
+
+    client: Client
+    settings: TaskSettings
+    results: str
+    token: str = field(default_factory=lambda: secrets.token_hex(4))
+    again: dict[str, int] = field(default_factory=dict)
+
+    def replies(self, projects: Iterable[ArchiveProject]) -> Iterator[TaskReply]:
+        """Hand out all projects, and yield how they end, in the order in which they end."""
+        from distributed import as_completed
+
+        futures: dict[str, Future] = {}
+        tasks: dict[str, ProjectTask] = {}
+        for project, waits in in_order(projects):
+            task = ProjectTask(project.name, project.folder, self.results, self.settings)
+            tasks[project.name] = task
+            futures[project.name] = self._submitted(task, [futures[name] for name in waits])
+        names = {future.key: name for name, future in futures.items()}
+        ended = as_completed(futures.values())
+        futures.clear()  # what nobody holds any longer leaves the scheduler's memory
+        for future in ended:
+            task = tasks[names.pop(future.key)]
+            reply = self._reply(future, task)
+            if reply is None:
+                repeated = self._submitted(task, [])
+                names[repeated.key] = task.name
+                ended.add(repeated)
+            else:
+                yield reply
+
+    def _submitted(self, task: ProjectTask, waits: Sequence[Future]) -> Future:
+        number = self.again.get(task.name, 0)
+        key = f"{task.name}-{self.token}-{number}"
+        return self.client.submit(
+            run_project, __version__, pickle.dumps(task), *waits, key=key, retries=_RETRIES, pure=False
+        )
+
+    def _reply(self, future: Future, task: ProjectTask) -> TaskReply | None:
+        """Return how a project ended; None if it is to be tried again."""
+        if future.status == "finished":
+            try:
+                reply: TaskReply = pickle.loads(future.result())
+            except Exception as error:
+                raise _lost(self.client) from error
+            return reply
+        if future.status != "error":  # cancelled, as all are when the scheduler goes
+            raise _lost(self.client)
+        failure = future.exception()
+        is_killed = type(failure).__name__ == "KilledWorker"
+        if not is_killed and not isinstance(failure, MachineFailureError):
+            message = f"a worker cannot adjust projects: {failure}"
+            raise OripError(message)
+        if is_killed and self.again.get(task.name, 0) < _RETRIES:
+            self.again[task.name] = self.again.get(task.name, 0) + 1
+            return None
+        what = "its workers died again and again" if is_killed else str(failure)
+        message = f"{what}; tried {_RETRIES + 1} times, and again by the next 'orip archive run'"
+        with reporting_failure(self.results, "remove the cause, then repeat the command"):
+            keep(task, "machine", message)
+        return TaskReply(task.name, "machine", message)
+
+
+def _lost(client: Client) -> LostClusterError:
+    address = client.scheduler.address if client.scheduler is not None else "this address"
+    message = (
+        f"the scheduler at {address} no longer answers; start it again and repeat the command: what is finished is not "
+        "repeated"
+    )
+    return LostClusterError(message)

@@ -1,0 +1,84 @@
+"""What the page of `orip online` shows: the frames of all photos with their points, and what was answered last."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from orip.interior.fiducial_system import frame_corners
+from orip.link.watch import Document
+from orip.online.measuring import Measuring
+from orip.online.ray_states import ray_states
+from orip.records.names import record_key
+
+_LONGEST_HISTORY = 2000
+"""Values of sigma0 that are drawn."""
+
+_MOST_WAITING = 30
+"""Sentences about what waits that are shown."""
+
+
+class OnlinePage:
+    """A session as its page shows it. `state` may be called from several threads at once.
+
+    Parameters
+    ----------
+    measuring : function
+        Returns the session's measuring, which is another one after the project has changed.
+    lock : lock
+        Held while a request is answered.
+    """
+
+    page = "online.html"
+
+    def __init__(self, project: str, measuring: Callable[[], Measuring], lock: threading.Lock) -> None:
+        self.scene: Document = {"project": project}
+        self.commands: Mapping[str, Callable[[Document], Document]] = {}
+        self._measuring, self._lock = measuring, lock
+        self._serial, self._is_old = 0, True
+        self._answer: Document = {}
+        self._history: list[float] = []
+        self._state: Document = {}
+
+    def answered(self, reply: Document) -> None:
+        """Keep what was answered last; the lock is held."""
+        if "state" in reply or "error" in reply:
+            self._answer = reply
+        sigma0 = reply.get("sigma0")
+        if isinstance(sigma0, float):
+            self._history = [*self._history, sigma0][-_LONGEST_HISTORY:]
+        self._is_old = True
+
+    def state(self) -> Document:
+        """Return all photos with their points, mm, the last answer, what waits and sigma0 over time."""
+        with self._lock:
+            if self._is_old:
+                self._serial += 1
+                self._state = {"serial": self._serial, **self._document()}
+                self._is_old = False
+            return self._state
+
+    def _document(self) -> Document:
+        measuring = self._measuring()
+        records, interior = measuring.block.measurements.inputs.records, measuring.block.measurements.inputs.interior
+        photos: dict[str, Document] = {}
+        for ray in ray_states(measuring):
+            photo = photos.get(ray.photo)
+            if photo is None:
+                corners = frame_corners(records.camera_of(records.photos[record_key(ray.photo)]))
+                photo = photos[ray.photo] = {
+                    "name": ray.photo,
+                    "oriented": ray.photo in measuring.block.values.orientations,
+                    "frame": None if corners is None else [*corners[0].tolist(), *corners[1].tolist()],
+                    "points": [],
+                }
+            x, y = interior.to_photo[record_key(ray.photo)].apply(np.array([ray.xy]))[0].tolist()
+            photo["points"].append([ray.point, round(x, 3), round(y, 3), ray.state])
+        return {
+            "photos": list(photos.values()),
+            "answer": self._answer,
+            "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
+            "history": self._history,
+        }

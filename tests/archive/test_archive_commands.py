@@ -1,0 +1,118 @@
+"""`orip archive` from the command line: a run, taken up again, and what is said of wrong words."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli.command_line import orip
+from support.json_schemas import schema_faults
+from workflow.small_projects import first_project
+
+from orip.errors import OripError
+from orip.workflow.archive.cluster import require_fit_workers
+from orip.workflow.archive.worker import WorkerFacts, worker_facts
+
+pytest.importorskip("distributed")
+pytest.importorskip("pyarrow")
+
+needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not copy processes")
+
+
+def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run orip as its users do: Dask has threads and warnings of its own."""
+    return subprocess.run(
+        [sys.executable, "-m", "orip", "-C", str(folder), *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@needs_fork
+@pytest.mark.slow
+def test_a_run_on_this_machine(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / "surveys" / name).mkdir(parents=True)
+        first_project(tmp_path / "surveys" / name)
+    (tmp_path / "surveys" / "b" / "FIRST.PNT").write_text("P1 one 2 3 0.1 0.1 0.1\n")
+    first = run(tmp_path, "archive", "run", "surveys", "--no-report", "--json", "--workers", "1")
+    assert first.returncode == 0, first.stderr
+    assert json.loads(first.stdout)["states"] == {"adjusted": 2, "wrong": 1}
+    assert "dashboard http" in first.stderr
+    assert "wrong    b: FIRST.PNT:1" in first.stderr
+    assert "Traceback" not in first.stderr
+    status = orip(tmp_path, "--json", "archive", "status").document
+    assert (status["projects"], status["running"]) == (3, False)
+    assert [row["project"] for row in status["not_adjusted"]] == ["b"]
+    report = orip(tmp_path, "--json", "archive", "report").document
+    assert report["rows"]["projects"] == 3
+    for document in (json.loads(first.stdout), status, report):
+        assert schema_faults(document) == []
+    assert "finished" in orip(tmp_path, "archive", "status").out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "missing"), "there is no folder"),
+        (("run", "."), "no project below"),
+        (("run", ".", "--dask", "tcp://127.0.0.1:9", "--workers", "2"), "give one of them"),
+        (("run", ".", "--check", "sigma0"), "sigma0"),
+        (("status",), "holds no results of an archive"),
+        (("report", "nothing"), "holds no results of an archive"),
+        (("diff", "nothing", "nowhere"), "holds no results of an archive"),
+    ],
+)
+def test_wrong_words_are_refused(tmp_path: Path, words: tuple[str, ...], said: str) -> None:
+    found = orip(tmp_path, "archive", *words)
+    assert found.code == 2
+    assert said in found.err
+
+
+def test_damaged_results_are_named(tmp_path: Path) -> None:
+    (tmp_path / "archive_results").mkdir()
+    (tmp_path / "archive_results" / "archive.json").write_text('{"schema": "orip.archive/99"}')
+    found = orip(tmp_path, "archive", "status")
+    assert found.code == 3
+    assert "orip.archive/99" in found.err
+
+
+def test_help_does_not_load_dask(tmp_path: Path) -> None:
+    code = "import sys; from orip.cli.main import main; sys.argv = ['orip', 'archive', '--help']\ntry: main()\n"
+    code += "except SystemExit: print(sorted({'dask', 'distributed', 'pyarrow', 'numpy'} & set(sys.modules)))"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert said.stdout.endswith("[]\n")
+
+
+class Workers:
+    """A client of a cluster whose workers are as given."""
+
+    def __init__(self, **workers: object) -> None:
+        self.workers = workers
+
+    def run(self, *_: object, **__: object) -> dict[str, object]:
+        return self.workers
+
+
+def test_workers_that_do_not_fit_are_named_with_all_that_is_wrong(tmp_path: Path) -> None:
+    fit = worker_facts(str(tmp_path))
+    marker = tmp_path / "marker"
+    marker.touch()
+    here = worker_facts(str(marker))
+    require_fit_workers(Workers(one=here), marker)
+    other = WorkerFacts("0.0", not here.is_compiled, sees_results=False, can_fork=False)
+    with pytest.raises(OripError) as found:
+        require_fit_workers(Workers(one=here, two=other, three=ModuleNotFoundError("No module named 'orip'")), marker)
+    lines = str(found.value).splitlines()
+    assert not fit.sees_results
+    assert lines[0].startswith("worker three: orip cannot be loaded there (No module named 'orip'); install")
+    assert [line.partition(": ")[0] for line in lines[1:]] == ["worker two"] * 4
+    assert f"it has orip 0.0, and this is {here.orip}" in lines[1]
+    assert "lacks the compiled loops" in lines[2]
+    assert "does not see the folder of results" in lines[3]

@@ -1,0 +1,87 @@
+"""Points that are eliminated together: every point in one group, and groups joined only where that saves time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from aerial_blocks import aerial_block
+
+from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
+from orip.bundle.problem import pose_problem
+from orip.records.block import Block
+
+
+def of_points(*photos: tuple[int, ...]) -> tuple[np.ndarray, list[frozenset[int]]]:
+    start = np.cumsum([0, *(len(shown) for shown in photos)])
+    return sets_of_photos(np.array(sum(photos, ()), dtype=np.int32), start)
+
+
+def test_points_of_the_same_photos_are_one_set() -> None:
+    number, sets = of_points((0, 1), (1, 2, 5), (0, 1), (1, 2))
+    assert number.tolist() == [0, 1, 0, 2]
+    assert sets == [{0, 1}, {1, 2, 5}, {1, 2}]
+
+
+def test_neighbours_that_share_most_photos_are_joined_and_others_are_not() -> None:
+    # ten points on a line, each seen by one photo more on the right and one less on the left; ten others far away
+    windows = [tuple(range(k, k + 30)) for k in (*range(10), *range(100, 110))]
+    number, sets = of_points(*windows)
+    along = np.array([*range(10), *range(1000, 1010)], dtype=float)
+    group = groups_of_sets(number, sets, np.column_stack([along, np.zeros((20, 2))]))
+    assert len(set(group[:10])) < 5
+    assert not set(group[:10]) & set(group[10:])
+
+
+def test_many_points_of_few_photos_keep_their_own_group() -> None:
+    number, sets = of_points(*[(0, 1)] * 500, *[(1, 2)] * 500)
+    near = np.random.default_rng(1).uniform(size=(1000, 3))
+    assert groups_of_sets(number, sets, near).tolist() in ([0, 1], [1, 0])
+
+
+@pytest.mark.parametrize(
+    "coordinates", [np.zeros((4, 3)), np.full((4, 3), np.nan), np.diag([np.inf, 1.0, 2.0, 3.0])[:, :3]]
+)
+def test_coordinates_that_say_nothing_are_no_obstacle(coordinates: np.ndarray) -> None:
+    number, sets = of_points((0, 1), (1, 2), (2, 3), (3, 4))
+    assert sorted(set(groups_of_sets(number, sets, coordinates))) == list(
+        range(max(groups_of_sets(number, sets, coordinates)) + 1)
+    )
+
+
+def test_there_may_be_no_points() -> None:
+    number, sets = sets_of_photos(np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64))
+    assert groups_of_sets(number, sets, np.empty((0, 3))).tolist() == []
+
+
+@pytest.fixture(scope="module")
+def block() -> Block:
+    return aerial_block(100, 40)
+
+
+def test_a_group_has_all_photos_of_its_points_and_no_others(block: Block) -> None:
+    problem = pose_problem(block)
+    assert problem.streamed is not None
+    loop = problem.streamed[0]
+    pattern, cameras = loop.pattern, len(loop.cameras.form)
+    assert np.array_equal(np.sort(pattern.block), np.arange(len(block.point_names)))
+    assert np.array_equal(np.sort(pattern.order), np.arange(len(block.photo_points.photo)))
+    for group in range(len(pattern.group_start) - 1):
+        points = pattern.group_start[group : group + 2]
+        shown = block.photo_points.photo[pattern.order[pattern.start[points[0]] : pattern.start[points[1]]]]
+        runs = pattern.runs[pattern.runs_start[group] : pattern.runs_start[group + 1]]
+        assert runs.tolist() == [0, *(np.unique(shown) + cameras).tolist()]
+
+
+def test_photos_of_a_group_may_be_farther_apart_than_the_band_is_wide(block: Block) -> None:
+    # what the block compared with a full matrix in test_banded_block has to show
+    problem = pose_problem(block)
+    assert problem.streamed is not None
+    assert problem.layout.arrangement is not None
+    loop, places = problem.streamed[0], problem.layout.arrangement.places
+    of_photo = places[loop.photo_columns]
+    pattern, cameras = loop.pattern, len(loop.cameras.form)
+    farthest = 0
+    for first, last in zip(pattern.runs_start[:-1], pattern.runs_start[1:], strict=True):
+        shown = of_photo[pattern.runs[first:last][1:] - cameras]
+        farthest = max(farthest, int(shown.max() - shown.min()))
+    assert farthest > problem.layout.arrangement.width
