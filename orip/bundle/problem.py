@@ -358,8 +358,7 @@ def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
     datum = free_datum(block, state, unknowns, on_the_ground, every)
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
-    # its cofactors are transformed as a whole: no band
-    layout = replace(unknowns.layout, fixed=fixed, arrangement=None)
+    layout = replace(unknowns.layout, fixed=fixed)
     return replace(problem, unknowns=replace(unknowns, layout=layout), datum=datum)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.misfits import (
@@ -185,14 +186,14 @@ def _unchecked(solution: Solution) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
     few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
     residuals = solution.residuals
+    open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
+    open_rows &= coded(residuals.point).where(lambda point: point not in few)
     numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
-    rows = np.flatnonzero(numbers < UNCHECKED)
+    rows = np.flatnonzero((numbers < UNCHECKED) & open_rows)
     rows = rows[np.argsort(numbers[rows], kind="stable")]
     spots: dict[str, Spot] = {}
     for row in rows.tolist():
         kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
-        if kind not in {"photo", "control"} or point in few:
-            continue
         where = f"point {point}" if kind == "photo" else f"control point {point}"
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
