@@ -13,7 +13,7 @@ from orip.adjustment.factorisation.band_cholesky import BandFactor, factorise_ba
 from orip.adjustment.factorisation.cholesky import Factor, factorise
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +61,32 @@ class SolvedNormals:
         rest = block_right - self.coupling.times(solution)
         found = np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
         return found if self.constraints is None else self.constraints.bound(found, right)
+
+    def solve_at(self, columns: IntArray, right: FloatArray) -> FloatArray:
+        """Return rows (c, k) of what `solve` returns for right-hand sides that are zero in all other rows.
+
+        No pass over the observations is made: only the coupling of the blocks concerned is computed.
+
+        Parameters
+        ----------
+        columns : array (c,) of int
+            Of unknowns, in ascending order.
+        right : array (c, k)
+        """
+        size = len(self.scale)
+        of_blocks = columns[columns >= size] - size
+        chosen = np.unique(of_blocks // 3)
+        place = 3 * np.searchsorted(chosen, of_blocks // 3) + of_blocks % 3
+        half, coupling = self.blocks.half[chosen], self.coupling.of_blocks(chosen)
+        reduced, own = np.zeros((size, right.shape[1])), np.zeros((3 * len(chosen), right.shape[1]))
+        of_reduced = columns[columns < size]
+        reduced[of_reduced], own[place] = right[: len(of_reduced)], right[len(of_reduced) :]
+        block_right = times_half(half, own)
+        reduced = (reduced - coupling.T @ block_right) / self.scale[:, None]
+        solution = self.factor.back_substitute(self.factor.reduce(reduced)) / self.scale[:, None]
+        rest = times_transposed_half(half, block_right - coupling @ solution)
+        found = np.vstack([solution[of_reduced], rest[place]])
+        return found if self.constraints is None else self.constraints.at(columns).bound(found, right)
 
     def with_constraints(self, equations: Equations) -> SolvedNormals:
         """Return the same with the exact constraints of the equations bound."""

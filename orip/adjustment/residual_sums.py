@@ -30,6 +30,7 @@ class RowsUnderTest:
     Parameters
     ----------
     design : csr_array (k, u)
+        By the unknowns that the rows depend on.
     residual : array (k,)
         Adjusted minus observed.
     weight : array (k,)

@@ -82,12 +82,14 @@ class ObservationResiduals:
 
 def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
     """Return the residuals of a solution with their units."""
-    units = [
-        unit_of_observation(kind, component, ground_unit)
-        for kind, component in zip(found.kind, found.component, strict=True)
-    ]
+    known: dict[tuple[str, str], str] = {}
+    units = []
+    for pair in zip(found.kind, found.component, strict=True):
+        if pair not in known:
+            known[pair] = unit_of_observation(*pair, ground_unit)
+        units.append(known[pair])
     columns = {column.name: getattr(found, column.name) for column in fields(Residuals)}
-    words = {name: _words(values) for name, values in columns.items() if isinstance(values, tuple)}
+    words = {name: _words(values) for name, values in columns.items() if not isinstance(values, np.ndarray)}
     return ObservationResiduals(unit=_words(units), **{**columns, **words})
 
 

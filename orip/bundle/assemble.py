@@ -17,6 +17,7 @@ from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
@@ -93,7 +94,7 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
         With every fault of the input.
     """
     observations = inputs.observations
-    keys = tuple(dict.fromkeys(map(record_key, dict.fromkeys(observations.photos))))
+    keys = tuple(dict.fromkeys(map(record_key, coded(observations.photos).occurring())))
     complaints = _photo_complaints(keys, inputs)
     if not keys:
         complaints.append(
@@ -249,7 +250,9 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
     placed |= {point.name for point in inputs.preliminary}
     ends = [name for distance in control.distances for name in (distance.start, distance.end)]
     ends += [name for direction in control.directions for name in (direction.station, direction.target)]
-    return tuple(dict.fromkeys([*inputs.observations.points, *(name for name in ends if name in placed)]))
+    return tuple(
+        dict.fromkeys([*coded(inputs.observations.points).occurring(), *(name for name in ends if name in placed)])
+    )
 
 
 def _ground_observations(
@@ -318,10 +321,9 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
 def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> IndexedPhotoPoints:
     observations = inputs.observations
     key_place = {key: place for place, key in enumerate(keys)}
-    photo_place = {name: key_place[record_key(name)] for name in dict.fromkeys(observations.photos)}
     point_place = {name: place for place, name in enumerate(point_names)}
-    photo = np.fromiter(map(photo_place.__getitem__, observations.photos), np.int64, len(observations.photos))
-    point = np.fromiter(map(point_place.__getitem__, observations.points), np.int64, len(observations.points))
+    photo = coded(observations.photos).numbers(lambda name: key_place.get(record_key(name), -1))
+    point = coded(observations.points).numbers(lambda name: point_place.get(name, -1))
     xy = np.empty_like(observations.measured)
     default = np.empty_like(observations.measured)
     precision = inputs.definition.measurement_precision

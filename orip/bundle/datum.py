@@ -16,6 +16,7 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
+from orip.adjustment.factorisation.band import without_product
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors
 from orip.arrays import FloatArray, IntArray
@@ -65,11 +66,11 @@ class FreeDatum:
         spread = normals.solve(inner)
         moved = generator @ solver
         middle = inner.T @ spread
-        m = unknowns.layout.reduced
-        assert isinstance(found.reduced, np.ndarray), "the reduced system of a free network is no band"
-        reduced = _s_transformed(found.reduced, moved[:m], spread[:m], middle)
-        shape = (-1, 3, moved.shape[1])
-        blocks = _s_transformed(found.blocks, moved[m:].reshape(shape), spread[m:].reshape(shape), middle)
+        # S Q S^T = Q - L R^T, where Q has elements: those outside of the band are not needed
+        left, right = np.hstack([moved, spread - moved @ middle]), np.hstack([spread, moved])
+        m, shape = unknowns.layout.reduced, (-1, 3, left.shape[1])
+        reduced = without_product(found.reduced, left[:m], right[:m])
+        blocks = found.blocks - left[m:].reshape(shape) @ np.swapaxes(right[m:].reshape(shape), -1, -2)
         return replace(found, reduced=reduced, blocks=blocks)
 
     def _transformation(self, state: BlockState, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -80,11 +81,6 @@ class FreeDatum:
         columns = columns[columns != CONSTANT]
         inner[columns] = generator[columns]
         return generator, inner, np.asarray(np.linalg.inv(inner.T @ generator), dtype=np.float64)
-
-
-def _s_transformed(cofactor: FloatArray, moved: FloatArray, spread: FloatArray, middle: FloatArray) -> FloatArray:
-    cross = moved @ np.swapaxes(spread, -1, -2)
-    return np.asarray(cofactor - cross - np.swapaxes(cross, -1, -2) + moved @ middle @ np.swapaxes(moved, -1, -2))
 
 
 def movement_generator(state: BlockState, unknowns: Unknowns) -> FloatArray:

@@ -288,11 +288,13 @@ def _strong_pairs(
         for kind, column in zip(kinds, columns, strict=True)
         if column != CONSTANT and not removed[column] and cofactor[column, column] > 0.0
     ]
-    for place, (b, column_b) in enumerate(used):
-        for a, column_a in used[:place]:
-            r = cofactor[column_a, column_b] / np.sqrt(cofactor[column_a, column_a] * cofactor[column_b, column_b])
-            if abs(r) > STRONG_CORRELATION:
-                yield a, b, float(r)
+    own = np.array([column for _, column in used], dtype=np.int64)
+    if not len(own):
+        return
+    block = cofactor[own[:, None], own[None, :]]
+    r = block / np.sqrt(np.diag(block)[:, None] * np.diag(block))
+    for place, row in np.argwhere(np.tril(np.abs(r), -1) > STRONG_CORRELATION).tolist():
+        yield used[row][0], used[place][0], float(r[place, row])
 
 
 def _another_block(solved: SolvedBlock) -> Iterator[Diagnosis]:
@@ -324,7 +326,8 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
         some = observations.of(idle)
         rows = some.rows
         behind = rows.used & ~some.linearise_with_partials(solved.state).computable
-        for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in np.flatnonzero(behind)):
+        places = np.flatnonzero(behind).tolist()
+        for photo, point in dict.fromkeys((rows.photo[row], rows.point[row]) for row in places):
             yield Diagnosis(
                 "behind",
                 f"photo {photo} point {point}",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
+from orip.records.coded_names import coded, joined, repeated, rows_of_records
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.project.photo import Photo
@@ -188,20 +189,17 @@ def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> Poi
 
 
 def _points_by_photo(observations: PhotoObservations) -> dict[str, PointsOfPhoto]:
-    keys = {name: record_key(name) for name in dict.fromkeys(observations.photos)}
-    place = {key: number for number, key in enumerate(dict.fromkeys(keys.values()))}
-    number = np.fromiter((place[keys[name]] for name in observations.photos), np.int64, len(observations.photos))
-    by_photo = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number, minlength=len(place)))[:-1])
+    points = coded(observations.points)
     return {
         key: PointsOfPhoto(
-            tuple(observations.points[row] for row in rows.tolist()),
+            tuple(points[rows]),
             observations.measured[rows],
             observations.errors[rows],
             np.zeros((len(rows), 2), dtype=bool),
             observations.disregarded[rows],
             np.full(len(rows), STORED),
         )
-        for key, rows in zip(place, by_photo, strict=False)  # without photos there is still one part
+        for key, rows in rows_of_records(observations.photos).items()
     }
 
 
@@ -222,8 +220,8 @@ def _observations(
         found = [(key, _averaged(points)) for key, points in found]
     return PhotoObservations(
         bundle,
-        tuple(photos[key].name for key, points in found for _ in points.names),
-        tuple(name for _, points in found for name in points.names),
+        joined(repeated(photos[key].name, len(points.names)) for key, points in found),
+        coded([name for _, points in found for name in points.names]),
         np.vstack([np.empty((0, 2)), *(points.measured for _, points in found)]),
         np.vstack([np.empty((0, 2)), *(points.errors for _, points in found)]),
         np.concatenate([np.empty(0, dtype=bool), *(points.disregarded for _, points in found)]),

@@ -7,6 +7,7 @@ import numpy as np
 from orip.arrays import IntArray
 from orip.mistakes.fit_comparison import Fit
 from orip.records.block import Block
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 
 _DOUBTED = 0.5
@@ -22,7 +23,7 @@ _FAR_OFF = 1e6
 
 def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
     """Return the rows (k,) of `Block.photo_points` that an adjustment doubts, or could not compute."""
-    weights = solution.residuals.weight_factor[np.array(solution.residuals.kind) == "photo"].reshape(-1, 2)
+    weights = solution.residuals.weight_factor[coded(solution.residuals.kind).where("photo".__eq__)].reshape(-1, 2)
     lost = block.photo_points.used.all(axis=1) & np.isnan(weights).any(axis=1)
     return np.flatnonzero((weights < _DOUBTED).any(axis=1) | lost)
 
@@ -30,16 +31,13 @@ def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
 def doubted_control(solution: Solution) -> set[str]:
     """Return the names of control points that an adjustment doubts."""
     rows = solution.residuals
-    return {
-        point
-        for kind, point, weight in zip(rows.kind, rows.point, rows.weight_factor, strict=True)
-        if kind == "control" and weight < _DOUBTED
-    }
+    doubted = coded(rows.kind).where("control".__eq__) & (rows.weight_factor < _DOUBTED)
+    return set(coded(rows.point)[doubted].occurring())
 
 
 def down_weighted_share(solution: Solution, kind: str) -> float:
     """Return the part of the observations of a kind in use that has lost weight."""
-    weights = solution.residuals.weight_factor[np.array(solution.residuals.kind) == kind]
+    weights = solution.residuals.weight_factor[coded(solution.residuals.kind).where(kind.__eq__)]
     weights = weights[~np.isnan(weights)]
     return float(np.mean(weights < 1.0)) if len(weights) else 0.0
 
@@ -47,7 +45,7 @@ def down_weighted_share(solution: Solution, kind: str) -> float:
 def is_in_the_picture(solution: Solution) -> bool:
     """Tell whether residuals are so large that the photos cannot be of these points."""
     rows = solution.residuals
-    photo = np.array(rows.kind) == "photo"
+    photo = coded(rows.kind).where("photo".__eq__)
     left_out = float(np.isnan(rows.weight_factor[photo]).mean())
     mean_square, variance = float(np.mean(rows.residual[photo] ** 2)), float(np.var(rows.observed[photo]))
     return left_out > _PICTURE or mean_square > _PICTURE * variance

@@ -7,15 +7,14 @@ size or the distribution of residuals that are far too large.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import compress
 
 import numpy as np
 
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
+from orip.records.coded_names import CodedNames, joined, repeated
 
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
@@ -53,7 +52,7 @@ class Fit:
 
     Parameters
     ----------
-    columns : four sequences of length n
+    columns : four CodedNames of length n
         Kind, photo, point and component of the observations.
     standard : array (n,)
         Standard residuals; infinite for what could not be computed, such as a point behind its photo.
@@ -61,7 +60,7 @@ class Fit:
         Of the observations with full weight; NaN without redundancy.
     """
 
-    columns: tuple[Sequence[str], Sequence[str], Sequence[str], Sequence[str]]
+    columns: tuple[CodedNames, CodedNames, CodedNames, CodedNames]
     standard: FloatArray
     sigma0: float = np.nan
 
@@ -89,15 +88,15 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     rows = [observations.rows for observations in solved.problem.observations]
     used = np.concatenate([observations.used for observations in rows])
     columns = (
-        [observations.kind.name for observations in rows for _ in observations.photo],
-        [name for observations in rows for name in observations.photo],
-        [name for observations in rows for name in observations.point],
-        [name for observations in rows for name in observations.component],
+        joined(repeated(observations.kind.name, len(observations.photo)) for observations in rows),
+        joined(observations.photo for observations in rows),
+        joined(observations.point for observations in rows),
+        joined(observations.component for observations in rows),
     )
     equations = solved.equations
     standard = np.where(equations.active, np.abs(equations.residual), np.inf)
-    photo_kind, photo, point, component = (list(compress(names, used)) for names in columns)
-    names = (photo_kind, photo, point, component)
+    kind, photo, point, component = (names[used] for names in columns)
+    names = (kind, photo, point, component)
     return Fit(names, np.where(np.isfinite(standard), standard, np.inf)[used], solved.variance.sigma0)
 
 
@@ -155,12 +154,13 @@ def _has_wrong_group(fit: Fit, scale: float, of_a_photo: float) -> bool:
     `scale` is their standard error of unit weight.
     """
     kind, photo, _, _ = fit.columns
-    groups = [name or of_kind for of_kind, name in zip(kind, photo, strict=True)]
-    names, first, place = np.unique(np.array(groups), return_index=True, return_inverse=True)
-    count = np.bincount(place, minlength=len(names))
-    wrong = np.bincount(place, fit.standard > _FITS * scale, minlength=len(names))
-    most = np.where([bool(photo[row]) for row in first], of_a_photo, _OF_A_GROUP)
-    return bool((wrong > np.maximum(most * count, _FEW)).any())
+    # by photo, and what is of no photo by its kind
+    is_of_photo = photo.where(bool)
+    place = np.where(is_of_photo, photo.codes, len(photo.distinct) + kind.codes)
+    count = np.bincount(place)
+    wrong = np.bincount(place, fit.standard > _FITS * scale)
+    of_photos = np.bincount(place, is_of_photo) > 0.0
+    return bool((wrong > np.maximum(np.where(of_photos, of_a_photo, _OF_A_GROUP) * count, _FEW)).any())
 
 
 def misfit(fit: Fit, scale: float) -> float:

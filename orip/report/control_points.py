@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
 from orip.records.results.solution import Residuals, Solution
 from orip.report.numbers import decimals_for, deviation, fixed, significant
@@ -71,7 +72,7 @@ def control_table(solution: Solution) -> PageTable | None:
 def distance_table(solution: Solution) -> PageTable | None:
     """Return the measured distances; None where there are none."""
     residuals = solution.residuals
-    rows = [row for row, kind in enumerate(residuals.kind) if kind in _DISTANCE_KINDS]
+    rows = np.flatnonzero(coded(residuals.kind).where(lambda kind: kind in _DISTANCE_KINDS)).tolist()
     if not rows:
         return None
     unit, decimals = solution.ground_unit, decimals_for(np.abs(residuals.a_priori[rows]))
@@ -95,9 +96,10 @@ def _rows_of_points(solution: Solution) -> dict[str, dict[str, int]]:
         name for name, kind in zip(solution.points.names, solution.point_kinds, strict=True) if kind == "control"
     }
     found: dict[str, dict[str, int]] = {}
-    for row, kind in enumerate(residuals.kind):
+    used = coded(residuals.kind).where(CONTROL_POINT.name.__eq__) & ~np.isnan(residuals.weight_factor)
+    for row in np.flatnonzero(used).tolist():
         name = residuals.point[row]
-        if kind == CONTROL_POINT.name and name in control and not np.isnan(residuals.weight_factor[row]):
+        if name in control:
             found.setdefault(name, {})[residuals.component[row]] = row
     return found
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 from orip.records.results.station_residuals import POSITION_KINDS
 from orip.report.numbers import counted, significant
@@ -64,8 +65,8 @@ def key_numbers(given: ReportInput) -> tuple[Fact, ...]:
     """Return the numbers that count."""
     solution = given.solution
     unit, kinds = solution.ground_unit, solution.point_kinds
-    observed = zip(solution.residuals.kind, solution.residuals.photo, strict=True)
-    stations = {photo for kind, photo in observed if kind in POSITION_KINDS}
+    is_position = coded(solution.residuals.kind).where(lambda kind: kind in POSITION_KINDS)
+    stations = coded(solution.residuals.photo)[is_position].occurring()
     rays = np.array([number for number in solution.point_rays if number > 0])
     found = [
         Fact("Photos", str(len(solution.photos.names))),

@@ -19,21 +19,29 @@ _LARGEST_ALPHA = 0.001
 """Error probability of one normalised residual in a block of few observations."""
 
 
-def suspicious_w(solution: Solution) -> float:
-    """Return the limit of normalised residuals: it grows with the number of those that are tested."""
+def suspicious_w(solution: Solution, test_level: float | None = None) -> float:
+    """Return the limit of normalised residuals.
+
+    Parameters
+    ----------
+    solution : Solution
+    test_level : float or None
+        Error probability of one test, as it is classical; None: the limit grows with the number of tests, so that that
+        of all together is `FAMILY_ALPHA`.
+    """
     residuals = solution.residuals
     tested = int(np.count_nonzero(np.isfinite(residuals.w) & (residuals.weight_factor > 0.0)))
-    alpha = min(FAMILY_ALPHA / max(tested, 1), _LARGEST_ALPHA)
+    alpha = min(FAMILY_ALPHA / max(tested, 1), _LARGEST_ALPHA) if test_level is None else test_level
     return OutlierTest(alpha, 1.0, max(solution.redundancy, 0)).limit()
 
 
-def suspect_rows(solution: Solution) -> IntArray:
+def suspect_rows(solution: Solution, test_level: float | None = None) -> IntArray:
     """Return the rows of the observations that fit worse than chance explains, the worst first.
 
     All components are listed that have lost weight together with one that does not fit.
     """
     residuals = solution.residuals
-    down, misfit = residuals.weight_factor < 1.0, _misfit(solution)
+    down, misfit = residuals.weight_factor < 1.0, _misfit(solution, test_level)
     names = {_key(residuals, row) for row in np.flatnonzero(misfit).tolist()}
     beside = [row for row in np.flatnonzero(down & ~misfit).tolist() if _key(residuals, row) in names]
     rows = np.concatenate([np.flatnonzero(misfit), np.array(beside, dtype=np.int64)])
@@ -42,18 +50,18 @@ def suspect_rows(solution: Solution) -> IntArray:
     return np.asarray(rows[np.argsort(-size[rows], kind="stable")])
 
 
-def number_by_chance(solution: Solution) -> int:
+def number_by_chance(solution: Solution, test_level: float | None = None) -> int:
     """Return how many observations have lost weight although they fit as well as chance explains."""
     residuals = solution.residuals
     names = {_key(residuals, row) for row in np.flatnonzero(residuals.weight_factor < 1.0).tolist()}
-    return len(names - {_key(residuals, row) for row in suspect_rows(solution).tolist()})
+    return len(names - {_key(residuals, row) for row in suspect_rows(solution, test_level).tolist()})
 
 
-def _misfit(solution: Solution) -> BoolArray:
+def _misfit(solution: Solution, test_level: float | None) -> BoolArray:
     """Return which residuals are too large for chance; those that nothing tests if they have lost weight."""
     residuals = solution.residuals
     untested = np.isnan(residuals.w) & (residuals.weight_factor < 1.0)
-    too_large = np.abs(np.nan_to_num(residuals.w)) > suspicious_w(solution)
+    too_large = np.abs(np.nan_to_num(residuals.w)) > suspicious_w(solution, test_level)
     return np.asarray(untested | (too_large & (residuals.weight_factor > 0.0)))
 
 
@@ -61,10 +69,10 @@ def _key(residuals: Residuals, row: int) -> tuple[str, str, str]:
     return residuals.kind[row], residuals.photo[row], residuals.point[row]
 
 
-def suspects(solution: Solution) -> dict[str, list[str]]:
+def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
     """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
     found: dict[str, list[str]] = {}
-    for row in suspect_rows(solution).tolist():
+    for row in suspect_rows(solution, test_level).tolist():
         size, component = probable_size(solution.residuals, row), solution.residuals.component[row]
         unit = "" if size == SINGULAR else unit_of_residual(solution, row)
         text = f"{component} {size} {unit}".rstrip()

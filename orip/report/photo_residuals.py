@@ -6,6 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.solution import Solution
 from orip.report.drawings.histogram import Bars, histogram
@@ -30,20 +31,22 @@ def photo_residual_table(given: ReportInput) -> PageTable | None:
     solution = given.solution
     residuals = solution.residuals
     used = _used(solution)
-    photo, component = np.array(residuals.photo, dtype=object)[used], np.array(residuals.component, dtype=object)[used]
+    photo, component = coded(residuals.photo)[used], coded(residuals.component)[used]
     value, down = residuals.residual[used], residuals.weight_factor[used] < 1.0
-    names = [name for name in solution.photos.names if (photo == name).any()] if used.any() else []
+    occurring = set(photo.occurring())
+    names = [name for name in solution.photos.names if name in occurring]
     if not 0 < len(names) <= MOST_PHOTOS:
         return None
     place = {name: row for row, name in enumerate(names)}
-    row = np.array([place.get(name, -1) for name in photo])
+    row = photo.numbers(lambda name: place.get(name, -1))
+    axes = {axis: component.where(axis.__eq__) & (row >= 0) for axis in "xy"}
     rms = {}
     for axis in "xy":
-        mine = (component == axis) & (row >= 0)
+        mine = axes[axis]
         count = np.bincount(row[mine], minlength=len(names))
         rms[axis] = np.sqrt(np.bincount(row[mine], value[mine] ** 2, len(names)) / np.maximum(count, 1))
     pixel = np.array([pixel_of_photo(given, name) for name in names])
-    points = np.bincount(row[(component == "x") & (row >= 0)], minlength=len(names))
+    points = np.bincount(row[axes["x"]], minlength=len(names))
     lost = np.bincount(row[down & (row >= 0)], minlength=len(names))
     columns = [
         PageColumn("Photo", names, words=True),
@@ -99,7 +102,7 @@ def _of_rays(solution: Solution) -> Markup:
 
 def _used(solution: Solution) -> np.ndarray:
     residuals = solution.residuals
-    of_photos = np.array([kind == PHOTO_POINT.name for kind in residuals.kind], dtype=bool)
+    of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__)
     return np.asarray(of_photos & (np.nan_to_num(residuals.weight_factor) > 0.0))
 
 
@@ -107,9 +110,9 @@ def _residuals(given: ReportInput) -> tuple[FloatArray, FloatArray]:
     """Return the residuals (mm) of photo points of full weight, and the sizes of their pixels (mm), NaN without."""
     residuals = given.solution.residuals
     used = _used(given.solution) & (residuals.weight_factor >= 1.0)
-    sizes = {name: pixel_of_photo(given, name) for name in dict.fromkeys(residuals.photo)}
-    pixels = np.array([sizes[name] for name, mine in zip(residuals.photo, used.tolist(), strict=True) if mine])
-    return residuals.residual[used], pixels
+    photo = coded(residuals.photo)
+    pixels = np.array([pixel_of_photo(given, name) for name in photo.distinct], dtype=np.float64)
+    return residuals.residual[used], pixels[photo.codes[used]]
 
 
 def _in_both(residual: FloatArray, pixels: FloatArray) -> str:

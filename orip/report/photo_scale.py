@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
@@ -52,26 +53,15 @@ def photo_scale(given: ReportInput) -> PhotoScale:
     values = solution.photos.values
     axes = -rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)[:, :, 2]
     depth = np.full(len(values), np.nan)
-    for row, points in enumerate(seen_points(solution)):
+    for row, points in enumerate(given.seen_points):
         along = (solution.points.values[points] - values[row, :3]) @ axes[row]
         if np.isfinite(along).any():
             depth[row] = np.nanmedian(along)
     depth[~(depth > 0.0)] = np.nan
-    c = np.array([_principal_distance(given, name) for name in solution.photos.names])
+    cameras = _adjusted(solution)
+    c = np.array([_principal_distance(given, cameras, name) for name in solution.photos.names])
     pixel = np.array([pixel_of_photo(given, name) for name in solution.photos.names])
     return PhotoScale(depth, c, pixel, axes)
-
-
-def seen_points(solution: Solution) -> tuple[IntArray, ...]:
-    """Return the rows of the points that each photo has, in the order of the points."""
-    residuals = solution.residuals
-    photo_row = {name: row for row, name in enumerate(solution.photos.names)}
-    point_row = {name: row for row, name in enumerate(solution.points.names)}
-    photo = np.array([photo_row.get(name, -1) for name in residuals.photo], dtype=np.int64)
-    point = np.array([point_row.get(name, -1) for name in residuals.point], dtype=np.int64)
-    of_photos = (np.array(residuals.kind, dtype=object) == "photo") & (photo >= 0) & (point >= 0)
-    photo, point = np.divmod(np.unique(photo[of_photos] * len(point_row) + point[of_photos]), max(len(point_row), 1))
-    return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photo_row))))) if photo_row else ()
 
 
 def pixel_of_photo(given: ReportInput, name: str) -> float:
@@ -100,10 +90,9 @@ def camera_of_photo(given: ReportInput, name: str) -> Camera | None:
     return given.cameras.get(record_key(photo.camera)) if photo is not None else None
 
 
-def _principal_distance(given: ReportInput, name: str) -> float:
+def _principal_distance(given: ReportInput, cameras: Mapping[str, float], name: str) -> float:
     """Return the adjusted principal distance of a photo's camera, mm."""
     photo = given.photos.get(record_key(name))
-    cameras = _adjusted(given.solution)
     return cameras.get(record_key(photo.camera), np.nan) if photo is not None else np.nan
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
@@ -149,14 +150,13 @@ def _least_precise(estimates: Estimates, most: int) -> list[int]:
 
 
 def _largest_standard_residual(solution: Solution) -> dict[str, float]:
-    found: dict[str, float] = {}
     residuals = solution.residuals
-    used = ~np.isnan(residuals.weight_factor)
-    for point, value, counts in zip(residuals.point, residuals.standard_residual.tolist(), used.tolist(), strict=True):
-        name = point_of_measurement(point)
-        if counts and value > found.get(name, -1.0):
-            found[name] = value
-    return found
+    points = coded(list(map(point_of_measurement, coded(residuals.point).distinct)))
+    point = points.codes[coded(residuals.point).codes]
+    value = np.where(np.isnan(residuals.weight_factor), -1.0, np.nan_to_num(residuals.standard_residual, nan=-1.0))
+    largest = np.full(len(points.distinct), -1.0)
+    np.maximum.at(largest, point, value)
+    return {name: size for name, size in zip(points.distinct, largest.tolist(), strict=True) if size >= 0.0}
 
 
 def _spread(estimates: Estimates, axis: int, name: str, unit: str) -> Spread | None:

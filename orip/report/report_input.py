@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.records.coded_names import coded
+from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Template
@@ -13,7 +19,7 @@ from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ReportInput:
     """A solution with the definitions that it is based on.
 
@@ -31,6 +37,8 @@ class ReportInput:
         Of the project.
     replayed : tuple of (str, str)
         Names and digests of the measurement files as they were replayed last.
+    test_level : float or None
+        Error probability of the test of one observation; None: that of all tests of the block together is stated.
     """
 
     solution: Solution
@@ -42,3 +50,18 @@ class ReportInput:
     details: ReportDetails = field(default_factory=ReportDetails)
     crs: str | None = None
     replayed: tuple[tuple[str, str], ...] = ()
+    test_level: float | None = None
+
+    @cached_property
+    def seen_points(self) -> tuple[IntArray, ...]:
+        """Return the rows of the points that each photo of the solution has, in the order of the points."""
+        residuals, photos, points = self.solution.residuals, self.solution.photos.names, self.solution.points.names
+        photo_row = {name: row for row, name in enumerate(photos)}
+        point_row = {name: row for row, name in enumerate(points)}
+        photo = coded(residuals.photo).numbers(lambda name: photo_row.get(name, -1))
+        point = coded(residuals.point).numbers(lambda name: point_row.get(name, -1))
+        of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (photo >= 0) & (point >= 0)
+        both = np.sort(photo[of_photos] * len(points) + point[of_photos])
+        both = both[np.diff(both, prepend=-1) > 0]
+        photo, point = np.divmod(both, max(len(points), 1))
+        return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photos))))) if photos else ()

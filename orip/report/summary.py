@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from orip.bundle.groups.words import probability_in_words
@@ -72,7 +72,9 @@ class SummaryLine:
     level: Level | None = None
 
 
-def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> tuple[SummaryLine, ...]:
+def summary(
+    solution: Solution, gates: Sequence[GateResult], error_listing: str, test_level: float | None = None
+) -> tuple[SummaryLine, ...]:
     """Return the summary of an adjustment: 16 lines of 80 columns at most, or longer by the lines of a camera.
 
     Parameters
@@ -81,12 +83,14 @@ def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str)
     gates : sequence of GateResult
     error_listing : str
         The file that lists what finds no room.
+    test_level : float or None
+        Error probability of the test of one observation; None: 5 % for all of the block together.
     """
     lines: tuple[SummaryLine, ...] = ()
     for most, notes, left_out in _SHORTER:
         lines = tuple(
             line
-            for label, section in _sections(solution, gates, error_listing).items()
+            for label, section in _sections(solution, gates, error_listing, test_level).items()
             if label not in left_out
             for line in section(notes if label == "note" else most)
         )
@@ -98,13 +102,15 @@ def summary(solution: Solution, gates: Sequence[GateResult], error_listing: str)
 Section = Callable[[int], Iterator[SummaryLine]]
 
 
-def _sections(solution: Solution, gates: Sequence[GateResult], error_listing: str) -> dict[str, Section]:
+def _sections(
+    solution: Solution, gates: Sequence[GateResult], error_listing: str, test_level: float | None
+) -> dict[str, Section]:
     """Return the sections by their questions; each takes the most entries it may have."""
     usable = solution.status in {"converged", "doubtful"}
     sections: dict[str, Section] = {
         "status": lambda _most: _trust(solution, gates),
         "gate": lambda most: _gates(gates, most),
-        "misfit": lambda most: _misfits(solution, error_listing, most),
+        "misfit": lambda most: _misfits(suspects(solution, test_level), solution, error_listing, most),
         "note": lambda most: _notes(solution, error_listing, most),
     }
     if usable:
@@ -171,8 +177,9 @@ def _gates(gates: Sequence[GateResult], most: int) -> Iterator[SummaryLine]:
         yield SummaryLine("", f"{failed} of {counted(len(gates), 'gate')} failed; 'orip check' shows each")
 
 
-def _misfits(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
-    found = suspects(solution)
+def _misfits(
+    found: Mapping[str, Sequence[str]], solution: Solution, error_listing: str, most: int
+) -> Iterator[SummaryLine]:
     if not found:
         return
     level: Level = "bad" if solution.status == "doubtful" else "caution"

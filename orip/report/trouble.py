@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.misfits import (
@@ -66,15 +67,14 @@ def suspect_table(given: ReportInput) -> PageTable | None:
     """Return the observations that fit worse than chance explains, the worst first."""
     solution = given.solution
     residuals = solution.residuals
-    rows = suspect_rows(solution)
+    rows = suspect_rows(solution, given.test_level)
     if not rows.size:
         return None
     down = residuals.weight_factor < 1.0
     shown = rows[:MOST_SUSPECTS]
-    found = counted(len(suspects(solution)), "observation")
+    found = counted(len(suspects(solution, given.test_level)), "observation")
     note = (
-        f"{found}, {counted(len(rows), 'component')}; in a block without blunders anything is listed here with a "
-        f"probability of {FAMILY_ALPHA:.0%} at most. "
+        f"{found}, {counted(len(rows), 'component')}; {_level(given.test_level)} "
         "Probable size: observed minus what all other observations predict, −residual / redundancy number. "
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
@@ -92,6 +92,12 @@ def suspect_table(given: ReportInput) -> PageTable | None:
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
     return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
+
+
+def _level(test_level: float | None) -> str:
+    if test_level is None:
+        return f"in a block without blunders anything is listed here with a probability of {FAMILY_ALPHA:.0%} at most."
+    return f"each test has an error probability of {test_level:g}: in large blocks without blunders some are listed."
 
 
 def _in_pixels(given: ReportInput, rows: IntArray) -> Iterator[PageColumn]:
@@ -180,14 +186,14 @@ def _unchecked(solution: Solution) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
     few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
     residuals = solution.residuals
+    open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
+    open_rows &= coded(residuals.point).where(lambda point: point not in few)
     numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
-    rows = np.flatnonzero(numbers < UNCHECKED)
+    rows = np.flatnonzero((numbers < UNCHECKED) & open_rows)
     rows = rows[np.argsort(numbers[rows], kind="stable")]
     spots: dict[str, Spot] = {}
     for row in rows.tolist():
         kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
-        if kind not in {"photo", "control"} or point in few:
-            continue
         where = f"point {point}" if kind == "photo" else f"control point {point}"
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"

@@ -36,7 +36,7 @@ def verdict(given: ReportInput, test: GlobalTest | Untested) -> Verdict:
         count = len({blunder.order for blunder in solution.blunders})
         were, blunders = agreeing(count, "was", "were"), agreeing(count, "a blunder", "blunders")
         sentences.append(f"{counted(count, 'observation')} {were} found to be {blunders} and left out.")
-    if by_chance := number_by_chance(solution):
+    if by_chance := number_by_chance(solution, given.test_level):
         names = agreeing(by_chance, "observation has", "observations have")
         sentences.append(f"{by_chance} {names} lost weight, no more than chance explains; BUNDLE_ERROR.OUT lists them.")
     if given.gates:

@@ -234,6 +234,7 @@ class Result(Part, frozen=True):
     variance_components: list[VarianceComponent]
     interior: Interior
     inputs: dict[str, str]
+    residuals_file: str
     warnings: list[Warned]
 
 

@@ -13,6 +13,10 @@ from cli.command_line import orip
 from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
+from orip.errors import OripError
+from orip.workflow.archive.cluster import require_fit_workers
+from orip.workflow.archive.worker import WorkerFacts, worker_facts
+
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
 
@@ -84,3 +88,31 @@ def test_help_does_not_load_dask(tmp_path: Path) -> None:
     code += "except SystemExit: print(sorted({'dask', 'distributed', 'pyarrow', 'numpy'} & set(sys.modules)))"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     assert said.stdout.endswith("[]\n")
+
+
+class Workers:
+    """A client of a cluster whose workers are as given."""
+
+    def __init__(self, **workers: object) -> None:
+        self.workers = workers
+
+    def run(self, *_: object, **__: object) -> dict[str, object]:
+        return self.workers
+
+
+def test_workers_that_do_not_fit_are_named_with_all_that_is_wrong(tmp_path: Path) -> None:
+    fit = worker_facts(str(tmp_path))
+    marker = tmp_path / "marker"
+    marker.touch()
+    here = worker_facts(str(marker))
+    require_fit_workers(Workers(one=here), marker)
+    other = WorkerFacts("0.0", not here.is_compiled, sees_results=False, can_fork=False)
+    with pytest.raises(OripError) as found:
+        require_fit_workers(Workers(one=here, two=other, three=ModuleNotFoundError("No module named 'orip'")), marker)
+    lines = str(found.value).splitlines()
+    assert not fit.sees_results
+    assert lines[0].startswith("worker three: orip cannot be loaded there (No module named 'orip'); install")
+    assert [line.partition(": ")[0] for line in lines[1:]] == ["worker two"] * 4
+    assert f"it has orip 0.0, and this is {here.orip}" in lines[1]
+    assert "lacks the compiled loops" in lines[2]
+    assert "does not see the folder of results" in lines[3]

@@ -88,3 +88,32 @@ def test_results_of_a_block_with_a_band():
     assert np.isfinite(solution.points.sd).all()
     assert np.nansum(solved.variance.redundancy_numbers) == pytest.approx(solved.variance.redundancy, abs=1e-4)
     assert len(solution.correlations) == 10
+
+
+def test_a_free_network_in_a_band_has_the_cofactors_of_the_full_matrix():
+    free = replace(BLOCK, control_points=(), definition=replace(BLOCK.definition, datum="free"))
+    problem, state = pose_problem(free), starting_state(free)
+    equations = problem.linearise(state)
+    found = []
+    for layout in (problem.layout, replace(problem.layout, arrangement=None)):
+        normals = solve_normals(equations, np.ones(len(equations.residual)), layout, MAX_LOST)
+        datum = problem.datum
+        found.append(datum.transformed_cofactors(cofactors(equations, normals), normals, state, problem.unknowns))
+    band, full = found
+    assert isinstance(band.reduced, BandMatrix)
+    assert isinstance(full.reduced, np.ndarray)
+    assert np.allclose(band.reduced.diagonal(), np.diag(full.reduced), rtol=1e-6)
+    deviation = np.sqrt(np.einsum("bii->bi", full.blocks))
+    roots = deviation[:, :, None] * deviation[:, None, :]
+    assert np.allclose(band.blocks / roots, full.blocks / roots, atol=1e-6)
+
+
+@pytest.mark.parametrize("streamed", [True, False])
+def test_some_unknowns_are_solved_for_without_the_others(streamed):
+    normals, _, unknowns = solved_normals(BLOCK, streamed=streamed, banded=True)
+    columns = np.sort(np.concatenate([unknowns.photos[3], unknowns.points[[5, 40]].ravel(), unknowns.points[7, :1]]))
+    right = np.random.default_rng(4).normal(size=(len(columns), 9))
+    whole = np.zeros((len(normals.correction), 9))
+    whole[columns] = right
+    wanted = normals.solve(whole)[columns]
+    np.testing.assert_allclose(normals.solve_at(columns, right), wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())

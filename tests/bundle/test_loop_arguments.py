@@ -115,8 +115,9 @@ def test_indices_changed_after_they_were_checked_have_no_effect(calls: dict[str,
     for wrong in (None, 2**31 - 1):
         for array in indices if wrong else ():
             array[...] = min(wrong or 0, np.iinfo(array.dtype).max) if array.dtype != bool else True
-        arguments = [given.copy() for given in calls["backward"][1:]]
-        photo_loop.compiled.backward(layout, *arguments)
+        *arrays, vectors = calls["backward"][1:]
+        arguments = [given.copy() for given in arrays]
+        photo_loop.compiled.backward(layout, *arguments, vectors)
         found.append(arguments[-1])
     assert np.array_equal(*found)
 

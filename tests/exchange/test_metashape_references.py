@@ -156,6 +156,10 @@ def test_an_export_has_tables_of_what_was_given_and_found(tmp_path: Path) -> Non
     assert float(rows["0.jpg"]["X_est"]) == project.photos[0].position[0]
     assert rows["0.jpg"]["SD_Z_(m)"] == "0.3"
     again = read_well(read_metashape, tmp_path / "out")
+    (turned,) = [one for one in again.stations if one.has_angles]
+    (given,) = [one for one in project.stations if one.has_angles]
+    assert (turned.photo, turned.angles) == (given.photo, pytest.approx(given.angles))
+    assert turned.angle_error == pytest.approx(given.angle_error)
     assert {one.photo: (one.position, one.position_error) for one in again.stations} == {
         one.photo: (one.position, one.position_error) for one in project.stations
     }

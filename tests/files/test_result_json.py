@@ -35,7 +35,8 @@ TOP = [
         "correlations",
         "blunders",
     ),
-    *("diagnosis", "check_points", "groups", "variance_components", "interior", "inputs", "warnings"),
+    *("diagnosis", "check_points", "groups", "variance_components", "interior", "inputs"),
+    *("residuals_file", "warnings"),
 ]
 
 

@@ -162,7 +162,7 @@ def test_a_dump_brings_both_measurements_back(tmp_path):
     (tmp_path / "dump.txt").write_text(dumped)
     assert orip_command(tmp_path, "load", "MAIN.EXO", "dump.txt").code == 0
     assert orip_command(tmp_path, "dump", "MAIN.EXO").out == dumped
-    assert [line.count('["P", "1"') for line in dumped.splitlines()].count(1) == 2
+    assert [line.count('"P", "1"') for line in dumped.splitlines()].count(1) == 2
 
 
 def test_snooping_leaves_one_measurement_out_and_keeps_the_other():

@@ -11,7 +11,6 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
 from orip.report.drawings.block_view import block_view, pyramid_corners
-from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
 
 FRAME = (33.0, 21.0)
@@ -40,7 +39,7 @@ def test_corners_of_the_pyramids_are_seen_in_the_corners_of_the_frame() -> None:
 def test_pyramids_point_at_what_the_photos_see() -> None:
     found = given()
     for values, corners, seen in zip(
-        found.solution.photos.values, pyramid_corners(found), seen_points(found.solution), strict=True
+        found.solution.photos.values, pyramid_corners(found), found.seen_points, strict=True
     ):
         axis = corners.mean(axis=0) - values[:3]
         towards = found.solution.points.values[seen].mean(axis=0) - values[:3]

@@ -14,8 +14,8 @@ from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
 from orip.records.results.group_test import GroupTest
 from orip.records.results.variance_component import VarianceComponent
-from orip.report.doubted_photos import doubted_photos
 from orip.report.drawings.block_plan import block_plan
+from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.groups import group_table
 from orip.report.report_input import ReportInput
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from report.sample_pages import sample
+from cli.command_line import orip
+from report.sample_pages import sample, sample_project
 
 from orip.records.names import record_key
 from orip.records.project.camera import Camera, Sensor
@@ -70,3 +72,37 @@ def test_probable_sizes_are_in_pixels_too_where_these_were_measured() -> None:
     # 36 mm on 3000 columns; pixels are shown with one decimal
     assert float(pixels.cells[0]) == pytest.approx(float(millimetres.cells[0]) / 0.012, abs=0.1)
     assert [column.heading for column in plain.columns].count("Probable size") == 1
+
+
+def test_at_the_classical_level_the_limit_does_not_grow_with_the_block() -> None:
+    limit = suspicious_w(with_w(1.0))
+    # the quantile of tau for a thousandth, which is 3.29 for large redundancies
+    classical = suspicious_w(with_w(1.0), 0.001)
+    assert 3.2 < classical < 3.3 < limit
+    solution = with_w((classical + limit) / 2.0)
+    assert suspects(solution) == {}
+    assert len(suspects(solution, 0.001)) == 1
+    assert number_by_chance(solution, 0.001) == 0
+    table = suspect_table(replace(of_page(solution), test_level=0.001))
+    assert table is not None
+    assert "each test has an error probability of 0.001" in table.note
+    label = [line.text for line in summary(solution, (), "BUNDLE_ERROR.OUT", 0.001) if line.label == "misfit"]
+    assert label[0].startswith("1 observation does not fit")
+
+
+def test_the_level_of_orip_toml_is_that_of_listing_summary_and_report(tmp_path: Path) -> None:
+    folder = sample_project("dcs260_calibration", tmp_path / "grid")
+    outputs = []
+    for level in ("", "[check]\ntest_level = 0.2\n\n"):
+        text = (folder / "orip.toml").read_text(encoding="utf-8")
+        begin, rest = text.split("[[camera]]", 1)
+        (folder / "orip.toml").write_text(f"{begin}{level}[[camera]]{rest}", encoding="utf-8")
+        said = orip(folder, "run").err
+        found = re.search(r"(\d+) observations? (?:does|do) not fit", said)
+        page = (folder / "report.html").read_text(encoding="utf-8")
+        on_page = re.search(r"(\d+) observations?, \d+ components?;", page)
+        outputs.append([int(match[1]) if match else 0 for match in (found, on_page)])
+    (plain, plain_page), (many, many_page) = outputs
+    assert plain == plain_page
+    assert many == many_page > plain
+    assert "test_level = 0.2" in orip(folder, "export-toml").out

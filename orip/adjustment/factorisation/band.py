@@ -156,6 +156,15 @@ def scale_matrix(matrix: Symmetric, factors: FloatArray) -> None:
         matrix *= factors[:, None]
 
 
+def without_product(matrix: Symmetric, left: FloatArray, right: FloatArray) -> Symmetric:
+    """Return a matrix less L R^T, a symmetric matrix of factors (m, k); of a band what it has elements of."""
+    if not isinstance(matrix, BandMatrix):
+        return np.asarray(matrix - left @ right.T)
+    result = BandMatrix(matrix.arrangement, matrix.band.copy(), matrix.border.copy())
+    result.subtract_product(left, right)
+    return result
+
+
 def add_to_diagonal(matrix: Symmetric, number: float) -> None:
     """Add a number to all elements of the diagonal of a matrix."""
     if isinstance(matrix, BandMatrix):

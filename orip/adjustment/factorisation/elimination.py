@@ -16,7 +16,7 @@ from scipy.sparse import bsr_array, csr_array
 
 from orip.adjustment.factorisation.band import Symmetric
 from orip.adjustment.factorisation.cholesky import LOST_ALL
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 _AS_LARGE = 1e-9
 """Pivots that differ by less than this part are taken in order: rounding must not decide which is removed."""
@@ -55,6 +55,9 @@ class Coupling(Protocol):
     def transposed_times(self, points: FloatArray) -> FloatArray:
         """Return its transpose times vectors (3 b,) or (3 b, k)."""
 
+    def of_blocks(self, chosen: IntArray) -> csr_array:
+        """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
+
 
 @dataclass(frozen=True, slots=True)
 class StoredCoupling:
@@ -69,6 +72,10 @@ class StoredCoupling:
     def transposed_times(self, points: FloatArray) -> FloatArray:
         """Return its transpose times vectors (3 b,) or (3 b, k)."""
         return np.asarray(self.matrix.T @ points)
+
+    def of_blocks(self, chosen: IntArray) -> csr_array:
+        """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
+        return csr_array(self.matrix[(3 * chosen[:, None] + np.arange(3)).ravel()])
 
 
 @dataclass(frozen=True, slots=True)

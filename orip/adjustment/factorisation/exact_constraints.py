@@ -7,12 +7,12 @@ S = Q C^T, as the weight drops out of the projection onto the null space of C (K
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.adjustment.factorisation.band import BandMatrix, Symmetric
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 _DEPENDENT = 1e-10
 """Constraints whose cofactors have eigenvalues below this part of the largest repeat each other."""
@@ -39,6 +39,10 @@ class ExactConstraints:
     def bound(self, vectors: FloatArray, right: FloatArray) -> FloatArray:
         """Return Q_c r (m + 3 b, k), with the constraints met, from the vectors Q r and the right-hand sides r."""
         return np.asarray(vectors - self.spread @ (self.inverse @ (self.spread.T @ right)))
+
+    def at(self, columns: IntArray) -> ExactConstraints:
+        """Return the constraints for vectors and right-hand sides that have only some of the unknowns (c,)."""
+        return replace(self, spread=self.spread[columns])
 
     def bind(self, cofactor: Symmetric) -> None:
         """Subtract what the constraints determine from the cofactors of the reduced unknowns (m, m), in place."""

@@ -226,7 +226,8 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    const size_t room = (size_t)((p->longest + 6) * stride_of(p->longest));
+    const int64_t rows = p->longest + 6 < MOST_VECTORS ? MOST_VECTORS : p->longest + 6;
+    const size_t room = (size_t)(rows * stride_of(p->longest));
     call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->room = PyMem_Malloc(sizeof(double) * room);
     if (!call->numbers || !call->room)
@@ -368,13 +369,17 @@ static PyObject *coupling(PyObject *const *arguments, Py_ssize_t given, int forw
 {
     enum { FACTOR = PATTERN_END, HALF, REDUCED, POINTS };
     Call c;
-    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 0))
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "DD", 1))
         return NULL;
-    if (!take_block(&c) || !take_pattern(&c, length_of(&c.a, REDUCED)) || !has(&c.a, FACTOR, 2 * c.block.count)
-        || !has(&c.a, HALF, 9 * c.pattern.blocks) || !has(&c.a, POINTS, 3 * c.pattern.blocks))
+    if (!is_whole(c.a.numbers[0], 1.0, MOST_VECTORS))
+        return refuse(&c);
+    const int64_t vectors = (int64_t)c.a.numbers[0], size = length_of(&c.a, REDUCED) / vectors;
+    if (!take_block(&c) || !take_pattern(&c, size) || !has(&c.a, REDUCED, vectors * size)
+        || !has(&c.a, FACTOR, 2 * c.block.count) || !has(&c.a, HALF, 9 * c.pattern.blocks)
+        || !has(&c.a, POINTS, vectors * 3 * c.pattern.blocks))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
-    const Coupling found = {v[FACTOR].buf, v[HALF].buf, v[REDUCED].buf, v[POINTS].buf};
+    const Coupling found = {v[FACTOR].buf, v[HALF].buf, v[REDUCED].buf, v[POINTS].buf, vectors, size};
     Py_BEGIN_ALLOW_THREADS
     (forward ? loops->forward : loops->backward)(&c.block, &c.pattern, &found, c.numbers, c.room);
     Py_END_ALLOW_THREADS

@@ -6,6 +6,7 @@ built, the stored matrix of `orip.adjustment.sparse_rows` does the same more slo
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from orip.adjustment.factorisation.band import Arrangement, BandMatrix, Symmetri
 from orip.adjustment.factorisation.elimination import BlockFactors, EliminatedNormals
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
-from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 
@@ -33,6 +34,9 @@ IntArray = NDArray[np.int32]
 
 
 _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
+
+_VECTORS = 8
+"""As MOST_VECTORS of substitution.h."""
 
 
 class Contributions(NamedTuple):
@@ -63,8 +67,8 @@ class PhotoPointLoop:
     photo_columns : array (p, 6) of int
         X0, Y0, Z0, KAPPA, OMEGA, PHI, in the order of the columns; `CONSTANT` where there is no unknown.
     pattern : Pattern
-    eliminated : array (n,) of bool
-        Photo points of points that are eliminated; the caller adds the others.
+    block : array (n,) of int
+        Which eliminated point each photo point is of, -1 for those of points that are not; the caller adds these.
     layout : object
         The extension's own copy of all index arrays, checked when it was made; None where there is no extension.
     """
@@ -73,8 +77,13 @@ class PhotoPointLoop:
     cameras: Cameras
     photo_columns: IntArray
     pattern: Pattern
-    eliminated: BoolArray
+    block: NDArray[np.int64]
     layout: object
+
+    @property
+    def eliminated(self) -> BoolArray:
+        """Return which photo points (n,) are of points that are eliminated."""
+        return np.asarray(self.block >= 0)
 
     def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
         """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
@@ -149,15 +158,21 @@ class PhotoPointLoop:
         return BlockPrecision(blocks, leverage)
 
     def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
-        """Return (H N_pr)^T points (m,) for a vector (3 b,)."""
-        found = np.zeros(coupling.size)
-        compiled.forward(*self._coupling(coupling), found, np.array(points))
+        """Return (H N_pr)^T points (k, m) for vectors (k, 3 b)."""
+        found = np.zeros((len(points), coupling.size))
+        for part in _parts(len(points)):
+            compiled.forward(
+                *self._coupling(coupling), found[part], np.array(points[part], order="C"), float(len(found[part]))
+            )
         return found
 
     def backward(self, coupling: StreamedCoupling, reduced: FloatArray) -> FloatArray:
-        """Return H N_pr reduced (3 b,) for a vector (m,)."""
-        found = np.empty(3 * len(coupling.half))
-        compiled.backward(*self._coupling(coupling), np.array(reduced), found)
+        """Return H N_pr reduced (k, 3 b) for vectors (k, m)."""
+        found = np.empty((len(reduced), 3 * len(coupling.half)))
+        for part in _parts(len(reduced)):
+            compiled.backward(
+                *self._coupling(coupling), np.array(reduced[part], order="C"), found[part], float(len(found[part]))
+            )
         return found
 
     def staying(self) -> NDArray[np.int64]:
@@ -220,11 +235,37 @@ class StreamedCoupling:
 
     def times(self, reduced: FloatArray) -> FloatArray:
         """Return H N_pr times vectors (m,) or (m, k)."""
-        return np.apply_along_axis(lambda vector: self.loop.backward(self, vector), 0, reduced)
+        found = self.loop.backward(self, np.atleast_2d(reduced.T))
+        return found[0] if reduced.ndim == 1 else found.T
 
     def transposed_times(self, points: FloatArray) -> FloatArray:
         """Return (H N_pr)^T times vectors (3 b,) or (3 b, k)."""
-        return np.apply_along_axis(lambda vector: self.loop.forward(self, vector), 0, points)
+        found = self.loop.forward(self, np.atleast_2d(points.T))
+        return found[0] if points.ndim == 1 else found.T
+
+    def of_blocks(self, chosen: NDArray[np.int64]) -> csr_array:
+        """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
+        points, block = self.loop.points, self.loop.block
+        mine = np.isin(block, chosen)
+        if not mine.any():
+            return csr_array((3 * len(chosen), self.size))
+        some = points.of(mine)
+        values = some.linearise_with_partials(self.state)
+        partials = values.partials * (self.factor[np.repeat(mine, 2)] * values.computable)[:, None]
+        columns = np.asarray(some.columns(), dtype=np.int64)
+        is_reduced = (columns != CONSTANT) & (columns < self.size)
+        row = 3 * np.repeat(np.searchsorted(chosen, block[mine]), 2)
+        by_point = np.einsum("nij,nj->ni", np.repeat(self.half[block[mine]], 2, axis=0), partials[:, POINT_PARTIALS])
+        at, place = np.nonzero(is_reduced)
+        entries = by_point[at] * partials[at, place][:, None]
+        rows = (row[at][:, None] + np.arange(3)).ravel()
+        shape = (3 * len(chosen), self.size)
+        return csr_array((entries.ravel(), (rows, np.repeat(columns[at, place], 3))), shape=shape)
+
+
+def _parts(count: int) -> Iterator[slice]:
+    """Yield parts of so many vectors that a loop takes at once."""
+    return (slice(start, start + _VECTORS) for start in range(0, count, _VECTORS))
 
 
 def _whole(size: int) -> Arrangement:
@@ -274,7 +315,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
         cameras,
         np.ascontiguousarray(unknowns.photos[:, _PHOTO_ORDER], dtype=np.int32),
         pattern,
-        block >= 0,
+        block,
         _layout(points, cameras, camera_of_photo, pattern) if _IS_COMPILED else None,
     )
 

@@ -1,14 +1,17 @@
-/* Forward and backward substitution: the coupling of eliminated points with reduced unknowns, H N_pr, times vectors. */
+/* Forward and backward substitution: the coupling of eliminated points with reduced unknowns, H N_pr, times vectors, some of them at once. */
 
 #ifndef ORIP_SUBSTITUTION_H
 #define ORIP_SUBSTITUTION_H
 
 #include "precision.h"
 
+#define MOST_VECTORS 8
+
 typedef struct {
     const double *factor, *half;
-    /* reduced: (m,), in the order of places; points: 3 numbers for each block */
+    /* reduced: (vectors, size), in the order of places; points: (vectors, 3 for each block) */
     double *reduced, *points;
+    int64_t vectors, size;
 } Coupling;
 
 INLINE void of_ground_point(const Ahead *a, int lane, double (*of_point)[3])
@@ -18,7 +21,8 @@ INLINE void of_ground_point(const Ahead *a, int lane, double (*of_point)[3])
             of_point[c][i] = LANE(a->of_point[c][i], lane);
 }
 
-/* points = H N_pr reduced, or with `transposed` reduced += (H N_pr)^T points. */
+/* points = H N_pr reduced, or with `transposed` reduced += (H N_pr)^T points; photo points are linearised once for all
+ * vectors. */
 INLINE void coupling_loop(const Block *b, const Pattern *p, const Coupling *c, int transposed, int32_t *numbers, double *room)
 {
     Ahead a;
@@ -26,16 +30,19 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, const Coupling *c, i
     begin_ahead(&a);
     for (int64_t group = 0; group < p->groups; group++) {
         local_unknowns(b, p, group, &local);
-        memset(room, 0, sizeof(double) * (size_t)stride_of(local.size));
-        for (int64_t u = 0; !transposed && u < local.size; u++)
-            room[u] = local.place[u] < 0 ? 0.0 : c->reduced[local.place[u]];
+        const int64_t stride = stride_of(local.size);
+        memset(room, 0, sizeof(double) * (size_t)(c->vectors * stride));
+        for (int64_t v = 0; !transposed && v < c->vectors; v++)
+            for (int64_t u = 0; u < local.size; u++)
+                room[v * stride + u] = local.place[u] < 0 ? 0.0 : c->reduced[v * c->size + local.place[u]];
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
-            double *of_block = c->points + 3 * p->block[place], point[3] = {0.0, 0.0, 0.0}, of_point[2][3];
+            double *of_block = c->points + 3 * p->block[place], point[MOST_VECTORS][3] = {{0.0}}, of_point[2][3];
             int32_t last[2] = {0, 0};
-            for (int i = 0; transposed && i < 3; i++)
-                for (int k = 0; k < 3; k++)
-                    point[i] += H[3 * k + i] * of_block[k];
+            for (int64_t v = 0; transposed && v < c->vectors; v++)
+                for (int i = 0; i < 3; i++)
+                    for (int k = 0; k < 3; k++)
+                        point[v][i] += H[3 * k + i] * of_block[3 * v * p->blocks + k];
             for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
                 const int lane = ahead(b, p, c->factor, k, &a);
                 if (!a.found.in_front[lane])
@@ -43,25 +50,28 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, const Coupling *c, i
                 const Places at = places_of(b, p, &local, p->order[k], a.cameras[lane], last);
                 const double(*row)[ROW] = a.row[lane];
                 of_ground_point(&a, lane, of_point);
-                double along[2];
-                for (int i = 0; i < 2; i++)
-                    along[i] = transposed
-                        ? of_point[i][0] * point[0] + of_point[i][1] * point[1] + of_point[i][2] * point[2]
-                        : sum_of(products(room + at.photo, row[i], PHOTO_UNKNOWNS)
-                                 + products(room + at.camera, row[i] + PHOTO_ROW, at.camera_unknowns));
-                if (transposed) {
-                    add_to(room + at.camera, along[0], row[0] + PHOTO_ROW, along[1], row[1] + PHOTO_ROW, at.camera_unknowns);
-                    add_to(room + at.photo, along[0], row[0], along[1], row[1], PHOTO_UNKNOWNS);
-                } else
-                    for (int i = 0; i < 3; i++)
-                        point[i] += along[0] * of_point[0][i] + along[1] * of_point[1][i];
+                for (int64_t v = 0; v < c->vectors; v++) {
+                    double *mine = room + v * stride, along[2];
+                    for (int i = 0; i < 2; i++)
+                        along[i] = transposed
+                            ? of_point[i][0] * point[v][0] + of_point[i][1] * point[v][1] + of_point[i][2] * point[v][2]
+                            : sum_of(products(mine + at.photo, row[i], PHOTO_UNKNOWNS)
+                                     + products(mine + at.camera, row[i] + PHOTO_ROW, at.camera_unknowns));
+                    if (transposed) {
+                        add_to(mine + at.camera, along[0], row[0] + PHOTO_ROW, along[1], row[1] + PHOTO_ROW, at.camera_unknowns);
+                        add_to(mine + at.photo, along[0], row[0], along[1], row[1], PHOTO_UNKNOWNS);
+                    } else
+                        for (int i = 0; i < 3; i++)
+                            point[v][i] += along[0] * of_point[0][i] + along[1] * of_point[1][i];
+                }
             }
-            if (!transposed)
-                multiply(H, point, of_block);
+            for (int64_t v = 0; !transposed && v < c->vectors; v++)
+                multiply(H, point[v], of_block + 3 * v * p->blocks);
         }
-        for (int64_t u = 0; transposed && u < local.size; u++)
-            if (local.place[u] >= 0)
-                c->reduced[local.place[u]] += room[u];
+        for (int64_t v = 0; transposed && v < c->vectors; v++)
+            for (int64_t u = 0; u < local.size; u++)
+                if (local.place[u] >= 0)
+                    c->reduced[v * c->size + local.place[u]] += room[v * stride + u];
     }
 }
 

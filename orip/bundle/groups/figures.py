@@ -22,9 +22,9 @@ from orip.adjustment.group_tests import (
     square_sum_tail,
     two_sided_normal,
 )
-from orip.adjustment.residual_sums import ResidualSums, RowsUnderTest, residual_sums, with_checks_used
+from orip.adjustment.residual_sums import ResidualSums, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.groups.ground_rows import ground_design, inverse_of
+from orip.bundle.groups.ground_rows import rows_under_test
 from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
 from orip.bundle.solve import SolvedBlock
@@ -168,9 +168,7 @@ class GroundGroups:
         if any(group.kind in STATIONS for group in groups):
             found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
             strips, errors, factors, together = found.strips, found.errors, found.factors, found.together
-        tested = RowsUnderTest(
-            ground_design(solved, rows), figures.residual[rows], weight, inverse_of(solved), figures.photo_variance
-        )
+        tested = rows_under_test(solved, rows, weight, figures.photo_variance)
         return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks, strips, together)
 
     def unit_sums(self, rows: IntArray) -> ResidualSums:

@@ -7,21 +7,34 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 
+from orip.adjustment.residual_sums import RowsUnderTest
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock, threads_that_pay
 from orip.records.observations.observation_kinds import PHOTO_POINT
 
 
-def ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
-    """Return rows (k, u) of the design matrix, divided by their a-priori errors; none may be of photo points.
+def rows_under_test(
+    solved: SolvedBlock, rows: IntArray, weight: FloatArray, others_variance: float = 1.0
+) -> RowsUnderTest:
+    """Return observation equations (k,) with the unknowns that they depend on; none may be of photo points.
 
     Parameters
     ----------
     solved : SolvedBlock
     rows : array (k,) of int
         Among all observation equations.
+    weight, others_variance
+        As of `RowsUnderTest`.
     """
+    design = _ground_design(solved, rows)
+    columns = np.unique(design.indices).astype(np.int64)
+    residual, inverse = solved.equations.residual[rows], _inverse_of(solved, columns)
+    return RowsUnderTest(csr_array(design[:, columns]), residual, weight, inverse, others_variance)
+
+
+def _ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
+    """Return rows (k, u) of the design matrix, divided by their a-priori errors."""
     problem = solved.problem
     others = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
     numbers, first = [np.zeros(0, dtype=np.int64)], 0
@@ -33,11 +46,11 @@ def ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
     return csr_array(design[np.searchsorted(np.concatenate(numbers), rows)])
 
 
-def inverse_of(solved: SolvedBlock) -> Callable[[FloatArray], FloatArray]:
-    """Return what multiplies right-hand sides (u, j) by the cofactor matrix of all unknowns."""
+def _inverse_of(solved: SolvedBlock, columns: IntArray) -> Callable[[FloatArray], FloatArray]:
+    """Return what multiplies right-hand sides (c, j) by the cofactors of some unknowns (c,), in ascending order."""
 
     def solve(right: FloatArray) -> FloatArray:
         with threads_that_pay(solved.problem):
-            return solved.normals.solve(right)
+            return solved.normals.solve_at(columns, right)
 
     return solve

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -25,7 +25,7 @@ class Rows:
     ----------
     kind : ObservationKind
         Each kind of a block has its own.
-    photo, point, component : tuples of str, length n
+    photo, point, component : sequences of str, length n
         What the user calls the observation.
     observed : array (n,)
         In the unit of the files: mm, ground unit, degrees.
@@ -38,9 +38,9 @@ class Rows:
     """
 
     kind: ObservationKind
-    photo: tuple[str, ...]
-    point: tuple[str, ...]
-    component: tuple[str, ...]
+    photo: Sequence[str]
+    point: Sequence[str]
+    component: Sequence[str]
     observed: FloatArray
     error: FloatArray
     used: BoolArray

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from orip.geometry.projection import projected_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
+from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.observations.repeated import measured_before, measurement_name
 from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
@@ -69,9 +69,9 @@ class PhotoPointObservations(Observations):
         rows = self.rows
         some = Rows(
             kind=rows.kind,
-            photo=tuple(compress(rows.photo, twice)),
-            point=tuple(compress(rows.point, twice)),
-            component=tuple(compress(rows.component, twice)),
+            photo=coded(rows.photo)[twice],
+            point=coded(rows.point)[twice],
+            component=coded(rows.component)[twice],
             observed=rows.observed[twice],
             error=rows.error[twice],
             used=rows.used[twice],
@@ -149,9 +149,9 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     )
     rows = Rows(
         kind=PHOTO_POINT,
-        photo=_twice([block.photos[photo].name for photo in points.photo.tolist()]),
+        photo=_twice(CodedNames([photo.name for photo in block.photos], points.photo)),
         point=_twice(names_of_photo_points(block)),
-        component=("x", "y") * len(points.photo),
+        component=CodedNames(("x", "y"), np.tile(np.arange(2), len(points.photo))),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),
@@ -164,18 +164,18 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     )
 
 
-def names_of_photo_points(block: Block) -> tuple[str, ...]:
+def names_of_photo_points(block: Block) -> CodedNames:
     """Return what the measurement of each of n photo points is called."""
     points = block.photo_points
-    names = tuple(np.array(block.point_names, dtype=object)[points.point].tolist())
+    names = CodedNames(block.point_names, points.point)
     if block.definition.repeated_points != "both":
         return names
-    return tuple(map(measurement_name, names, measured_before(points.photo, points.point).tolist()))
+    return coded(list(map(measurement_name, names, measured_before(points.photo, points.point).tolist())))
 
 
-def _twice(names: Sequence[str]) -> tuple[str, ...]:
+def _twice(names: CodedNames) -> CodedNames:
     """Return each name once for x and once for y."""
-    return tuple(np.repeat(np.array(names, dtype=object), 2).tolist())
+    return CodedNames(names.distinct, np.repeat(names.codes, 2))
 
 
 KINDS = (KindEquations(PHOTO_POINT, observe_photo_points),)

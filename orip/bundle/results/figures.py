@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orip.arrays import FloatArray
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import CONTROL_POINT
 from orip.records.results.solution import Solution
 
@@ -61,13 +62,8 @@ def _check_differences(solution: Solution) -> FloatArray:
 
 def _control_residuals(solution: Solution, components: str) -> FloatArray:
     residuals = solution.residuals
-    chosen = np.array(
-        [
-            kind == CONTROL_POINT.name and component in components
-            for kind, component in zip(residuals.kind, residuals.component, strict=True)
-        ],
-        dtype=np.bool_,
-    )
+    chosen = coded(residuals.kind).where(CONTROL_POINT.name.__eq__)
+    chosen &= coded(residuals.component).where(lambda component: component in components)
     return residuals.residual[chosen & _taking_part(solution)]
 
 

@@ -193,6 +193,8 @@ def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
 def _reduced_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return the cofactors (n, k, k) of unknowns of the reduced system at `columns` (n, k); zero for constants."""
     unknown = columns != CONSTANT
+    if not unknown.any():
+        return np.zeros((*columns.shape, columns.shape[1]))
     mine = np.where(unknown, columns, 0)
     found = solved.cofactors.reduced[mine[:, :, None], mine[:, None, :]]
     return np.asarray(np.where(unknown[:, :, None] & unknown[:, None, :], found, 0.0))

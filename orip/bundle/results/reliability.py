@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.adjustment.precision import residual_cofactor
-from orip.records.results.solution import Reliability, Residuals
+from orip.records.results.solution import Reliability, Residuals, Solution
 
 NON_CENTRALITY = 4.132
 """Shift of a normalised residual that a test with error probability 0.001 finds with probability 0.80 (Baarda 1968)."""
@@ -42,3 +42,8 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
             external=detected * np.sqrt(factor * share),
             adjusted_sd=deviation_scale * residuals.a_priori * np.sqrt(share / factor),
         )
+
+
+def reliability_of(solution: Solution) -> Reliability:
+    """Return the reliability of the observations of a solution."""
+    return reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
@@ -22,6 +20,7 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
+from orip.records.coded_names import joined, repeated
 from orip.records.names import record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
@@ -148,10 +147,10 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     weight_factors = solved.weight_factors * taking_part
     standard = np.abs(of_equations) / error
     return Residuals(
-        kind=tuple(part.kind.name for part in rows for _ in part.photo),
-        photo=_chained([part.photo for part in rows]),
-        point=_chained([part.point for part in rows]),
-        component=_chained([part.component for part in rows]),
+        kind=joined(repeated(part.kind.name, len(part.photo)) for part in rows),
+        photo=joined(part.photo for part in rows),
+        point=joined(part.point for part in rows),
+        component=joined(part.component for part in rows),
         observed=np.concatenate([part.observed for part in rows]),
         residual=residual,
         a_priori=error,
@@ -160,10 +159,6 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         redundancy_number=numbers,
         w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
     )
-
-
-def _chained(parts: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    return tuple(name for part in parts for name in part)
 
 
 def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:

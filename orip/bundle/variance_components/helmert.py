@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf
 
-from orip.adjustment.residual_sums import RowsUnderTest, residual_sums
+from orip.adjustment.residual_sums import residual_sums
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.groups.ground_rows import ground_design, inverse_of
+from orip.bundle.groups.ground_rows import rows_under_test
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.variance_components.variance_groups import GroupRows
 
@@ -144,9 +144,7 @@ def _pairs(solved: SolvedBlock, rows: Sequence[IntArray], redundancy: FloatArray
     every = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
     if not len(every) or len(every) > _MOST_EXACT:
         return np.diag(redundancy)
-    tested = RowsUnderTest(
-        ground_design(solved, every), solved.equations.residual[every], np.ones(len(every)), inverse_of(solved)
-    )
+    tested = rows_under_test(solved, every, np.ones(len(every)))
     squares = (np.eye(len(every)) - residual_sums(tested, np.eye(len(every))).smoothed) ** 2
     member = np.zeros((len(every), len(rows)))
     member[np.arange(len(every)), np.repeat(np.arange(len(rows)), [len(part) for part in rows])] = 1.0

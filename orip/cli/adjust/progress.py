@@ -134,7 +134,7 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
     warnings = [ProjectWarning(*row) for row in solution.warnings]
     terminal.warn(warning for warning in warnings if warning.code not in REMINDERS)
     project, files = outcome.project, outcome.files
-    for line in summary(solution, outcome.gates, project.shown(files[1])):
+    for line in summary(solution, outcome.gates, project.shown(files[1]), project.definition.test_level):
         style = None if line.level is None else _STYLES[line.level]
         if line.label == "status":
             terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])

@@ -26,7 +26,7 @@ Names = Annotated[
 
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="With covariance: the file, ending in .npz or .csv."),
+    typer.Option("--output", "-o", metavar="FILE", help="With covariance or residuals: a file in .npz or .csv."),
 ]
 
 
@@ -40,20 +40,28 @@ def register(app: typer.Typer) -> None:
         """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
 
         The covariance matrix of cameras, photos and points is written to a file; for it the adjustment is computed
-        again.
+        again. With --output all residuals are written to a file, with their reliability.
 
         Example: orip results photos st1 st2
         """
-        from orip.workflow.adjust.results import results
+        from orip.workflow.adjust.results import results, write_residuals
         from orip.workflow.project.bundle_state import read_bundle
 
         if what == "covariance":
             _write_covariance(invocation, names or (), output, bundle)
             return
-        if output is not None:
-            message = "--output is for 'orip results covariance'; redirect other results with > FILE"
+        if output is not None and (what != "residuals" or names):
+            message = (
+                "--output is for 'orip results covariance' and for all residuals, 'orip results residuals'; redirect "
+                "other results with > FILE"
+            )
             raise UsageError(message)
-        shown = results(read_bundle(invocation.folder, bundle, "solutions").adjusted, what, names or ())
+        solution = read_bundle(invocation.folder, bundle, "solutions").adjusted
+        if output is not None:
+            write_residuals(solution, output)
+            invocation.terminal.say(f"wrote    {output}: {len(solution.residuals.kind)} residuals")
+            return
+        shown = results(solution, what, names or ())
         if invocation.terminal.json:
             invocation.terminal.document("result-part", shown.document)
         else:

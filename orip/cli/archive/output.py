@@ -31,15 +31,19 @@ def watcher(terminal: Terminal) -> ArchiveWatcher:
     """Return what tells of a run as it goes on."""
     from orip.workflow.archive.run import ArchiveWatcher
 
-    told = time.monotonic()
+    told, not_adjusted = time.monotonic(), 0
 
     def began(plan: ArchivePlan) -> None:
         terminal.say(f"archive  {counted(len(plan.projects), 'project')} below {plan.base}; dashboard {plan.dashboard}")
 
     def replied(reply: TaskReply, progress: Progress) -> None:
-        nonlocal told
+        nonlocal told, not_adjusted
         if reply.state != "adjusted" and not reply.repeated:
-            terminal.say(f"{reply.state:8} {reply.name}: {reply.message}", "yellow")
+            not_adjusted += 1
+            if not_adjusted <= _SHOWN or terminal.verbose:
+                terminal.say(f"{reply.state:8} {reply.name}: {reply.message}", "yellow")
+            elif not_adjusted == _SHOWN + 1:
+                terminal.say("         further ones are not listed; 'orip archive status -v' does", "yellow")
         if time.monotonic() - told > _SECONDS_BETWEEN:
             told = time.monotonic()
             terminal.say(f"         {progress}")

@@ -23,6 +23,10 @@ _HEADING: Final[tuple[str, ...]] = (
     "X_est", "Y_est", "Z_est", "SD_X_(m)", "SD_Y_(m)", "SD_Z_(m)",
 )  # fmt: skip
 
+_ANGLES: Final[tuple[str, ...]] = (
+    "Yaw", "Pitch", "Roll", "Accuracy_Yaw_(deg)", "Accuracy_Pitch_(deg)", "Accuracy_Roll_(deg)"
+)  # fmt: skip
+
 _Given = tuple[Sequence[float | None], Sequence[float | None]]
 """Coordinates, and their errors, negative where they are not used."""
 
@@ -37,7 +41,12 @@ def reference_files(project: ExchangedProject) -> Mapping[str, bytes]:
     deviations = np.array([photo.position_deviation or nothing for photo in project.photos]).reshape(-1, 3)
     places = photos if project.mapped is None else project.mapped.photos
     names = [photo.name for photo in project.photos]
-    files = {CAMERAS: _table(project.control_crs, _rows(names, stations, places, deviations))}
+    angles = _angles(project)
+    table = [
+        [*row, *angles.get(row[0], [""] * len(_ANGLES) * bool(angles))]
+        for row in _rows(names, stations, places, deviations)
+    ]
+    files = {CAMERAS: _table(project.control_crs, table, _ANGLES if angles else ())}
     rows = np.flatnonzero(~project.points.is_track)
     if not rows.size:
         return files
@@ -49,6 +58,17 @@ def reference_files(project: ExchangedProject) -> Mapping[str, bytes]:
     places = project.points.coordinates if project.mapped is None else project.mapped.points
     marked = [project.points.names[row] for row in rows.tolist()]
     return files | {MARKERS: _table(project.control_crs, _rows(marked, control, places[rows], deviations[rows]))}
+
+
+def _angles(project: ExchangedProject) -> dict[str, list[str]]:
+    """Return yaw, pitch and roll of photos with their accuracies, degrees; those that are only compared have none."""
+    found = {}
+    for station in project.stations if project.station_reference.navigation else ():
+        if station.has_angles:
+            given = np.degrees(station.angles[::-1]).tolist()
+            errors = np.degrees(station.angle_error[::-1]).tolist()
+            found[station.photo] = [*_words(given), *_words(error if error >= 0.0 else None for error in errors)]
+    return found
 
 
 def _rows(
@@ -66,11 +86,11 @@ def _words(values: Iterable[float | None]) -> list[str]:
     return ["" if value is None or not np.isfinite(value) else repr(float(value)) for value in values]
 
 
-def _table(crs: str, rows: Iterable[list[str]]) -> bytes:
+def _table(crs: str, rows: Iterable[list[str]], further: tuple[str, ...] = ()) -> bytes:
     text = io.StringIO()
     if crs:
         text.write(f"# CoordinateSystem: {' '.join(crs.split())}\n")
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_HEADING)
+    writer.writerow((*_HEADING, *further))
     writer.writerows(rows)
     return text.getvalue().encode()

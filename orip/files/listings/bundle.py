@@ -24,8 +24,9 @@ from orip.files.listings.bundle_stations import STATION_KINDS, station_lines
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, one_fixed, root_mean_square
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
-from orip.records.results.solution import Reliability, Solution
+from orip.records.results.solution import MOST_AS_TEXT, Reliability, Solution
 
 TITLE = "BUNDLE ADJUSTMENT: RESULTS"
 
@@ -55,18 +56,30 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     with_antennas = " AND ANTENNA" if solution.antennas else ""
     yield from section(f"CORRELATIONS OF CAMERA{with_antennas} UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
-    yield from section("POINTS", point_lines(solution))
+    yield from section("POINTS", _at_request(solution, "points") or point_lines(solution))
     if solution.antennas:
         yield from section("ANTENNAS: LEVER ARM, BORESIGHT, SHIFTS AND DRIFTS", antenna_lines(solution))
     if solution.zero_directions:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
-    if any(kind in STATION_KINDS for kind in solution.residuals.kind):
+    if any(kind in STATION_KINDS for kind in coded(solution.residuals.kind).occurring()):
         yield from section("EXPOSURE STATIONS", station_lines(solution))
     others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS))
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
-    yield from section("PHOTO RESIDUALS", photo_residual_lines(solution, reliability, measured))
+    residual_lines = _at_request(solution, "residuals") or photo_residual_lines(solution, reliability, measured)
+    yield from section("PHOTO RESIDUALS", residual_lines)
+
+
+def _at_request(solution: Solution, what: str) -> list[str]:
+    """Return where the lines of a section are that is not listed as it would be too long; none if it is listed."""
+    if not solution.is_large:
+        return []
+    text = (
+        f"Not listed here, as the block has more than {MOST_AS_TEXT} observations: 'orip results {what}' shows them, "
+        f"'orip results {what} NAME ...' those of some photos or points."
+    )
+    return paragraph(text)
 
 
 def _key_figures(solution: Solution) -> list[str]:
@@ -100,8 +113,7 @@ def _key_figures(solution: Solution) -> list[str]:
 
 def _photo_figures(solution: Solution) -> list[tuple[str, str, str]]:
     residuals = solution.residuals
-    kind = np.array(residuals.kind, dtype=object)
-    used = (kind == "photo") & np.isfinite(residuals.weight_factor)
+    used = coded(residuals.kind).where("photo".__eq__) & np.isfinite(residuals.weight_factor)
     a_priori = residuals.a_priori[used]
     figures = [("Photo observations", str(a_priori.size), "x and y counted one by one")]
     if a_priori.size == 0:

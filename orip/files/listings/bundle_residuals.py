@@ -13,6 +13,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.files.text.fixed_cells import FixedCells
 from orip.files.text.table import Column, Table, table_lines, xy_pair
 from orip.number_text import decimals_for, fixed, measure, root_mean_square
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.observations.observation_kinds import unit_of_observation
@@ -102,7 +103,7 @@ def largest_residual_lines(solution: Solution) -> list[str]:
 def ground_residual_lines(solution: Solution, choose: Callable[[str], bool]) -> list[str]:
     """Return the table of the observations whose kind is chosen, one component a row."""
     residuals = solution.residuals
-    rows = [i for i, kind in enumerate(residuals.kind) if choose(kind)]
+    rows = np.flatnonzero(coded(residuals.kind).where(choose)).tolist()
     return table_lines(component_columns(residuals, rows, solution.ground_unit))
 
 

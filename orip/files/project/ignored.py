@@ -24,6 +24,8 @@ result.json
 *_result.json
 residuals.csv
 *_residuals.csv
+residuals.npz
+*_residuals.npz
 report.html
 *_report.html
 *.DRV

@@ -42,6 +42,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
         gates=tuple(source.check.gates),
+        test_level=source.check.test_level,
         report=_report(source.report),
         antennas=tuple(antenna.record for antenna in source.antennas),
         output_folder=project.output_folder,

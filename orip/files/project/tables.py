@@ -52,6 +52,7 @@ class CheckTable(CheckedTable):
     """``[check]``."""
 
     gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
+    test_level: Annotated[float | None, Limits(ge=1e-9, le=0.5, examples=["0.001"])] = None
 
 
 def _printable(text: str) -> str:

@@ -36,7 +36,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
     }
     return {
         "project": {key: value for key, value in project.items() if value is not None},
-        "check": {"gates": list(definition.gates)} if definition.gates else {},
+        "check": _check_table(definition),
         "report": _report_table(definition.report),
         "camera": [camera_table(camera) for camera in definition.cameras],
         "temtick": [toml_of(temtick) for temtick in definition.temticks],
@@ -55,6 +55,11 @@ def project_text(document: Mapping[str, Any]) -> str:
             *(record_text(section, table) for section in RECORD_SECTIONS for table in document[section]),
         ]
     )
+
+
+def _check_table(definition: ProjectDefinition) -> TomlTable:
+    gates = {"gates": list(definition.gates)} if definition.gates else {}
+    return gates if definition.test_level is None else {**gates, "test_level": definition.test_level}
 
 
 def _report_table(details: ReportDetails) -> TomlTable:

@@ -23,6 +23,7 @@ from orip.schemas.catalogue import identifier
 
 SCHEMA = identifier("result")
 SINGULAR = "singular"
+RESIDUALS_FILE = "residuals.csv"
 
 INDENT = "  "
 LONGEST_LEAF = 160
@@ -39,10 +40,10 @@ def result_document(solution: Solution) -> dict[str, object]:
     Numbers that are not finite are None, apart from the standard deviation of a removed unknown, which is "singular".
     Units: mm for C, DX, DY and photo residuals, degrees for angles, ground units otherwise.
     """
-    return _document(solution, _points(solution))
+    return _document(solution, _points(solution), RESIDUALS_FILE)
 
 
-def _document(solution: Solution, points: object) -> dict[str, object]:
+def _document(solution: Solution, points: object, residuals_file: str) -> dict[str, object]:
     return {
         "schema": SCHEMA,
         "run": solution.run,
@@ -91,18 +92,22 @@ def _document(solution: Solution, points: object) -> dict[str, object]:
             for group in ("templates", "photos")
         },
         "inputs": dict(solution.inputs),
+        "residuals_file": residuals_file,
         "warnings": [{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
     }
 
 
-def result_text(solution: Solution) -> str:
+def result_text(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> str:
     """Return result.json as text: indented, short objects on one line, shortest exact floats, a newline at the end."""
-    return "".join(result_pieces(solution))
+    return "".join(result_pieces(solution, residuals_file))
 
 
-def result_pieces(solution: Solution) -> Iterator[str]:
-    """Yield the text of result.json in pieces, so that a million points need little memory."""
-    yield from _json_pieces(_document(solution, _Points(solution)), "")
+def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> Iterator[str]:
+    """Yield the text of result.json in pieces, so that a million points need little memory.
+
+    `residuals_file` is the name of the file with the residuals, beside it.
+    """
+    yield from _json_pieces(_document(solution, _Points(solution), residuals_file), "")
     yield "\n"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.number_text import shortest_texts
+from orip.records.coded_names import CodedNames, coded
 from orip.records.results.solution import Reliability, Residuals
 
 HEADER = (
@@ -24,9 +25,11 @@ def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iter
     The first line is the header; floats are the shortest text that reads back exactly; empty cells stand for NaN.
     """
     yield HEADER
+    names = [
+        _quoted_names(column) for column in (residuals.kind, residuals.photo, residuals.point, residuals.component)
+    ]
     for start in range(0, len(residuals.kind), ROWS_PER_PIECE):
         part = slice(start, start + ROWS_PER_PIECE)
-        names = (residuals.kind, residuals.photo, residuals.point, residuals.component)
         numbers = (
             residuals.observed,
             residuals.residual,
@@ -40,15 +43,15 @@ def residuals_csv_pieces(residuals: Residuals, reliability: Reliability) -> Iter
             reliability.external,
         )
         columns = [
-            *(_name_cells(column[part]) for column in names),
+            *(column[part] for column in names),
             *(_number_cells(column[part]) for column in numbers),
         ]
         yield "\n".join(map(",".join, zip(*columns, strict=True))) + "\n"
 
 
-def _name_cells(names: Sequence[str]) -> list[str]:
-    quoted = {name: _quoted(name) for name in set(names)}
-    return list(map(quoted.__getitem__, names))
+def _quoted_names(names: Sequence[str]) -> CodedNames:
+    column = coded(names)
+    return CodedNames(tuple(map(_quoted, column.distinct)), column.codes)
 
 
 def _quoted(name: str) -> str:

@@ -42,8 +42,8 @@ class RunningSum:
     """
 
     def __init__(self, table: StoreTable) -> None:
-        self._columns = table.columns
-        self._hashes = [hashlib.blake2b(digest_size=_BYTES) for _ in table.columns]
+        self._columns = table.in_file.columns
+        self._hashes = [hashlib.blake2b(digest_size=_BYTES) for _ in self._columns]
         self._rows = 0
 
     def add(self, columns: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
@@ -130,6 +130,8 @@ def part_of(table: StoreTable, owner: str | None) -> str:
 
 
 def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> bytes:
+    if column.type == "BLOB":
+        return b"".join(part for value in values for part in (len(value).to_bytes(8, "little"), value))
     if column.type == "TEXT":
         texts = [_NULL_TEXT if value is None else value for value in values] if column.null != "never" else values
         return (_END.join(texts) + _END).encode("utf-8", "surrogatepass")

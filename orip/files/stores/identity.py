@@ -43,12 +43,12 @@ def is_present(store: Store) -> bool:
     return True
 
 
-def create(store: Store) -> None:
-    """Make the tables of an empty store inside the current transaction."""
+def create(store: Store, *, packed: bool = True) -> None:
+    """Make the tables of an empty store inside the current transaction; long lists row by row unless `packed`."""
     store.connection.execute(f"PRAGMA {store.schema}.application_id = {APPLICATION_ID}")
     store.connection.execute(f"PRAGMA {store.schema}.user_version = {SCHEMA_VERSION}")
     for table in TABLES_OF_KIND[store.kind]:
-        store.connection.execute(table.ddl(store.schema))
+        store.connection.execute((table.in_file if packed else table).ddl(store.schema))
     store.insert(META, [("kind", store.kind)])
 
 
@@ -77,7 +77,7 @@ def _statement(table: StoreTable) -> str:
 
 @cache
 def _own_objects(kind: str) -> _Objects:
-    return {("table", table.name): _statement(table) for table in TABLES_OF_KIND[kind]}
+    return {("table", table.name): _statement(table.in_file) for table in TABLES_OF_KIND[kind]}
 
 
 def _refuse_other_objects(store: Store, found: _Objects) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from orip.files.stores.dump import dumped_tables
@@ -40,7 +41,7 @@ def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: flo
     with closing(connected(PRIVATE, timeout)) as connection:
         checked = Store(path, kind_of(path), connection, "main", present=True)
         connection.execute("BEGIN")
-        create(checked)
+        create(checked, packed=False)
         run = read_dump(lines, checked, source)
         with writing([path], timeout=timeout) as stores:
             _take_over(stores[path], checked, run)
@@ -55,5 +56,5 @@ def _take_over(store: Store, checked: Store, run: str | None) -> None:
     for table in reversed(tables):
         store.delete(table)
     for table in tables:
-        store.insert(table, checked.stored_rows(table))
+        store.insert(table, checked.stored_rows(replace(table, packed=False)))
     set_run(store, run)

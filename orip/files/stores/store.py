@@ -6,7 +6,8 @@ import math
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 
 from orip.errors import InputError
 from orip.files.stores.checksum import CHECKSUM, ContentSums, RunningSum, Sum, part_of
+from orip.files.stores.packed_columns import packed_column, unpacked_column
 from orip.files.stores.table import StoreColumn, StoreTable, quoted
+from orip.records.coded_names import CodedNames, joined
 from orip.records.names import record_key
 
 Row = tuple[Any, ...]
-ColumnValues = tuple[Any, ...] | NDArray[Any]
+ColumnValues = Sequence[Any] | NDArray[Any]
 
-PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float}
+PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float, "BLOB": bytes}
 ARRAY_TYPES = {"INTEGER": np.int64, "REAL": np.float64}
 NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
@@ -64,7 +67,11 @@ class Store:
     sums: ContentSums | None = None
 
     def insert(self, table: StoreTable, rows: Iterable[Sequence[Any]]) -> None:
-        """Insert rows of single values; NaN becomes NULL."""
+        """Insert rows of single values; NaN becomes NULL. Rows of a packed list come owner by owner, in their order."""
+        if table.packed:
+            for _owner, of_owner in groupby(rows, itemgetter(0)):
+                self.insert_columns(table, *zip(*of_owner, strict=True))
+            return
         self._insert(table, self._noted(table, (tuple(map(_plain, row)) for row in rows)))
 
     def insert_columns(self, table: StoreTable, *columns: ColumnValues) -> None:
@@ -72,6 +79,8 @@ class Store:
 
         They come in reading order, and of a table that is read by owner all are of one owner.
         """
+        if table.packed:
+            columns = self._packed(table, columns)
         self._insert(table, _rows_of(columns))
         if self.sums is not None and len(columns[0]):
             running = RunningSum(table)
@@ -87,6 +96,9 @@ class Store:
 
     def rows(self, table: StoreTable, owner: str | None = None) -> Iterator[Row]:
         """Yield rows in reading order with NULL as None or NaN; those whose first column is `owner`, or all."""
+        if table.packed:
+            yield from zip(*map(_plain_values, self.columns(table, owner)), strict=True)
+            return
         rows = list(self._checked(table, self._cursor(table, owner)))
         running = RunningSum(table)
         if rows:
@@ -97,12 +109,20 @@ class Store:
 
     def stored_rows(self, table: StoreTable) -> Iterator[Row]:
         """Yield all rows sorted by primary key as SQLite holds them: NaN as None, flags as 0 and 1."""
+        if table.packed:
+            rows = (zip(*map(_plain_values, columns), strict=True) for columns in self._unpacked(table, None))
+            yield from (tuple(map(_stored, row)) for row in chain.from_iterable(rows))
+            return
         cursor = self.connection.execute(table.select(self.schema, order=table.key) if self.present else NOTHING)
         yield from self._checked(table, cursor)
 
     def columns(self, table: StoreTable, owner: str | None = None) -> tuple[ColumnValues, ...]:
         """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
-        chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
+        if table.packed:
+            of_owners = list(self._unpacked(table, owner))
+            chunks = [[columns[place] for columns in of_owners] for place in range(len(table.columns))]
+            return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
+        chunks = [[] for _ in table.columns]
         # A block has far more observations than names: each name is kept once, not once a row.
         known: dict[str, str] = {}
         running = RunningSum(table)
@@ -195,10 +215,9 @@ class Store:
 
     def _insert(self, table: StoreTable, rows: Iterable[Row]) -> None:
         try:
-            self.connection.executemany(table.insert(self.schema), rows)
+            self.connection.executemany(table.in_file.insert(self.schema), rows)
         except UnicodeEncodeError as error:
-            message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
-            raise InputError.single(message, str(self.path)) from error
+            raise self._not_text(error) from error
 
     def _checked(self, table: StoreTable, rows: Iterable[Row]) -> Iterator[Row]:
         for row in rows:
@@ -211,7 +230,45 @@ class Store:
         if not self.present:
             return self.connection.execute(NOTHING)
         of_owner = owner is not None
-        return self.connection.execute(table.select(self.schema, of_owner=of_owner), (owner,) if of_owner else ())
+        select = table.in_file.select(self.schema, of_owner=of_owner)
+        return self.connection.execute(select, (owner,) if of_owner else ())
+
+    def _packed(self, table: StoreTable, columns: Sequence[ColumnValues]) -> tuple[ColumnValues, ...]:
+        """Return the columns of a packed list as the file has them: a row, or none where the list is empty."""
+        if not len(columns[0]):
+            return tuple(() for _ in table.in_file.columns)
+        owner, _position, *rest = columns
+        if len({len(column) for column in columns}) > 1:
+            message = f"table {table.name}: a column is shorter than another one"
+            raise ValueError(message)
+        try:
+            blobs = [packed_column(column, values) for column, values in zip(table.packed_columns, rest, strict=True)]
+        except UnicodeEncodeError as error:
+            raise self._not_text(error) from error
+        return ((owner[0],), (len(owner),), *((blob,) for blob in blobs))
+
+    def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
+        """Yield the columns of each owner of a packed list, one owner or all of them."""
+        running = RunningSum(table)
+        rows = list(self._checked(table.in_file, self._cursor(table, owner)))
+        if rows:
+            running.add(list(zip(*rows, strict=True)))
+        if owner is not None or not table.by_owner:
+            self._require_sum(table, owner, running.value())
+        for name, count, *blobs in rows:
+            values: list[ColumnValues] = []
+            for column, blob in zip(table.packed_columns, blobs, strict=True):
+                try:
+                    values.append(unpacked_column(column, blob, count))
+                    if column.type == "REAL":
+                        _require_numbers(column, np.asarray(values[-1]))
+                except (ValueError, OverflowError, MemoryError) as error:
+                    raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
+            yield ((name,) * count, np.arange(count), *values)
+
+    def _not_text(self, error: UnicodeEncodeError) -> InputError:
+        message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
+        return InputError.single(message, str(self.path))
 
 
 def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
@@ -223,6 +280,13 @@ def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
 
 def _plain_values(values: ColumnValues) -> Sequence[Any]:
     return values.tolist() if isinstance(values, np.ndarray) else values
+
+
+def _stored(value: Any) -> Any:
+    """Return a value as SQLite would hold it: NaN as None, flags as 0 and 1."""
+    if isinstance(value, bool):
+        return int(value)
+    return None if value != value else value
 
 
 def _plain(value: Any) -> Any:
@@ -267,6 +331,7 @@ def _require_numbers(column: StoreColumn, values: NDArray[Any]) -> None:
 
 def _joined(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:
     if column.type == "TEXT":
-        return tuple(chain.from_iterable(parts))
+        names = [part for part in parts if isinstance(part, CodedNames)]
+        return joined(names) if names else tuple(chain.from_iterable(parts))
     empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])
     return np.concatenate([empty, *parts])

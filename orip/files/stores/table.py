@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-ColumnType = Literal["TEXT", "INTEGER", "REAL"]
+ColumnType = Literal["TEXT", "INTEGER", "REAL", "BLOB"]
 Null = Literal["never", "none", "nan"]
 """What NULL stands for: it is refused, it is None, or it is NaN (which SQLite cannot hold)."""
+
+ROW_COUNT = "row_count"
+"""Name of the column of a packed list with the number of its rows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +21,7 @@ class StoreColumn:
     Parameters
     ----------
     name : str
-    type : {"TEXT", "INTEGER", "REAL"}
+    type : {"TEXT", "INTEGER", "REAL", "BLOB"}
     null : {"never", "none", "nan"}
     check : str
         SQL condition that every value meets.
@@ -105,6 +108,8 @@ class StoreTable:
         SQL conditions that every row meets.
     by_owner : bool
         Rows are read owner by owner: those of each have a checksum of their own.
+    packed : bool
+        A list that may have millions of rows: in the file one row for each owner, with a column's values in a BLOB.
     """
 
     name: str
@@ -114,6 +119,22 @@ class StoreTable:
     unique: tuple[tuple[str, ...], ...] = ()
     checks: tuple[str, ...] = ()
     by_owner: bool = False
+    packed: bool = False
+
+    @property
+    def in_file(self) -> StoreTable:
+        """Return the table as the file has it: of a packed list its owners, numbers of rows, and packed columns."""
+        if not self.packed:
+            return self
+        owner, *_ = self.columns
+        blobs = (StoreColumn(column.name, "BLOB") for column in self.packed_columns)
+        columns = (owner, integer(ROW_COUNT, f"{quoted(ROW_COUNT)} > 0"), *blobs)
+        return replace(self, columns=columns, key=(owner.name,), unique=(), checks=(), packed=False)
+
+    @property
+    def packed_columns(self) -> tuple[StoreColumn, ...]:
+        """Return the columns of a packed list that the file has as BLOBs: owner and position follow from the rest."""
+        return self.columns[2:]
 
     @property
     def column_names(self) -> tuple[str, ...]:
@@ -159,12 +180,18 @@ class StoreTable:
 
 
 def list_table(
-    name: str, owner: str, columns: Sequence[StoreColumn], *unique: str, parent: str = "", by_owner: bool = False
+    name: str,
+    owner: str,
+    columns: Sequence[StoreColumn],
+    *unique: str,
+    parent: str = "",
+    by_owner: bool = False,
+    packed: bool = False,
 ) -> StoreTable:
     """Return the table of a list that each record of another table has: owner, position, then the items' columns.
 
     The owner's column is called `owner`, and so is its table unless `parent` says otherwise. Items of one owner differ
-    in the `unique` column, if one is given; `by_owner` is that of the table.
+    in the `unique` column, if one is given; `by_owner` and `packed` are those of the table.
     """
     return StoreTable(
         name,
@@ -173,6 +200,7 @@ def list_table(
         parent=parent or owner,
         unique=tuple((owner, column) for column in unique),
         by_owner=by_owner,
+        packed=packed,
     )
 
 

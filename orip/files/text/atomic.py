@@ -57,18 +57,18 @@ def replace_text(path: Path, text: str) -> None:
     UnicodeEncodeError
         If the text has half a surrogate pair; the old file is then unchanged too.
     """
-    replace_text_in_pieces(path, [text])
+    replace_in_pieces(path, [text])
 
 
-def replace_text_in_pieces(path: Path, pieces: Iterable[str]) -> None:
-    """Do what `replace_text` does with a text that is too large to be in memory as a whole.
+def replace_in_pieces(path: Path, pieces: Iterable[str | bytes]) -> None:
+    """Do what `replace_text` does with a text, or bytes, too large to be in memory as a whole.
 
     Raises
     ------
     OSError, UnicodeEncodeError
         As `replace_text`.
     """
-    _replace(path, (piece.encode("utf-8") for piece in pieces))
+    _replace(path, (piece.encode("utf-8") if isinstance(piece, str) else piece for piece in pieces))
 
 
 def replace_bytes(path: Path, data: bytes) -> None:

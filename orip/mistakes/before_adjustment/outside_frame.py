@@ -15,6 +15,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
+from orip.records.coded_names import rows_of_records
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
@@ -50,9 +51,7 @@ def points_outside_frames(
     to_photo : mapping by `record_key` of the photo
         Stored coordinates to photo millimetres.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
-        rows.setdefault(record_key(name), []).append(row)
+    rows = rows_of_records(observations.photos)
     points = {key: observations.measured[own] for key, own in rows.items() if key in definitions.photos}
     photos = [definitions.photos[key] for key in points]
     on_sensors = [photo for photo in photos if definitions.camera_of(photo).sensor]
@@ -62,7 +61,7 @@ def points_outside_frames(
     return [
         *_off_sensors(definitions, on_sensors, points),
         *_off_films(definitions, on_film, points, to_photo),
-        *_far_points(definitions, on_film, {key: np.array(own) for key, own in rows.items()}, observations, to_photo),
+        *_far_points(definitions, on_film, rows, observations, to_photo),
     ]
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+import numpy as np
+
+from orip.arrays import IntArray
 from orip.interior.definitions import Definitions
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
@@ -13,7 +17,7 @@ from orip.records.project.photo import Photo
 
 def points_of_cameras(
     definitions: Definitions, observations: PhotoObservations, concerned: Callable[[Photo], bool]
-) -> Iterator[tuple[Camera, list[int]]]:
+) -> Iterator[tuple[Camera, IntArray]]:
     """Yield each camera with the rows of the photo points that are measured in its photos.
 
     Parameters
@@ -24,10 +28,17 @@ def points_of_cameras(
     concerned : callable
         Whether the points of a photo are looked at.
     """
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.photos):
+    names = coded(observations.photos)
+    numbers: dict[str, int] = {}
+
+    def camera(name: str) -> int:
         photo = definitions.photos.get(record_key(name))
-        if photo is not None and concerned(photo):
-            rows.setdefault(record_key(photo.camera), []).append(row)
-    for key, found in rows.items():
-        yield definitions.cameras[key], found
+        if photo is None or not concerned(photo):
+            return -1
+        return numbers.setdefault(record_key(photo.camera), len(numbers))
+
+    number = names.numbers(camera)
+    for key, place in numbers.items():
+        found = np.flatnonzero(number == place)
+        if len(found):
+            yield definitions.cameras[key], found

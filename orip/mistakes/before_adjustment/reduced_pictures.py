@@ -9,6 +9,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 
 CODE = "resolution"
@@ -32,7 +33,7 @@ def reduced_pictures(definitions: Definitions, observations: PhotoObservations) 
         Of one bundle.
     """
     for camera, rows in points_of_cameras(definitions, observations, lambda _: True):
-        photos = {observations.photos[row] for row in rows}
+        photos = coded(observations.photos)[rows].occurring()
         if camera.sensor is None or len(rows) < _FEWEST or len(photos) < _FEWEST_PHOTOS:
             continue
         reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)

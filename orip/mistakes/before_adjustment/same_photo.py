@@ -40,7 +40,9 @@ def _same(shared: IntArray) -> list[tuple[int, int, int]]:
     """Return pairs of photos that have all their common points at the same coordinates, and the number of these."""
     if not len(shared):
         return []
-    pairs, which = np.unique(shared[:, :2], axis=0, return_inverse=True)
+    photos = int(shared[:, 1].max()) + 1
+    both, which = np.unique(shared[:, 0] * photos + shared[:, 1], return_inverse=True)
+    pairs = np.column_stack(np.divmod(both, photos))
     common = np.bincount(which.ravel(), minlength=len(pairs))
     at_one_place = np.bincount(which.ravel(), weights=shared[:, 2], minlength=len(pairs))
     found = np.flatnonzero((common >= _FEWEST) & (at_one_place >= common))

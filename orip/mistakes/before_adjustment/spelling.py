@@ -57,10 +57,11 @@ def stations_spelt_otherwise(unknown: Sequence[str], without_station: Iterable[s
     return [ProjectWarning(CODE, counted_names("exposure station", list(pairs)), text)]
 
 
-def _spelt_otherwise(names: Iterable[str], others: Iterable[str]) -> dict[str, str]:
+def _spelt_otherwise(names: Sequence[str], others: Iterable[str]) -> dict[str, str]:
     """Return the names of which exactly one other is a different spelling, with that."""
+    wanted = set(map(_form, names))
     by_form: dict[str, list[str]] = {}
-    for other in others:
+    for other in others if wanted else ():
         by_form.setdefault(_form(other), []).append(other)
     return {name: found[0] for name in names if len(found := by_form.get(_form(name), [])) == 1 and found[0] != name}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -157,7 +158,7 @@ class PhotoObservations:
     Parameters
     ----------
     bundle : str
-    photos, points : tuple of str, length n
+    photos, points : sequences of str, length n
         Photo and point of each observation.
     measured : array (n, 2)
         Template coordinates (plate off a template), mm; pixels for a digital frame.
@@ -168,8 +169,8 @@ class PhotoObservations:
     """
 
     bundle: str
-    photos: tuple[str, ...]
-    points: tuple[str, ...]
+    photos: Sequence[str]
+    points: Sequence[str]
     measured: FloatArray
     errors: FloatArray
     disregarded: BoolArray

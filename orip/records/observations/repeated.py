@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 
@@ -32,12 +33,9 @@ def measured_before(photo: IntArray, point: IntArray) -> IntArray:
 
 def observed_before(observations: PhotoObservations) -> IntArray:
     """Return how often each of n photo observations was measured before, as `measured_before`; photos by their keys."""
-    key = {name: record_key(name) for name in dict.fromkeys(observations.photos)}
-    photos = {name: number for number, name in enumerate(dict.fromkeys(key.values()))}
-    points = {name: number for number, name in enumerate(dict.fromkeys(observations.points))}
-    count = len(observations.points)
-    photo = np.fromiter((photos[key[name]] for name in observations.photos), np.int64, count)
-    return measured_before(photo, np.fromiter((points[name] for name in observations.points), np.int64, count))
+    number: dict[str, int] = {}
+    photo = coded(observations.photos).numbers(lambda name: number.setdefault(record_key(name), len(number)))
+    return measured_before(photo, coded(observations.points).codes)
 
 
 def measurement_name(point: str, before: int) -> str:

@@ -103,6 +103,7 @@ class ProjectDefinition:
     """All that orip.toml says, checked and with the defaults filled in.
 
     File names are relative to the project folder. `control_files` and `project_files` are base names without extension.
+    `test_level` is the error probability of the test of one observation; None: 5 % for all tests of a block together.
     `output_folder` is the name of a folder in it for listings, results, reports and drive tables; None: they have none.
     """
 
@@ -124,3 +125,4 @@ class ProjectDefinition:
     report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()
     output_folder: str | None = None
+    test_level: float | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -103,6 +104,11 @@ class InteriorSummary:
     redundancy: int
 
 
+MOST_AS_TEXT = 100_000
+"""Observation components up to which an adjustment writes residuals and points as text: listings of half a million
+lines take longer than the adjustment, and nobody reads them."""
+
+
 @dataclass(frozen=True, slots=True)
 class Residuals:
     """One row per observation component; all arrays have length n.
@@ -112,10 +118,10 @@ class Residuals:
     number is too small to tell.
     """
 
-    kind: tuple[str, ...]
-    photo: tuple[str, ...]
-    point: tuple[str, ...]
-    component: tuple[str, ...]
+    kind: Sequence[str]
+    photo: Sequence[str]
+    point: Sequence[str]
+    component: Sequence[str]
     observed: FloatArray
     residual: FloatArray
     a_priori: FloatArray
@@ -284,3 +290,8 @@ class Solution:
     variance_components: tuple[VarianceComponent, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_photo_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)
+
+    @property
+    def is_large(self) -> bool:
+        """Tell whether there are too many residuals to be written as text by every adjustment."""
+        return len(self.residuals.kind) > MOST_AS_TEXT

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, CONSTANT_STATION, STATION
 from orip.records.results.solution import Exposure, Solution
 
@@ -43,9 +44,8 @@ def station_residuals(solution: Solution, what: Literal["position", "attitude"])
     kinds = POSITION_KINDS if what == "position" else ATTITUDE_KINDS
     residuals = solution.residuals
     rows: dict[str, list[int]] = {}
-    for row, kind in enumerate(residuals.kind):
-        if kind in kinds:
-            rows.setdefault(residuals.photo[row], []).append(row)
+    for row in np.flatnonzero(coded(residuals.kind).where(lambda kind: kind in kinds)).tolist():
+        rows.setdefault(residuals.photo[row], []).append(row)
     known = {exposure.photo: exposure for exposure in solution.exposures}
     whole = [(known.get(photo, Exposure(photo, "", np.nan)), three) for photo, three in rows.items() if len(three) == 3]
     whole.sort(key=lambda item: np.nan_to_num(item[0].time, nan=np.inf))

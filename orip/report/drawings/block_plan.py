@@ -12,8 +12,8 @@ from markupsafe import Markup
 from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
-from orip.report.doubted_photos import doubted_photos
 from orip.report.drawings.block_view import frame_rays
+from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import MapPlane, map_plane

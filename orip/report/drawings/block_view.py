@@ -15,7 +15,6 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
-from orip.report.photo_scale import seen_points
 from orip.report.report_input import ReportInput
 from orip.report.vertical import Vertical, vertical
 from orip.units import DEGREES_PER_RADIAN
@@ -35,7 +34,9 @@ def block_view(given: ReportInput) -> dict[str, Any]:
     points, centres = solution.points.values[rows], solution.photos.values[:, :3]
     origin = _origin(np.concatenate([points, centres]))
     corners = pyramid_corners(given) - origin
-    place = {row: index for index, row in enumerate(rows.tolist())}
+    shown = np.zeros(len(solution.points.names), dtype=bool)
+    shown[rows] = True
+    place = np.cumsum(shown) - 1
     return {
         "origin": origin.tolist(),
         "unit": solution.ground_unit,
@@ -51,7 +52,7 @@ def block_view(given: ReportInput) -> dict[str, Any]:
             "names": list(solution.photos.names),
             "xyz": _rounded(centres - origin),
             "corners": [_rounded(corner) for corner in corners],
-            "sees": [[place[row] for row in rows.tolist() if row in place] for rows in seen_points(solution)],
+            "sees": [place[seen[shown[seen]]].tolist() for seen in given.seen_points],
         },
     }
 
@@ -63,7 +64,7 @@ def pyramid_corners(given: ReportInput) -> FloatArray:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
     solution = given.solution
-    depth = [_depth(solution, row, seen) for row, seen in enumerate(seen_points(solution))]
+    depth = [_depth(solution, row, seen) for row, seen in enumerate(given.seen_points)]
     return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, np.array(depth)))
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.interior.fiducial_system import frame_corners
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.results.solution import Residuals
 from orip.report.drawings.svg import drawing, element, number, round_step, text
@@ -85,18 +86,17 @@ class VectorSheet:
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
-    # arrays of objects: an array of texts would copy each of them
-    kind, component = (np.array(labels, dtype=object) for labels in (residuals.kind, residuals.component))
-    rows = np.flatnonzero((kind == "photo") & (component == "x"))
+    of_x = coded(residuals.kind).where("photo".__eq__) & coded(residuals.component).where("x".__eq__)
+    rows = np.flatnonzero(of_x)
     pairs = np.stack([rows, rows + 1], axis=1)
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
-    names, first, place = np.unique(
-        np.array(residuals.photo, dtype=object)[rows].astype(np.str_), return_index=True, return_inverse=True
-    )
-    members = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place, minlength=len(names)))[:-1])
+    photo = coded(residuals.photo)[rows]
+    count = np.bincount(photo.codes, minlength=len(photo.distinct))
+    members = np.split(np.argsort(photo.codes, kind="stable"), np.cumsum(count)[:-1])
+    of_photo = dict(zip(photo.distinct, members, strict=False))  # without photos there is still one part
     return {
         name: PhotoVectors(name, residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine])
-        for name, mine in ((str(names[row]), members[row]) for row in np.argsort(first))
+        for name, mine in ((name, of_photo[name]) for name in photo.occurring())
     }
 
 

@@ -65,7 +65,7 @@ def report_of(
         records, header = state.records, project.definition
         given = ReportInput(
             solution, tuple(gates), definition, records.cameras, records.photos, records.templates, header.report,
-            header.crs, _measurement_files(state),
+            header.crs, _measurement_files(state), header.test_level,
         )  # fmt: skip
         text = report_page(given)
     written = WrittenReport(solution.bundle, solution.run, path, project.shown(path), len(text.encode()))

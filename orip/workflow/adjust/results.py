@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from orip.bundle.results.reliability import reliability_of
 from orip.errors import UsageError
 from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import result_document
+from orip.files.result.residuals_csv import residuals_csv_pieces
+from orip.files.result.residuals_npz import residuals_npz_pieces
+from orip.files.text.atomic import replace_in_pieces, reporting_failure
 from orip.files.text.table import table_lines
+from orip.records.coded_names import coded
 from orip.records.names import record_key
-from orip.records.results.solution import Estimates, Residuals, Solution
+from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
@@ -95,11 +101,9 @@ def _rows(known: Sequence[str], what: str, names: Sequence[str]) -> list[int]:
 def _residuals(solution: Solution, names: Sequence[str]) -> Results:
     found = solution.residuals
     wanted = set(names) | {record_key(name) for name in names}
-    rows = [
-        row
-        for row, (photo, point) in enumerate(zip(found.photo, found.point, strict=True))
-        if not names or point in names or record_key(photo) in wanted
-    ]
+    chosen = coded(found.point).where(lambda point: point in names)
+    chosen |= coded(found.photo).where(lambda photo: record_key(photo) in wanted)
+    rows = np.flatnonzero(chosen | (not names)).tolist()
     if names and not rows:
         message = f"no residual belongs to {', '.join(names)}; name photos or points"
         raise UsageError(message)
@@ -108,6 +112,30 @@ def _residuals(solution: Solution, names: Sequence[str]) -> Results:
     table = [[_plain(getattr(found, column)[row]) for column in columns] for row in rows]
     document = {"run": solution.run, "residuals": [dict(zip(columns, row, strict=True)) for row in table]}
     return Results(f"{text}\n", document)
+
+
+def write_residuals(solution: Solution, output: Path) -> None:
+    """Write all residuals with their reliability, in the format that the file's name says.
+
+    Raises
+    ------
+    UsageError
+        If it ends in neither .npz nor .csv.
+    OripError
+        If it cannot be written.
+    """
+    write = _FORMATS.get(output.suffix.lower())
+    if write is None:
+        message = "name the file of the residuals: --output residuals.npz for NumPy, or --output residuals.csv"
+        raise UsageError(message)
+    with reporting_failure(output, "choose another file with --output"):
+        replace_in_pieces(output, write(solution.residuals, reliability_of(solution)))
+
+
+_FORMATS: Mapping[str, Callable[[Residuals, Reliability], Iterable[str | bytes]]] = {
+    ".csv": residuals_csv_pieces,
+    ".npz": residuals_npz_pieces,
+}
 
 
 def _plain(value: Any) -> str | float | None:

@@ -10,6 +10,7 @@ from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
 from orip.files.stores.contents.solutions import SolutionHead
 from orip.prelim.ground.project_coordinates import absolute_in_project
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.results.gate import GateResult
@@ -21,7 +22,7 @@ from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs
+from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs, superseded_outputs
 from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, StoredParts
@@ -77,7 +78,7 @@ def solve(
     solution = _of_project(bundle, solution, method)
     listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
     outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
-    files = (*project.outputs(bundle.name).all, *(output.path for output in listed))
+    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in listed))
     return Change(
         bundle.state,
         SolveOutcome(project, solution, solved, check_solution(solution, gates), files, _left_out(bundle, solution)),
@@ -85,6 +86,7 @@ def solve(
         locks=(project.exterior,),
         is_compared=False,
         outputs=outputs,
+        superseded=superseded_outputs(project, solution),
         restores_outputs=True,
     )
 
@@ -106,7 +108,7 @@ def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveW
 def _left_out(bundle: BundleState, solution: Solution) -> tuple[str, ...]:
     """Return the photos with photo points that could not be oriented and are not in a solution."""
     solved = set(map(record_key, solution.photos.names))
-    measured = dict.fromkeys(bundle.observations.photos)
+    measured = coded(bundle.observations.photos).occurring()
     return tuple(name for name in measured if record_key(name) not in solved)
 
 
@@ -140,7 +142,7 @@ def _preliminary_output(bundle: BundleState, values: PreliminaryValues, ground: 
 
 def _summaries(bundle: BundleState) -> tuple[InteriorSummary, ...]:
     """Return the interior orientations of the bundle's photos and of the templates they are on."""
-    seen = {record_key(name) for name in bundle.observations.photos}
+    seen = set(map(record_key, coded(bundle.observations.photos).occurring()))
     on = {
         record_key(photo.template)
         for key, photo in bundle.records.photos.items()

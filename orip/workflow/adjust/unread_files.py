@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.files.text.named_numbers import tables_in_folder
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.control import Control
 from orip.wording import first_names
@@ -31,9 +32,13 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         What is read.
     """
     project = bundle.project
-    measured = set(bundle.observations.points)
+    measured = set(coded(bundle.observations.points).occurring())
     has_control = any(point.name in measured for point in control.points)
-    photos = {record_key(name): name for name in bundle.observations.photos} if not control.stations else {}
+    photos = (
+        {record_key(name): name for name in coded(bundle.observations.photos).occurring()}
+        if not control.stations
+        else {}
+    )
     if has_control and not photos:
         return
     for path, names in tables_in_folder(project.folder).items():

@@ -70,8 +70,9 @@ def _own_cluster(workers: int | None) -> Iterator[Client]:
     import dask
     from distributed import Client, LocalCluster
 
+    settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS, "distributed.worker.profile.enabled": False}
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": _MOST_DEATHS}),
+        dask.config.set(settings),
         LocalCluster(
             n_workers=workers or cores(),
             threads_per_worker=1,

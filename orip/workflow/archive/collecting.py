@@ -17,7 +17,7 @@ from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.archive.plan import ArchivePlan
 from orip.files.text.atomic import replace_text, reporting_failure
 from orip.progress import stage
-from orip.report.archive_page import OverviewInput, archive_page
+from orip.report.archive.overview import OverviewInput, archive_page
 
 
 @dataclass(frozen=True, slots=True)

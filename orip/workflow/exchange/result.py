@@ -17,6 +17,7 @@ from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
+from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
@@ -293,8 +294,8 @@ def _residual_lengths(adjusted: _Adjusted) -> FloatArray:
     """Return the mean lengths (m,) of the residuals of points, pixels; NaN where there are none."""
     found = adjusted.solution.residuals
     size = {key: _pixel_size(camera) for key, camera in adjusted.cameras.items()}
-    rows = np.array([kind == PHOTO_POINT.name for kind in found.kind], dtype=np.bool_)
-    axis = np.array([component == "y" for component in found.component], dtype=np.int64)
+    rows = coded(found.kind).where(PHOTO_POINT.name.__eq__)
+    axis = coded(found.component).where("y".__eq__).astype(np.int64)
     pixel = np.array(
         [size[adjusted.camera_of_photo[record_key(photo)]] if used else (1.0, 1.0)
          for photo, used in zip(found.photo, rows.tolist(), strict=True)]

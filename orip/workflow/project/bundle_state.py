@@ -10,6 +10,7 @@ from pathlib import Path
 from orip.errors import InputError
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.project.definition import BundleDefinition
@@ -119,7 +120,7 @@ class BundleState:
         """Return the names of the bundle's photos by `record_key`: those of its models, observations and solution."""
         of_models = [photo for model in self.definition.models for photo in (model.left, model.right)]
         adjusted = self.solution.photos.names if self.solution else ()
-        mine = {record_key(name) for name in (*of_models, *self.observations.photos, *adjusted)}
+        mine = {record_key(name) for name in (*of_models, *coded(self.observations.photos).occurring(), *adjusted)}
         return {key: photo.name for key, photo in self.records.photos.items() if key in mine}
 
     @cached_property

@@ -13,6 +13,7 @@ from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
+from orip.records.results.solution import Solution
 
 PROJECT_FILE = "orip.toml"
 
@@ -23,13 +24,22 @@ class OutputFiles:
 
     result: Path
     residuals: Path
+    residual_arrays: Path
     listing: Path
     errors: Path
 
     @property
     def all(self) -> tuple[Path, ...]:
-        """Return them in the order in which they are named."""
-        return self.listing, self.errors, self.result, self.residuals
+        """Return all that may be there; of `residuals` and `residual_arrays` one is written."""
+        return self.listing, self.errors, self.result, self.residuals, self.residual_arrays
+
+    def residuals_of(self, solution: Solution) -> Path:
+        """Return the file of the residuals of a solution: a table of a small block, arrays of a large one."""
+        return self.residual_arrays if solution.is_large else self.residuals
+
+    def written(self, solution: Solution) -> tuple[Path, ...]:
+        """Return what is written of a solution, in the order in which the files are named."""
+        return self.listing, self.errors, self.result, self.residuals_of(solution)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +193,7 @@ class ProjectFolder:
         return OutputFiles(
             self.results / f"{start}result.json",
             self.results / f"{start}residuals.csv",
+            self.results / f"{start}residuals.npz",
             self.results / f"{prefix}_RESULT.OUT",
             self.results / f"{prefix}_ERROR.OUT",
         )

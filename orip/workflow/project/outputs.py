@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
-from orip.bundle.results.reliability import reliability
+from orip.bundle.results.reliability import reliability_of
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.listings.interior import interior_listing
 from orip.files.listings.title import run_of_listing
 from orip.files.result.json_text import result_pieces, run_of_result
 from orip.files.result.residuals_csv import residuals_csv_pieces
+from orip.files.result.residuals_npz import residuals_npz_pieces
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
 from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.observations.measurement import PhotoObservations, no_observations
-from orip.records.results.solution import Solution
+from orip.records.results.solution import Reliability, Solution
 from orip.report.misfits import suspect_rows
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
@@ -47,14 +47,26 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
         Those that were adjusted.
     """
     files = project.outputs(solution.bundle)
-    found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
-    misfits = suspect_rows(solution).tolist()
+    found = reliability_of(solution)
+    misfits = suspect_rows(solution, project.definition.test_level).tolist()
     return (
-        TextOutput(files.residuals, lambda: residuals_csv_pieces(solution.residuals, found), _REMEDY),
+        TextOutput(files.residuals_of(solution), lambda: residuals_in_pieces(solution, found), _REMEDY),
         TextOutput(files.listing, lambda: lines_in_pieces(bundle_listing_lines(solution, found, measured)), _REMEDY),
         TextOutput(files.errors, lambda: lines_in_pieces(error_listing_lines(solution, misfits)), _REMEDY),
-        TextOutput(files.result, lambda: result_pieces(solution), _REMEDY),
+        TextOutput(files.result, lambda: result_pieces(solution, files.residuals_of(solution).name), _REMEDY),
     )
+
+
+def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path, ...]:
+    """Return the file of residuals that an earlier solution had in the other form."""
+    files = project.outputs(solution.bundle)
+    return tuple(path for path in files.all if path not in files.written(solution))
+
+
+def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes]:
+    """Return the residuals of a solution as a text table, or as arrays where they are many."""
+    write = residuals_npz_pieces if solution.is_large else residuals_csv_pieces
+    return write(solution.residuals, found)
 
 
 def interior_output(project: ProjectFolder, interior: Interior, run: str) -> TextOutput:
@@ -73,7 +85,7 @@ def stale_solution_outputs(project: ProjectFolder, bundle: str, run: str) -> tup
     stale = [path for path in (files.listing, files.errors) if run_of_listing(beginning(path, _HEAD)) != run]
     if run_of_result(beginning(files.result, _HEAD)) != run:
         stale += [files.result, files.residuals]
-    elif not files.residuals.is_file():
+    elif not (files.residuals.is_file() or files.residual_arrays.is_file()):
         stale.append(files.residuals)
     return tuple(stale)
 
@@ -103,6 +115,9 @@ def _rewrite_solution_outputs(project: ProjectFolder, bundle: str) -> None:
     measured = found.observations if is_adjusted else no_observations(bundle)
     for output in solution_outputs(project, found.solution, measured):
         write_output(project, output)
+    for other in superseded_outputs(project, found.solution):
+        with suppress(OSError):
+            other.unlink(missing_ok=True)
 
 
 def outputs_of_other_names(project: ProjectFolder) -> Sequence[Path]:

@@ -7,26 +7,26 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.files.text.atomic import replace_text_in_pieces, reporting_failure, require_no_link
+from orip.files.text.atomic import replace_in_pieces, reporting_failure, require_no_link
 from orip.files.text.digest import file_digest
 from orip.workflow.project.folder import ProjectFolder
 
 
 @dataclass(frozen=True, slots=True)
 class TextOutput:
-    """A text file that a command writes as a whole.
+    """A file that a command writes as a whole: a text, or arrays.
 
     Parameters
     ----------
     path : Path
     pieces : callable
-        Gives the text; called when it is written.
+        Gives the text or bytes; called when it is written.
     remedy : str
         What to do if it cannot be written, the last part of the message.
     """
 
     path: Path
-    pieces: Callable[[], Iterable[str]]
+    pieces: Callable[[], Iterable[str | bytes]]
     remedy: str
 
 
@@ -66,7 +66,7 @@ def write_output(project: ProjectFolder, output: TextOutput) -> None:
     with reporting_failure(project.shown(output.path), output.remedy):
         if output.path.parent == project.results:
             _make_folder(project)
-        replace_text_in_pieces(output.path, output.pieces())
+        replace_in_pieces(output.path, output.pieces())
 
 
 def _make_folder(project: ProjectFolder) -> None:

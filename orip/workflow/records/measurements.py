@@ -6,14 +6,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from orip.errors import InputError
 from orip.files.stores.contents import observations, photos, templates
 from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
 from orip.files.text.regular_file import file_of
+from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.wording import counted
@@ -94,13 +93,12 @@ def _write_photos(project: ProjectFolder, stores: Stores, bundles: Sequence[str]
 
 
 def _with_photos(measured: PhotoObservations, new_name: _NewName) -> PhotoObservations:
-    names = {photo: new_name(photo) for photo in dict.fromkeys(measured.photos)}
-    kept = np.array([names[photo] is not None for photo in measured.photos], dtype=bool)
-    rows = np.flatnonzero(kept).tolist()
+    photos, points = coded(measured.photos), coded(measured.points)
+    kept = photos.where(lambda photo: new_name(photo) is not None)
     return replace(
         measured,
-        photos=tuple(name for photo in measured.photos if (name := names[photo]) is not None),
-        points=tuple(measured.points[row] for row in rows),
+        photos=coded(photos[kept].values(lambda photo: new_name(photo) or "")),
+        points=points[kept],
         measured=measured.measured[kept],
         errors=measured.errors[kept],
         disregarded=measured.disregarded[kept],

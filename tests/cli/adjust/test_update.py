@@ -14,7 +14,7 @@ from workflow.small_projects import REPOSITORY, contents, first_project, replace
 
 from orip.files.stores.contents import cameras, photos, solutions
 from orip.files.stores.transaction import reading, writing
-from orip.files.text.atomic import replace_text_in_pieces
+from orip.files.text.atomic import replace_in_pieces
 
 KINDS = ("cameras", "photos", "points")
 ZURICH = REPOSITORY / "sample_projects" / "zurich_city_hall"
@@ -290,9 +290,9 @@ def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.Monkey
     def full(path: Path, pieces: Iterable[str]) -> None:
         if path.suffix == ".PRE":
             raise OSError(28, "No space left on device")
-        replace_text_in_pieces(path, pieces)
+        replace_in_pieces(path, pieces)
 
-    monkeypatch.setattr("orip.workflow.project.text_output.replace_text_in_pieces", full)
+    monkeypatch.setattr("orip.workflow.project.text_output.replace_in_pieces", full)
     sentence = "MAIN.PRE cannot be written: No space left on device; the file is unchanged"
     refused(orip(project, "update", "points"), 1, sentence)
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.records.coded_names import CodedNames
 from orip.records.names import name_fault, record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.measurement import (
@@ -38,6 +39,7 @@ NAN, INF = float("nan"), float("inf")
 
 def same(a, b):
     """Whether two values agree in type and to the last bit; NaN is NaN."""
+    a, b = (tuple(value) if isinstance(value, CodedNames) else value for value in (a, b))
     if type(a) is not type(b):
         return False
     if isinstance(a, np.ndarray):

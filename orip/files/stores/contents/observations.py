@@ -16,17 +16,21 @@ BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_
 OBSERVATION = StoreTable(
     "observation",
     (
+        integer("bundle", "bundle = 1"),
+        position(),
         record_name("photo"),
         text("point"),
         integer("measurement", "measurement > 0"),
-        position(),
         real("x"),
         real("y"),
         real("error_x", "nan"),
         real("error_y", "nan"),
         flag("disregarded"),
     ),
-    key=("photo", "point", "measurement"),
+    key=("bundle", "position"),
+    parent="observed_bundle",
+    unique=(("photo", "point", "measurement"),),
+    packed=True,
 )
 TABLES = (BUNDLE, OBSERVATION)
 
@@ -37,7 +41,7 @@ def read(store: Store) -> PhotoObservations | None:
     if bundle is None:
         return None
     columns: tuple[Any, ...] = store.columns(OBSERVATION)
-    photos, points, _measurement, _position, x, y, error_x, error_y, disregarded = columns
+    _bundle, _position, photos, points, _measurement, x, y, error_x, error_y, disregarded = columns
     return PhotoObservations(
         bundle=bundle[1],
         photos=photos,
@@ -57,10 +61,11 @@ def write(store: Store, observations: PhotoObservations) -> None:
     errors = observations.errors.reshape(-1, 2)
     store.insert_columns(
         OBSERVATION,
+        (1,) * len(observations.photos),
+        np.arange(len(observations.photos)),
         observations.photos,
         observations.points,
         observed_before(observations) + 1,
-        np.arange(len(observations.photos)),
         measured[:, 0],
         measured[:, 1],
         errors[:, 0],

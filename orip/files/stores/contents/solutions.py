@@ -68,15 +68,19 @@ def _list_of_solution(name: str, *columns: StoreColumn) -> StoreTable:
     return list_table(name, "bundle", columns, parent="solution", by_owner=True)
 
 
+def _long_list_of_solution(name: str, *columns: StoreColumn) -> StoreTable:
+    return list_table(name, "bundle", columns, parent="solution", by_owner=True, packed=True)
+
+
 def _estimates_table(name: str, parameters: Sequence[str], *further: StoreColumn) -> StoreTable:
     figures = _reals(*(column for parameter in parameters for column in (parameter, f"{parameter}_sd")))
-    return _list_of_solution(name, text("name"), *figures, *further)
+    return _long_list_of_solution(name, text("name"), *figures, *further)
 
 
 CAMERAS = _estimates_table("camera_estimate", CAMERA_PARAMETERS, text("projection", get_args(Projection)))
 PHOTOS = _estimates_table("photo_estimate", PHOTO_PARAMETERS, flag("rotation_sd_about_axes"))
 POINTS = _estimates_table("point_estimate", POINT_COORDINATES, integer("rays"), text("kind", get_args(PointKind)))
-RESIDUALS = _list_of_solution(
+RESIDUALS = _long_list_of_solution(
     "residual",
     *_texts("kind", "photo", "point", "component"),
     *_reals("observed", "residual", "a_priori", "standard_residual", "weight_factor", "redundancy_number", "w"),
@@ -166,11 +170,11 @@ TUPLE_LISTS: dict[str, StoreTable] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),
     "warnings": _list_of_solution("warning", *_texts("code", "where", "text")),
 }
-PHOTO_CORRELATIONS = _list_of_solution(
+PHOTO_CORRELATIONS = _long_list_of_solution(
     "photo_correlation",
     *_reals(*(f"{b}_{a}" for n, a in enumerate(PHOTO_PARAMETERS) for b in PHOTO_PARAMETERS[:n])),
 )
-POINT_CORRELATIONS = _list_of_solution("point_correlation", *_reals("XY", "XZ", "YZ"))
+POINT_CORRELATIONS = _long_list_of_solution("point_correlation", *_reals("XY", "XZ", "YZ"))
 BULK_TABLES = (CAMERAS, PHOTOS, POINTS, RESIDUALS, PHOTO_CORRELATIONS, POINT_CORRELATIONS)
 LIST_TABLES = (*(table for _item, table in ITEM_LISTS.values()), *TUPLE_LISTS.values())
 TABLES = (SOLUTION, *BULK_TABLES, *LIST_TABLES)
@@ -216,11 +220,11 @@ def read(store: Store, bundle: str) -> Solution | None:
     return Solution(
         **head,
         cameras=cameras,
-        projections=projections,
+        projections=tuple(projections),
         photos=photos,
         points=points,
         point_rays=tuple(rays.tolist()),
-        point_kinds=kinds,
+        point_kinds=tuple(kinds),
         residuals=Residuals(*store.columns(RESIDUALS, name)[2:]),  # type: ignore[arg-type]
         photo_rotation_sd_about_axes=tuple(about_axes.tolist()),
         photo_correlations=np.column_stack(store.columns(PHOTO_CORRELATIONS, name)[2:]),

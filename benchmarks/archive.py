@@ -1,0 +1,189 @@
+"""How quickly an archive is adjusted, beside one process alone, and how much memory that takes.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/archive.py 5000
+    OPENBLAS_NUM_THREADS=1 python benchmarks/archive.py 5000 --tcp --kill-every 60
+
+The archive is simulated, without mistakes; Linux only. Required: no failure, at least 85 % of cores times the speed of
+one process that adjusts projects one after the other, and memory that does not grow. With ``--tcp`` scheduler and
+workers are started separately, and every so many seconds one of the workers is killed and another one started. What
+other work on the machine spoils is the time on the clock; CPU seconds say what the distribution costs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from orip.archive.simulation import simulated_project
+from orip.files.text.new_folder import write_new_folder
+from orip.workflow.archive.cluster import cores
+from orip.workflow.archive.simulate import simulate_archive
+from orip.workflow.archive.task import ProjectTask, TaskSettings, carry_out
+
+ALONE = 20
+"""Projects by which the speed of one process is measured."""
+REQUIRED = 0.85
+_TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
+_PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+
+
+@dataclass
+class Watched:
+    """CPU seconds and memory of all processes of a run.
+
+    Attributes
+    ----------
+    cpu : dict by process
+        Seconds at the last look, of the process and of those that it has ended.
+    memory : list of (float, float)
+        Seconds since the beginning, and MB that the processes take (copies share most of theirs).
+    """
+
+    top: str
+    cpu: dict[int, float] = field(default_factory=dict)
+    memory: list[tuple[float, float]] = field(default_factory=list)
+    began: float = field(default_factory=time.monotonic)
+
+    def look(self) -> list[int]:
+        """Look at the processes; return those of workers."""
+        workers, megabytes = [], 0.0
+        for process in (int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()):
+            try:
+                environment = Path(f"/proc/{process}/environ").read_bytes()
+                words = Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
+                fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+                size = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+            except (OSError, IndexError, ValueError):
+                continue
+            if f"ORIP_BENCHMARK={self.top}".encode() not in environment:
+                continue
+            if not _is_copy(int(fields[1])):  # those count with the fork server that has made them
+                self.cpu[process] = sum(map(int, fields[11:15])) / _TICK
+            megabytes += size * _PAGE / 1e6
+            if b"distributed.cli.dask_worker" in words:
+                workers.append(process)
+        self.memory.append((time.monotonic() - self.began, megabytes))
+        return workers
+
+    def mean_memory(self, begin: float, end: float) -> float:
+        """Return the mean memory between two parts of the run, MB."""
+        last = self.memory[-1][0]
+        found = [megabytes for at, megabytes in self.memory if begin * last <= at <= end * last]
+        return sum(found) / max(len(found), 1)
+
+
+def _is_copy(parent: int) -> bool:
+    """Tell whether a process with that parent is a copy of a fork server."""
+    try:
+        return b"orip.workflow.archive.fork_server" in Path(f"/proc/{parent}/cmdline").read_bytes()
+    except OSError:
+        return False
+
+
+def speed_alone(top: Path) -> tuple[float, float]:
+    """Return the projects a second, and a CPU second, of one process that has loaded everything."""
+    tasks = []
+    for number in range(ALONE + 1):
+        folder = top / "alone" / str(number)
+        write_new_folder(folder, simulated_project(number, 1, 0.0).texts | own_cameras(number))
+        tasks.append(ProjectTask(str(number), str(folder), str(top / "alone_results"), TaskSettings(report=False)))
+    carry_out(tasks[0])
+    began, used = time.monotonic(), time.process_time()
+    for task in tasks[1:]:
+        assert carry_out(task).state == "adjusted"
+    return ALONE / (time.monotonic() - began), ALONE / (time.process_time() - used)
+
+
+def own_cameras(number: int) -> dict[str, str]:
+    """Return orip.toml of a simulated project without the cameras of another one."""
+    text = simulated_project(number, 1, 0.0).texts["orip.toml"]
+    return {"orip.toml": "\n".join(line for line in text.split("\n") if not line.startswith("camera_file"))}
+
+
+@contextmanager
+def separate_cluster(environment: dict[str, str], workers: int, stack: ExitStack) -> Iterator[str]:
+    """Start a scheduler and workers; each worker that ends is started again by `keep`."""
+    address = "tcp://127.0.0.1:8798"
+    words = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "8798", "--no-dashboard"]
+    _started(words, environment, stack)
+    for _ in range(workers):
+        start_worker(address, environment, stack)
+    yield address
+
+
+def start_worker(address: str, environment: dict[str, str], stack: ExitStack) -> None:
+    """Start a worker."""
+    words = ["distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    _started(words, environment, stack)
+
+
+def _started(words: list[str], environment: dict[str, str], stack: ExitStack) -> None:
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen([sys.executable, "-m", *words], env=environment, stdout=quiet, stderr=quiet)
+    stack.callback(process.wait)
+    stack.callback(process.kill)
+
+
+def main() -> None:
+    """Measure, and say whether what is required is reached."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("projects", type=int)
+    parser.add_argument("--workers", type=int, default=cores())
+    parser.add_argument("--tcp", action="store_true")
+    parser.add_argument("--kill-every", type=float, default=0.0)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="orip-archive-") as name, ExitStack() as stack:
+        top = Path(name)
+        simulate_archive(top / "surveys", given.projects, 1, 0.0)
+        clock, cpu = speed_alone(top)
+        print(f"one process alone: {clock:.2f} projects a second, {1 / cpu:.3f} CPU seconds each", flush=True)
+        environment = {**os.environ, "ORIP_BENCHMARK": name}
+        words = ["orip", "archive", "run", str(top / "surveys"), "--no-report", "--json", "--out", str(top / "results")]
+        address = ""
+        if given.tcp:
+            address = stack.enter_context(separate_cluster(environment, given.workers, stack))
+            words += ["--dask", address]
+        else:
+            words += ["--workers", str(given.workers)]
+        watched = Watched(name)
+        client = subprocess.Popen(
+            [sys.executable, "-m", *words],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        kills, next_kill = 0, time.monotonic() + given.kill_every
+        while client.poll() is None:
+            workers = watched.look()
+            if given.kill_every and time.monotonic() > next_kill and workers:
+                os.kill(workers[kills % len(workers)], signal.SIGKILL)
+                kills, next_kill = kills + 1, next_kill + given.kill_every
+                start_worker(address, environment, stack)
+            time.sleep(1.0)
+        assert client.stdout is not None
+        document = json.loads(client.stdout.read())
+    rate = document["projects"] / document["seconds"]
+    print(f"archive: {document['states']} of {document['projects']} in {document['seconds']} s; {kills} workers killed")
+    print(
+        f"throughput {rate:.2f} a second, {rate / (clock * given.workers):.0%} of {given.workers} x one process alone"
+    )
+    print(f"CPU seconds of all processes {sum(watched.cpu.values()) / document['projects']:.3f} each")
+    early, late = watched.mean_memory(0.25, 0.5), watched.mean_memory(0.75, 1.0)
+    print(f"memory {early:.0f} MB in the second quarter, {late:.0f} MB in the last")
+    failures = document["projects"] - document["states"].get("adjusted", 0)
+    sys.exit(1 if failures or rate < REQUIRED * clock * given.workers else 0)
+
+
+if __name__ == "__main__":
+    main()

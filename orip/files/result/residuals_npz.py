@@ -1,0 +1,83 @@
+"""residuals.npz: what residuals.csv has, as arrays; of blocks with so many observations that text would be slow.
+
+`numpy.load` reads it. Names are numbers from 0 in the lists `photos`, `points` and so on, which are there once.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from collections.abc import Iterator
+from typing import IO, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.records.coded_names import CodedNames, coded
+from orip.records.results.solution import Reliability, Residuals
+
+_SAMPLE, _GAIN = 1 << 16, 0.9
+_LEVEL = 1
+_SINGLE = np.dtype(np.float32)
+"""Seven digits, for what is a statistic of a residual; what has a unit keeps all of its digits."""
+
+
+def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[bytes]:
+    """Yield the bytes of residuals.npz, array by array; equal residuals give equal bytes."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(cast("IO[bytes]", _Appended(written)), "w", allowZip64=True) as archive:
+        for name, values in _arrays(residuals, reliability):
+            data = _npy(values)
+            entry = zipfile.ZipInfo(f"{name}.npy")  # of 1980: no clock goes in
+            entry.compress_type = zipfile.ZIP_DEFLATED if _compresses(data) else zipfile.ZIP_STORED
+            archive.writestr(entry, data, compresslevel=_LEVEL)
+            yield written.getvalue()
+            written.seek(0)
+            written.truncate()
+    yield written.getvalue()
+
+
+def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name in ("kind", "photo", "point", "component"):
+        column = _occurring(coded(getattr(residuals, name)))
+        yield f"{name}s", np.array(column.distinct, dtype=np.str_)
+        yield name, column.codes.astype(np.min_scalar_type(max(len(column.distinct) - 1, 0)))
+    for name in ("observed", "residual", "a_priori"):
+        yield name, getattr(residuals, name)
+    for name in ("standard_residual", "weight_factor", "redundancy_number", "w"):
+        yield name, getattr(residuals, name).astype(_SINGLE)
+    yield "adjusted_sd", reliability.adjusted_sd.astype(_SINGLE)
+    yield "minimal_detectable_bias", reliability.minimal_detectable_bias.astype(_SINGLE)
+    yield "external_reliability", reliability.external.astype(_SINGLE)
+
+
+def _occurring(column: CodedNames) -> CodedNames:
+    """Return the same names without those that do not occur, in their order."""
+    used, codes = np.unique(column.codes, return_inverse=True)
+    return CodedNames(tuple(map(column.distinct.__getitem__, used.tolist())), codes)
+
+
+def _npy(values: NDArray[Any]) -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, np.ascontiguousarray(values), allow_pickle=False)
+    return stream.getvalue()
+
+
+def _compresses(data: bytes) -> bool:
+    sample = data[:_SAMPLE]
+    return len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
+
+
+class _Appended:
+    """A stream that only grows: what is written can be taken away before the rest comes."""
+
+    def __init__(self, to: io.BytesIO) -> None:
+        self._to = to
+
+    def write(self, data: bytes) -> int:
+        """Append bytes."""
+        return self._to.write(data)
+
+    def flush(self) -> None:
+        """Do nothing: there is no buffer."""

@@ -1,0 +1,106 @@
+"""Columns of a long list as blocks of bytes: numbers by their bytes' places, names once with a number for each row.
+
+A million rows take SQLite longer than the adjustment; a column is one value. Of 64-bit numbers the first bytes of all
+come first, then the second ones and so on: those of sign and exponent compress well, the last digits of measured and
+adjusted values not at all, and what does not compress is left as it is.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.files.stores.table import StoreColumn
+from orip.records.coded_names import CodedNames, coded
+
+_LEVEL = 1
+_SAMPLE = 1 << 14
+"""Bytes by which it is judged whether a part compresses."""
+
+_GAIN = 0.9
+_HEAD = struct.Struct("<?Q")
+_TYPES = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("<i8")}
+
+
+def packed_column(column: StoreColumn, values: Any) -> bytes:
+    """Return the values of a column as bytes; the same values always give the same bytes.
+
+    Raises
+    ------
+    UnicodeEncodeError
+        If a text has half a surrogate pair.
+    """
+    if column.type == "TEXT":
+        names = coded(values)
+        words = json.dumps(names.distinct, ensure_ascii=False).encode("utf-8")
+        return _part(words) + _numbers(names.codes.astype(_TYPES["TEXT"]))
+    return _numbers(np.ascontiguousarray(values, dtype=_TYPES[column.type]))
+
+
+def unpacked_column(column: StoreColumn, data: bytes, count: int) -> Any:
+    """Return the `count` values of a column: float64, int64 or bool arrays, `CodedNames` of text.
+
+    Raises
+    ------
+    ValueError
+        If the bytes are not those of so many values.
+    """
+    rest = memoryview(data)
+    distinct: list[str] = []
+    if column.type == "TEXT":
+        words, rest = _taken(rest, None)
+        distinct = json.loads(words.decode("utf-8"))
+    kind = _TYPES[column.type]
+    places = np.empty((kind.itemsize, count), dtype=np.uint8)
+    for place in places:
+        part, rest = _taken(rest, count)
+        place[:] = np.frombuffer(part, dtype=np.uint8)
+    if len(rest):
+        raise ValueError(_LENGTH)
+    numbers: NDArray[Any] = np.ascontiguousarray(places.T).view(kind).ravel()
+    if column.type == "TEXT":
+        if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(distinct):
+            raise ValueError(_LENGTH)
+        return CodedNames(distinct, numbers)
+    return numbers.astype(np.bool_) if column.flag else numbers
+
+
+_LENGTH = "it has other values than its length says"
+
+
+def _numbers(values: NDArray[Any]) -> bytes:
+    places = values.view(np.uint8).reshape(len(values), values.dtype.itemsize).T
+    return b"".join(_part(np.ascontiguousarray(place).tobytes()) for place in places)
+
+
+def _part(data: bytes) -> bytes:
+    sample = data[:_SAMPLE]
+    is_compressed = len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
+    kept = zlib.compress(data, _LEVEL) if is_compressed else data
+    return _HEAD.pack(is_compressed, len(kept)) + kept
+
+
+def _taken(data: memoryview, size: int | None) -> tuple[bytes, memoryview]:
+    """Return the content of the first part, and what comes after it."""
+    if len(data) < _HEAD.size:
+        raise ValueError(_LENGTH)
+    is_compressed, length = _HEAD.unpack(data[: _HEAD.size])
+    kept, rest = data[_HEAD.size : _HEAD.size + length], data[_HEAD.size + length :]
+    content = _inflated(kept, size) if is_compressed else bytes(kept)
+    if len(kept) != length or size not in (None, len(content)):
+        raise ValueError(_LENGTH)
+    return content, rest
+
+
+def _inflated(data: memoryview, size: int | None) -> bytes:
+    """Return compressed bytes as they were; no more than expected of a damaged store."""
+    reader = zlib.decompressobj()
+    try:
+        return reader.decompress(data, 0 if size is None else size + 1)
+    except zlib.error as error:
+        raise ValueError(str(error)) from error

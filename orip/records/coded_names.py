@@ -1,0 +1,117 @@
+"""Long columns of names: the different ones once, and a number for each row.
+
+A block has far more observations than photos and points. What is asked of the names of a million rows is asked of the
+different names, and the answers are taken by their numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
+from typing import TypeVar, final, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.arrays import BoolArray, IntArray
+from orip.records.names import record_key
+
+T = TypeVar("T")
+
+
+@final
+class CodedNames(Sequence[str]):
+    """n names.
+
+    Parameters
+    ----------
+    distinct : sequence of str, length m
+        Without repetitions; some may not occur among the rows.
+    codes : array (n,) of int
+        Numbers of the rows' names among them.
+    """
+
+    __slots__ = ("codes", "distinct")
+
+    def __init__(self, distinct: Sequence[str], codes: IntArray) -> None:
+        self.distinct = tuple(distinct)
+        self.codes = codes
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def __iter__(self) -> Iterator[str]:
+        return map(self.distinct.__getitem__, self.codes.tolist())
+
+    @overload
+    def __getitem__(self, at: int) -> str: ...
+
+    @overload
+    def __getitem__(self, at: slice | IntArray | BoolArray) -> CodedNames: ...
+
+    def __getitem__(self, at: int | slice | IntArray | BoolArray) -> str | CodedNames:
+        found = self.codes[at]
+        return CodedNames(self.distinct, found) if isinstance(found, np.ndarray) else self.distinct[found]
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, CodedNames) and self.distinct == other.distinct:
+            return np.array_equal(self.codes, other.codes)
+        if isinstance(other, CodedNames | tuple | list):
+            return len(self) == len(other) and all(map(str.__eq__, self, other))
+        return NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(self))
+
+    def __repr__(self) -> str:
+        return f"CodedNames({tuple(self)!r})"
+
+    def occurring(self) -> tuple[str, ...]:
+        """Return the different names among the rows, in the order of their first ones."""
+        codes, first = np.unique(self.codes, return_index=True)
+        return tuple(map(self.distinct.__getitem__, codes[np.argsort(first)].tolist()))
+
+    def numbers(self, number_of: Callable[[str], int]) -> IntArray:
+        """Return the number (n,) that a function gives the name of each row."""
+        return np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes]
+
+    def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
+        """Return for which rows (n,) a condition on the name holds."""
+        return np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))[self.codes]
+
+    def values(self, value_of: Callable[[str], T]) -> list[T]:
+        """Return for each row the value that a function gives its name."""
+        known = list(map(value_of, self.distinct))
+        return list(map(known.__getitem__, self.codes.tolist()))
+
+
+def coded(names: Sequence[str]) -> CodedNames:
+    """Return names as `CodedNames`, the different ones in the order in which they come first."""
+    if isinstance(names, CodedNames):
+        return names
+    number = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    return CodedNames(tuple(number), np.fromiter(map(number.__getitem__, names), np.int64, len(names)))
+
+
+def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
+    """Return several columns of names as one."""
+    columns = [coded(part) for part in parts]
+    number = {name: place for place, name in enumerate(dict.fromkeys(chain.from_iterable(c.distinct for c in columns)))}
+    codes: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
+    codes += [column.numbers(number.__getitem__) for column in columns]
+    return CodedNames(tuple(number), np.concatenate(codes))
+
+
+def repeated(name: str, count: int) -> CodedNames:
+    """Return one name for so many rows."""
+    return CodedNames((name,), np.zeros(count, dtype=np.int64))
+
+
+def rows_of_records(names: Sequence[str]) -> dict[str, IntArray]:
+    """Return the rows of each record among names, in their order, by its `record_key`."""
+    column = coded(names)
+    number: dict[str, int] = {}
+    place = column.numbers(lambda name: number.setdefault(record_key(name), len(number)))
+    rows = np.split(np.argsort(place, kind="stable"), np.cumsum(np.bincount(place, minlength=len(number)))[:-1])
+    found = zip(number, rows, strict=False)  # without names there is still one part
+    return {key: of_record for key, of_record in found if len(of_record)}
