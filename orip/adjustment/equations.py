@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -155,6 +155,36 @@ class Equations:
         return self.rows.matrix()
 
 
+class OtherPlace(NamedTuple):
+    """Another place of a block, where others of its observations fit.
+
+    Attributes
+    ----------
+    columns : array (3,) of int
+        Its unknowns among all.
+    move : array (3,)
+        Their change.
+    rows : array (k,) of int
+        Its observations.
+    weights : array (k,)
+        Their weight factors there: 1, or least.
+    reduced : array (k, m)
+        Partials by the reduced unknowns at that place.
+    own : array (k, 3)
+        By the block's.
+    residual : array (k,)
+        At that place, divided by the a-priori errors.
+    """
+
+    columns: IntArray
+    move: FloatArray
+    rows: IntArray
+    weights: FloatArray
+    reduced: FloatArray
+    own: FloatArray
+    residual: FloatArray
+
+
 class Problem(Protocol[StateT]):
     """What can be adjusted: a layout of the unknowns, linearisation at a state, and states after a correction."""
 
@@ -199,6 +229,11 @@ class Problem(Protocol[StateT]):
 
     def moves_to_steady_weights(self, state: StateT, equations: Equations, limit: float) -> FloatArray:
         """Return corrections (m + 3 b,) of blocks that do not fit, after which their weights no longer change."""
+
+    def other_places(
+        self, state: StateT, equations: Equations, weights: FloatArray, limit: float
+    ) -> Sequence[OtherPlace]:
+        """Return other places of blocks of which an observation has lost weight (n,), alone or with another one."""
 
     def improve_consensus(self, state: StateT, equations: Equations, limit: float) -> StateT | None:
         """Return the state with blocks moved to where more of their observations fit; None if there are none.

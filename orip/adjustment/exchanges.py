@@ -75,6 +75,12 @@ class Exchange(NamedTuple):
         return np.asarray(self.spread @ np.linalg.solve(inner, chosen @ before) - before)
 
 
+def are_few(equations: Equations, weights: FloatArray) -> bool:
+    """Return whether so few observations have lost weight that all of them can be tried, and are wrong one by one."""
+    judged = weights[equations.active & ~equations.exact]
+    return bool(np.count_nonzero(judged < 1.0) <= min(max(_FEW, _MOST_PART * len(judged)), _MOST_REDUCED))
+
+
 def exchanges_to_try(
     equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, limit: float
 ) -> tuple[Exchange, ...]:
@@ -91,9 +97,6 @@ def exchanges_to_try(
     limit : float
         Standard residual up to which an observation has full weight.
     """
-    judged = weights[equations.active & ~equations.exact]
-    if np.count_nonzero(judged < 1.0) > min(max(_FEW, _MOST_PART * len(judged)), _MOST_REDUCED):
-        return ()
     rows = _rows_to_exchange(equations, weights, layout)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
     related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)

@@ -15,10 +15,11 @@ import numpy as np
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.equations import Linearised, Problem, StateT
-from orip.adjustment.exchanges import exchanges_to_try
+from orip.adjustment.equations import Equations, Linearised, Problem, StateT
+from orip.adjustment.exchanges import are_few, exchanges_to_try
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray
 
@@ -27,6 +28,9 @@ _LONGEST_ATTEMPT = 8
 
 _MOST_EXCHANGES = 3
 """Exchanges that are tried at one solution."""
+
+_MOST_RELOCATIONS = 6
+"""Blocks at other places that are looked at with the linearisation there."""
 
 _MOST_CORRECTIONS = 4
 """Corrections with the same normal equations before an exchange is judged: residuals of hundreds of a-priori errors are
@@ -68,17 +72,26 @@ def next_attempt(
     if reason is not None and not tried.consensus:
         tried = replace(tried, consensus=True)
         state = problem.improve_consensus(now.current.state, equations, limit)
-        if state is not None:
-            return _attempt(now, Linearised(state, problem.linearise(state)), tried, reason), None
+        moved = None if state is None else Linearised(state, problem.linearise(state))
+        if moved is not None and _may_be_lower(moved.equations, now):
+            return _attempt(now, moved, tried, reason), None
     return replace(now, tried=tried), reason
+
+
+def _may_be_lower(there: Equations, now: IterationState[StateT]) -> bool:
+    """Return whether an attempt may end at a lower cost; of tracks, where all other points follow, any one may."""
+    most = _cost(now) + _MOST_HIGHER * now.weighing.final_limit**2
+    return now.weighing.of_tracks or now.weighing.cost(there) < most
 
 
 def _candidates(
     problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
 ) -> tuple[Candidate[StateT], ...]:
-    """Return where exchanges lead that lower the robust cost, or may lower it, the lowest cost first."""
+    """Return where exchanges and relocations lead that lower the robust cost, or may lower it, the lowest first."""
     limit = now.weighing.final_limit
-    # the same design matrix serves all exchanges
+    if not are_few(now.current.equations, weights):
+        return ()
+    # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     bound, known = normals.with_constraints(equations), _cost(now)
     found = []
@@ -94,7 +107,37 @@ def _candidates(
         if cost < known + _MOST_HIGHER * limit**2:
             is_lower = cost < known - _CLEARLY * limit**2
             found.append((cost, Candidate(moved.state, exchange.full_weight, exchange.no_weight, is_lower)))
+    found += _relocated(problem, now, weights, equations, bound)
     return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])
+
+
+def _relocated(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    weights: FloatArray,
+    equations: Equations,
+    normals: SolvedNormals,
+) -> list[tuple[float, Candidate[StateT]]]:
+    """Return costs and states with blocks at other places, and with all of them there by which the cost falls."""
+    limit = now.weighing.final_limit
+    places = problem.other_places(now.current.state, equations, weights, limit)
+    if not places:
+        return []
+    found = relocations(places, equations, weights, normals, problem.layout, limit)
+    tried = [[one] for one in found.by_cost(limit**2)[:_MOST_RELOCATIONS]]
+    if len(several := found.of_different_blocks(-_CLEARLY * limit**2)) > 1:
+        tried.append(several)
+    # what the iterations would gain without them does not count
+    as_is = problem.update(now.current.state, found.remaining)
+    known = min(_cost(now), now.weighing.cost(problem.linearise(as_is)))
+    ends = []
+    for relocated in tried:
+        state = problem.update(now.current.state, found.correction(relocated))
+        cost = now.weighing.cost(problem.linearise(state))
+        if cost < known + _CLEARLY * limit**2:
+            full, none = changed_weights(relocated, weights)
+            ends.append((cost, Candidate(state, full, none, cost < known - _CLEARLY * limit**2)))
+    return ends
 
 
 def _attempt(

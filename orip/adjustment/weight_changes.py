@@ -26,7 +26,7 @@ _MOST_FOUND = 8
 
 _ALTERNATIVES = 4
 _LONGEST = 12
-_ROUNDS = 5
+_ROUNDS = 10
 _TESTABLE = 0.03
 """Least redundancy number of an observation that may lose its weight."""
 

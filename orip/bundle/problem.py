@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
@@ -30,6 +30,7 @@ from orip.bundle.left_out_points import (
     without_contradictory_points,
     without_undetermined_points,
 )
+from orip.bundle.other_places import other_places
 from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
 from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
@@ -173,6 +174,15 @@ class BlockProblem:
             if len(kind.rows.error) and (kept := kind.remembered(moved)) is not None
         }
         return replace(moved, memory=memory)
+
+    def other_places(
+        self, state: BlockState, equations: Equations, weights: FloatArray, limit: float
+    ) -> list[OtherPlace]:
+        """Return other places of points that a ray contradicts."""
+        photo_points = self.observations[0] if self.observations else None
+        if not isinstance(photo_points, PhotoPointObservations):
+            return []
+        return other_places(self.block, self.unknowns, photo_points, state, equations, weights, limit)
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""

@@ -24,6 +24,9 @@ _MOST_DECIMALS = 6
 _HANDFUL = 10.0
 """Redundancy below which sigma0 says nothing about the a-priori errors: by chance it is anything from 0.5 to 2."""
 
+_LEAST_REDUNDANCY = 0.05
+"""Redundancy that is none: what observations with least weights add up to."""
+
 
 @dataclass(frozen=True, slots=True)
 class GlobalTest:
@@ -69,7 +72,7 @@ def global_test(sigma0: float, redundancy: float) -> GlobalTest | Untested:
     """
     from scipy.special import gammaincc, gammaincinv
 
-    if not (redundancy > 0.0 and math.isfinite(sigma0)):
+    if not (redundancy >= _LEAST_REDUNDANCY and math.isfinite(sigma0)):
         return Untested.NOTHING_REDUNDANT
     tail = (1.0 - CONFIDENCE) / 2.0
     lower, upper = (math.sqrt(2.0 * gammaincinv(redundancy / 2.0, part) / redundancy) for part in (tail, 1.0 - tail))

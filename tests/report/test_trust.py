@@ -52,6 +52,8 @@ def test_it_is_the_chi_square_distribution(sigma0: float, redundancy: float) -> 
 
 def test_nothing_redundant_is_no_test() -> None:
     assert global_test(float("nan"), 0.0) is Untested.NOTHING_REDUNDANT
+    # what is left of observations that have all lost their weight
+    assert global_test(110.0, 1e-8) is Untested.NOTHING_REDUNDANT
     nothing = replace(QUIET, sigma0=float("nan"), redundancy=0)
     said = verdict(ReportInput(nothing, (), BundleDefinition("MAIN"), {}, {}), Untested.NOTHING_REDUNDANT).sentences
     assert "Nothing is redundant" in " ".join(said)

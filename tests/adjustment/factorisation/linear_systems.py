@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.equations import Equations, Layout
+from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationSettings
@@ -131,6 +131,9 @@ class CurvedProblem:
     def with_doubtful_blocks_placed(self, state: np.ndarray, equations: Equations, limit: float) -> np.ndarray:
         del equations, limit
         return state
+
+    def other_places(self, *_: object) -> list[OtherPlace]:
+        return []
 
     def improve_consensus(self, state: np.ndarray, equations: Equations, limit: float) -> None:
         del state, equations, limit

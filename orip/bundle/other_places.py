@@ -1,0 +1,235 @@
+"""Other places of points that a ray contradicts: where other coordinates of their rays are the wrong ones.
+
+Of three photos in a row any one may be wrong if they contradict each other along the base. The point then lies far from
+where it is, and whether that is better shows only in the other coordinates, and in those of the photos' other points.
+Places are computed with the photos held, for each few coordinates that may be wrong.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orip.adjustment.equations import Equations, OtherPlace
+from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.point_consensus import PointRays
+from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.state import BlockState
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.interior.image_vectors import image_vectors
+from orip.records.block import Block
+
+_FEWEST_RAYS, _MOST_RAYS = 3, 6
+"""Rays of a point: of two, neither can be called wrong; many leave no doubt about a wrong one."""
+
+_FEW_RAYS, _MOST_WRONG = 4, 3
+"""Points of up to so many rays may have three wrong coordinates, those of more two."""
+
+_MOST_PLACES = 6
+"""Places of a point that are proposed, those with the lowest robust cost as long as the photos are held."""
+
+_MOST_NUMBERS = 4_000_000
+"""Partials that are kept: of large blocks the places of so many points only, the first ones."""
+
+_STEPS = 2
+"""Repetitions of where the rays meet by their directions, and then corrections to the place of least squares."""
+
+
+def other_places(
+    block: Block,
+    unknowns: Unknowns,
+    kind: PhotoPointObservations,
+    state: BlockState,
+    equations: Equations,
+    weights: FloatArray,
+    limit: float,
+) -> list[OtherPlace]:
+    """Return other places of points of which a coordinate has lost weight, with the weights of their rays there.
+
+    Parameters
+    ----------
+    block : Block
+    unknowns : Unknowns
+    kind : PhotoPointObservations
+        All photo points of the block, whose equations are the first ones.
+    state : BlockState
+    equations : Equations
+        At the state.
+    weights : array (n,)
+        Weight factors.
+    limit : float
+        Standard residual up to which an observation has full weight.
+    """
+    rays = len(kind.point)
+    active = equations.active[: 2 * rays].reshape(-1, 2).all(axis=1)
+    reduced = (weights[: 2 * rays] < 1.0).reshape(-1, 2).any(axis=1)
+    doubtful = np.zeros(len(state.points), dtype=bool)
+    doubtful[kind.point[reduced & active]] = True
+    doubtful &= points_by_photos_alone(block, unknowns) & ~state.left_out
+    most = _MOST_NUMBERS // (2 * _MOST_RAYS * _MOST_PLACES * max(unknowns.layout.reduced, 1))
+    doubtful[np.flatnonzero(doubtful)[most:]] = False
+    chosen = np.flatnonzero(active & doubtful[kind.point])
+    if not len(chosen):
+        return []
+    vectors = image_vectors(block)
+    order = chosen[np.argsort(kind.point[chosen], kind="stable")]
+    _, starts, counts = np.unique(kind.point[order], return_index=True, return_counts=True)
+    found: list[OtherPlace] = []
+    for count in np.intersect1d(counts, np.arange(_FEWEST_RAYS, _MOST_RAYS + 1)):
+        of_points = order[starts[counts == count][:, None] + np.arange(count)]
+        found += _places_of_points(unknowns, kind, state, of_points, vectors, weights, limit)
+    return found
+
+
+def _places_of_points(
+    unknowns: Unknowns,
+    kind: PhotoPointObservations,
+    state: BlockState,
+    of_points: IntArray,
+    vectors: FloatArray,
+    weights: FloatArray,
+    limit: float,
+) -> list[OtherPlace]:
+    """Return the places of q points of k rays each, `of_points` (q, k)."""
+    kept = _kept(of_points.shape[1])
+    rays, kept = np.repeat(of_points, len(kept), axis=0), np.tile(kept, (len(of_points), 1))
+    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], _factors(kept))
+    costs = _linearised(kind, state, rays, points).costs(kept, limit)
+    # not the place where the coordinates are wrong that have lost weight already
+    costs[(kept == (weights[_rows(rays)] >= 1.0)).all(axis=1)] = np.inf
+    likely = _lowest(costs, len(of_points), 2 * _MOST_PLACES)
+    rays, kept, points = rays[likely], kept[likely], points[likely]
+    for _ in range(_STEPS):
+        points = points + _linearised(kind, state, rays, points).of_points().least_squares(_factors(kept))
+    there = _linearised(kind, state, rays, points)
+    costs = there.costs(kept, limit)
+    # nor a place where a wrong one fits
+    costs[(~kept & (np.abs(there.residuals) <= limit)).any(axis=1)] = np.inf
+    rows, factors, by_place = _rows(rays), _factors(kept), kind.point[rays[:, 0]]
+    chosen = [place for point in np.unique(by_place) for place in _cheapest(np.flatnonzero(by_place == point), costs)]
+    return [
+        OtherPlace(
+            columns=unknowns.points[by_place[place]],
+            move=points[place] - state.points[by_place[place]],
+            rows=rows[place],
+            weights=factors[place],
+            reduced=_by_reduced(there.partials[place], _at(kind, rays[place], by_place[place]).columns(), unknowns),
+            own=there.partials[place][:, POINT_PARTIALS],
+            residual=there.residuals[place],
+        )
+        for place in chosen
+    ]
+
+
+def _factors(kept: BoolArray) -> FloatArray:
+    return np.where(kept, 1.0, LEAST_WEIGHT)
+
+
+def _rows(rays: IntArray) -> IntArray:
+    """Return the rows (p, 2 k) of rays (p, k)."""
+    return np.asarray((2 * rays[:, :, None] + np.arange(2)).reshape(len(rays), -1))
+
+
+def _lowest(costs: FloatArray, points: int, most: int) -> IntArray:
+    """Return the places of lowest cost, as many of each of the points, whose places follow each other."""
+    order = np.argsort(costs.reshape(points, -1), axis=1, kind="stable")[:, :most]
+    chosen = (order + len(costs) // points * np.arange(points)[:, None]).ravel()
+    return np.asarray(chosen[np.isfinite(costs[chosen])])
+
+
+def _cheapest(places: IntArray, costs: FloatArray) -> list[int]:
+    """Return the places of a point that are proposed."""
+    order = places[np.argsort(costs[places], kind="stable")[:_MOST_PLACES]]
+    return [place for place in order.tolist() if np.isfinite(costs[place])]
+
+
+def _kept(rays: int) -> BoolArray:
+    """Return which coordinates (c, 2 k) of k rays are kept: all but up to three, or but two of many."""
+    most = _MOST_WRONG if rays <= _FEW_RAYS else _MOST_WRONG - 1
+    wrong = [chosen for count in range(most + 1) for chosen in combinations(range(2 * rays), count)]
+    kept = np.ones((len(wrong), 2 * rays), dtype=bool)
+    for row, chosen in enumerate(wrong):
+        kept[row, list(chosen)] = False
+    return kept
+
+
+def _where_directions_meet(state: BlockState, photos: IntArray, vectors: FloatArray, factors: FloatArray) -> FloatArray:
+    """Return the points (p, 3) nearest to planes: each coordinate of a ray gives one through the projection centre.
+
+    `photos` (p, k), `vectors` (p, k, 3) in the photo system and the weights `factors` (p, 2 k).
+    """
+    x, y, z = np.moveaxis(vectors, 2, 0)
+    nothing = np.zeros_like(x)
+    normals = np.stack([np.stack([z, nothing, -x], axis=2), np.stack([nothing, z, -y], axis=2)], axis=2)
+    normals = normals / np.linalg.norm(vectors, axis=2)[:, :, None, None]
+    centres = state.centres[photos]
+    middle = centres.mean(axis=1)
+    planes = np.einsum("pkij,pkcj->pkci", state.rotations[photos], normals).reshape(len(photos), -1, 3)
+    offset = -np.einsum("pri,pri->pr", planes, np.repeat(centres - middle[:, None], 2, axis=1))
+    points = middle + PointRays(planes, offset).least_squares(factors)
+    for _ in range(_STEPS):
+        # angles, not distances
+        distances = np.linalg.norm(points[:, None] - centres, axis=2)
+        nearer: FloatArray = np.repeat((distances.mean(axis=1)[:, None] / distances) ** 2, 2, axis=1)
+        points = middle + PointRays(planes, offset).least_squares(factors * nearer)
+    return np.asarray(points)
+
+
+class _Linearised(NamedTuple):
+    """Partials (p, 2 k, u) by all unknowns and residuals (p, 2 k) of p places, and which (p,) all photos see."""
+
+    partials: FloatArray
+    residuals: FloatArray
+    computable: BoolArray
+
+    def costs(self, kept: BoolArray, limit: float) -> FloatArray:
+        """Return what the rays cost (p,), those coordinates that are kept (p, 2 k) as squares; infinite if unseen."""
+        residuals = np.abs(self.residuals)
+        costs = np.where(kept, residuals**2 / 2.0, danish_costs(residuals, limit)).sum(axis=1)
+        return np.where(self.computable & np.isfinite(costs), costs, np.inf)
+
+    def of_points(self) -> PointRays:
+        """Return the rays with the photos held."""
+        return PointRays(self.partials[:, :, POINT_PARTIALS], self.residuals)
+
+
+def _linearised(kind: PhotoPointObservations, state: BlockState, rays: IntArray, points: FloatArray) -> _Linearised:
+    """Return the rays (p, k) to places (p, 3)."""
+    places, count = rays.shape
+    of_rays = rays.ravel()
+    at_places = _at(kind, of_rays, np.repeat(np.arange(places), count))
+    found = at_places.linearise_with_partials(replace(state, points=points))
+    error = kind.rows.error.reshape(-1, 2)[of_rays].ravel()
+    return _Linearised(
+        (found.partials / error[:, None]).reshape(places, 2 * count, -1),
+        (found.residual / error).reshape(places, 2 * count),
+        np.asarray(found.computable.reshape(places, -1).all(axis=1)),
+    )
+
+
+def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray) -> PhotoPointObservations:
+    """Return rays (n,) as observations of other points, one of each, or of one of all."""
+    return replace(
+        kind,
+        photo=kind.photo[rays],
+        point=np.broadcast_to(point, rays.shape),
+        camera=kind.camera[rays],
+        xy=kind.xy[rays],
+        at_measured=kind.at_measured[rays],
+        is_equidistant=kind.is_equidistant[rays],
+    )
+
+
+def _by_reduced(partials: FloatArray, columns: NDArray[np.int32], unknowns: Unknowns) -> FloatArray:
+    """Return the partials (2 k, m) by the reduced unknowns from those (2 k, u) by the unknowns `columns`."""
+    size = unknowns.layout.reduced
+    design = np.zeros((len(partials), size + 1))
+    rows = np.arange(len(partials))[:, None]
+    design[rows, np.where((columns == CONSTANT) | (columns >= size), size, columns)] = partials
+    return np.asarray(design[:, :size])
