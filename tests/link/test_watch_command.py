@@ -69,7 +69,7 @@ def test_with_a_link_it_shows_the_plate_processor_there(folder):
     station = loaded_station(table)
     assert station.digest == hashlib.sha256(table).hexdigest()
     with served(station) as port, started(folder, "--json", "--link", f"tcp://127.0.0.1:{port}") as process:
-        document = "".join(process.stdout.readline() for _ in range(4))
+        document = "".join(process.stdout.readline() for _ in range(5))
         assert json.loads(document)["command"] == "drive watch"
         with urllib.request.urlopen(json.loads(document)["url"] + "events", timeout=10) as stream:
             state = json.loads(stream.readline().removeprefix(b"data: "))
