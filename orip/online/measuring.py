@@ -15,7 +15,6 @@ from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
-from orip.wording import counted
 
 ALPHA = 0.001
 """Error probability of the test of one observation; sigma0 is the one a priori."""
@@ -75,6 +74,7 @@ class Measuring:
             self._start(block.measurements.photos)
             self._scale.estimated()
             self._snoop(set(block.equations.included))
+            self._settle()
 
     def measure(self, measurement: Measurement) -> Answer:
         """Take a measurement: a new one, or in the place of an older one of the same point in the same photo.
@@ -177,6 +177,7 @@ class Measuring:
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
             self._scale.estimated()
             found.suspects = self._snoop(set(block.equations.included), key)
+            self._settle()
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
         again = [other for other in self.suspects if other.point == point]
@@ -189,10 +190,16 @@ class Measuring:
         if self._scale.estimated():
             again += self._review()
         found.suspects = self._snoop(self._concerned(key, new), key)
+        self.block.lose_unsettled()
         found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
+
+    def _settle(self) -> None:
+        """Linearise the first photos at their solution, what does not fit being out."""
+        self.block.settle()
+        self.block.lose_unsettled()
 
     def _start(self, photos: Iterable[str]) -> None:
         """Orient the first photos, if there is enough in some of them for that."""
@@ -209,8 +216,8 @@ class Measuring:
         block.values.start(block.measurements)
         self._next_start = len(block.measurements) * (1.0 + _LATER)
         if block.values.orientations:
+            # at the values of a robust adjustment: what is wrong would only lead away from them
             block.start()
-            block.settle()
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
@@ -250,7 +257,8 @@ class Measuring:
             self.block.left_out.add(worst)
             self.suspects[worst] = suspect
             found.append(suspect)
-            self.block.settle()
+            if len(tested) <= _ALL:
+                self.block.settle()
             if self._gives_up(worst.photo):
                 break
             if worst.kind == "photo":
@@ -381,18 +389,3 @@ def _also(suspect: Suspect) -> str:
         return "; measure it again"
     names = ", ".join(map(words_of, suspect.alike))
     return f"; an error in {names} would look the same: measure these again, or the point in one more photo"
-
-
-def summary(measuring: Measuring) -> str:
-    """Return the state of the block in a line."""
-    block = measuring.block
-    values, sigma0 = block.values, block.sigma0
-    parts = [
-        f"{counted(len(block.measurements), 'photo point')} measured",
-        f"{counted(len(values.orientations), 'photo')} oriented",
-        f"{counted(len(values.points), 'point')} placed",
-        "no redundancy" if sigma0 is None else f"sigma0 {sigma0:.3f} with redundancy {block.equations.redundancy}",
-    ]
-    if measuring.suspects:
-        parts.append(f"{len(measuring.suspects)} suspect")
-    return ", ".join(parts)

@@ -25,10 +25,10 @@ _LINEAR = 1e-3
 what they neglect is the square of it, a tenth of a micrometre in the photo."""
 
 _LOST = 0.5
-"""Corrections, in the same measure, of a photo that is not oriented: its equations mean nothing."""
+"""Corrections, in the same measure, from which the solution of the linear equations means nothing."""
 
 _UNSTEADY = 0.05
-"""The same after all attempts to linearise at the solution."""
+"""Corrections that a photo must not have after all attempts to linearise at the solution."""
 
 _UNSETTLED = "photo {} waits: its points do not determine its orientation; measure more of them, far from each other"
 
@@ -169,29 +169,30 @@ class OnlineBlock:
     def settle(self, points: Collection[str] = ()) -> None:
         """Linearise again at the solution while corrections are too large for the equations.
 
-        Photos whose corrections do not become smaller are taken out again, and wait.
+        A wrong observation that has not been found yet may demand corrections that mean nothing: it ends there.
 
         Parameters
         ----------
         points : collection of str
             Points that may have moved.
         """
-        for attempt in range(_RELINEARISATIONS + 2):
+        for _ in range(_RELINEARISATIONS):
             reduced = self.equations.triangle.solution()
-            lost = self._far_photos(reduced, _LOST if attempt < _RELINEARISATIONS else _UNSTEADY)
-            if lost:
-                for photo in lost:
-                    self.forget_photo(photo)
-                    self.values.photos_wait[photo] = _UNSETTLED.format(photo)
-                continue
             photos = self._far_photos(reduced)
+            far = self._far_points(points, reduced)
+            if not (photos or far) or self._far_photos(reduced, _LOST):
+                return
             if len(photos) > _FEW:
                 self.relinearise()
-                continue
-            far = self._far_points(points, reduced)
-            if not (photos or far):
-                return
-            self._relinearise_some(photos, far, reduced)
+            else:
+                self._relinearise_some(photos, far, reduced)
+
+    def lose_unsettled(self) -> None:
+        """Take photos out again whose corrections do not become smaller; they wait."""
+        lost = self._far_photos(self.equations.triangle.solution(), _UNSTEADY)
+        for photo in lost:
+            self.forget_photo(photo)
+            self.values.photos_wait[photo] = _UNSETTLED.format(photo)
 
     def _far_photos(self, reduced: FloatArray, limit: float = _LINEAR) -> list[str]:
         """Return the photos whose corrections are larger than a limit, in radians and parts of their distance."""

@@ -10,9 +10,10 @@ import pytest
 from scipy.stats import poisson
 
 from orip.online.measurements import Measurement
-from orip.online.measuring import ALPHA, Measuring, summary
+from orip.online.measuring import ALPHA, Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
+from orip.online.summary import summary
 from orip.sequential.observation_rows import ObservationKey
 
 

@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
+from support.sample_projects import sample
 from threadpoolctl import threadpool_limits
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project
@@ -81,6 +82,16 @@ def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Pa
     # the order of the rays changes the last digits; listings print five
     assert one == pytest.approx(two, rel=1e-8)
     assert solved["sigma0"] in one
+
+
+def test_a_session_on_a_measured_sample_names_its_two_blunders(tmp_path: Path) -> None:
+    """Five parameters of its camera are unknown; its README says which measurements are wrong."""
+    folder = sample(tmp_path, "small_frame_block")
+    commit(initialise(read_project(folder, "definitions")))
+    measuring = OnlineSession(folder, None).measuring
+    assert {(key.photo, key.point) for key in measuring.suspects} == {("203", "1213"), ("104", "1307")}
+    assert len(measuring.block.values.orientations) == 12
+    assert measuring.block.sigma0 == pytest.approx(1.0, abs=0.1)
 
 
 def test_what_is_answered_is_on_the_disk(project) -> None:

@@ -76,7 +76,7 @@ def _write_covariance(invocation: Invocation, names: Sequence[str], output: Path
     path, terminal = require_format(output), invocation.terminal
     with limited_threads(terminal):
         matrix = covariance_matrix(read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions"), names)
-    write_covariance(matrix, path)
+    write_covariance(matrix, invocation.folder / path)
     if terminal.json:
         figures = len(matrix.names)
         terminal.document(

@@ -115,9 +115,10 @@ def _play(invocation: Invocation) -> None:
     from threadpoolctl import threadpool_limits
 
     from orip.online.answers import words_of
-    from orip.online.measuring import Measuring, summary
+    from orip.online.measuring import Measuring
     from orip.online.online_block import OnlineBlock
     from orip.online.simulation import simulated_session
+    from orip.online.summary import summary
 
     say = invocation.terminal.say
     with threadpool_limits(1, user_api="blas"):

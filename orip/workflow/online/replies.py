@@ -7,7 +7,7 @@ from typing import Any
 
 from orip.errors import OripError, UsageError
 from orip.online.answers import Answer, Candidate, Suspect, words_of
-from orip.online.measuring import summary
+from orip.online.summary import summary
 from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure
 from orip.workflow.online.requests import Request, Shown, read_request
