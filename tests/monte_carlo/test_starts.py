@@ -46,6 +46,6 @@ def test_contradicting_rays_are_told_alike_from_every_start(scene: str, run: int
 @pytest.mark.parametrize("scene", ["aerial", "convergent", "terrestrial"])
 def test_starts_end_alike_as_often_as_documented(scene: str) -> None:
     same_set, same_cost = figures(scene, 170, 2)
-    # three standard deviations below the 95 % of the table, from 170 blocks
-    assert same_set >= 0.90
+    # three standard deviations below the 98.8 % of the table, from 170 blocks: 0.963
+    assert same_set >= 0.95
     assert same_cost >= 0.90
