@@ -42,6 +42,11 @@ class ErrorScale:
         """Return the limit of the root of a fall of the square sum, of so many equations that are checked."""
         return self._scale * self._test.group_limit(checked)
 
+    def estimate_again(self) -> None:
+        """Estimate it now, what was wrong having been taken out."""
+        self._next = 0
+        self.estimated()
+
     def estimated(self) -> bool:
         """Estimate it from the median of what is in; False: not enough has been measured since that was done.
 

@@ -200,6 +200,7 @@ class Measuring:
         """Linearise the first photos at their solution, what does not fit being out."""
         self.block.settle()
         self.block.lose_unsettled()
+        self._scale.estimate_again()
 
     def _start(self, photos: Iterable[str]) -> None:
         """Orient the first photos, if there is enough in some of them for that."""
