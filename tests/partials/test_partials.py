@@ -105,6 +105,11 @@ PART_OF = {
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
 GIVES_NONE = {
+    "orip.bundle.compiled.photo_loop.StreamedCoupling.of_blocks": "rows of the coupling, of linearise_with_partials",
+    "orip.bundle.other_places._Linearised.of_points": "some of the columns, unchanged",
+    "orip.bundle.other_places._by_reduced": "some of the columns, unchanged",
+    "orip.bundle.other_places._linearised": "linearise_with_partials of photo points, divided by their errors",
+    "orip.bundle.other_places._places_of_points": "places of points, with rows of linearise_with_partials",
     "orip.bundle.results.covariance._joined": "partials of several records, side by side",
     "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
     "orip.bundle.results.covariance.covariance": "covariances",
@@ -116,8 +121,9 @@ GIVES_NONE = {
     "orip.bundle.point_consensus.moves_of_points": "moves of points",
     "orip.bundle.point_consensus.with_steady_weights": "moves of points",
     "orip.bundle.results.ground._project_cofactors": "cofactors",
+    "orip.bundle.results.ground.photo_correlations": "correlations",
     "orip.bundle.results.ground._rotation_deviations": "standard deviations",
-    "orip.bundle.problem.BlockProblem._pattern": "places of unknowns",
+    "orip.bundle.problem._pattern": "places of unknowns",
     "orip.bundle.problem.BlockProblem._stored": "the rows of all kinds of observation, unchanged",
     "orip.geometry.ground_frame.GroundFrame.axes_at": "rotations, from differences of coordinates",
     "orip.geometry.ground_frame.GroundFrame.jacobian_at": "the partials of project_with_partials, at a known place",

@@ -12,8 +12,10 @@ from files.hand_built_solutions import awkward, residuals
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.listings.errors import error_listing_lines
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS
+from orip.records.project.definition import BundleDefinition
 from orip.records.results.solution import Blunder, Solution
 from orip.report.misfits import suspects
+from orip.report.report_input import ReportInput
 from orip.report.table import PageTable
 from orip.report.trouble import blunder_table, suspect_table
 
@@ -69,7 +71,11 @@ def test_blunders_have_the_unit_of_the_kind() -> None:
         assert re.search(rf"N{k} +{re.escape(component)} +80\.\d+ +1\.\d+ +{re.escape(unit)} +40\.00", blunders)
 
 
-@pytest.mark.parametrize("table", [suspect_table, blunder_table])
+def suspects_of(solution: Solution) -> PageTable | None:
+    return suspect_table(ReportInput(solution, (), BundleDefinition("MAIN"), {}, {}))
+
+
+@pytest.mark.parametrize("table", [suspects_of, blunder_table])
 def test_tables_of_the_report_have_the_unit_of_the_kind(table: Callable[[Solution], PageTable | None]) -> None:
     found = table(misfitting())
     assert found is not None

@@ -11,6 +11,8 @@ from orip.sequential.sequential_block import SequentialBlock
 # a condition of some 1e3 (random partials) leaves 1e-13; steps that are undone leave more
 _TRIANGLE = 1e-10
 _LEFTOVER = 1e-9
+_CHECKED = 1e-9
+"""Redundancy number above which an equation has a w here; the program itself asks for more."""
 
 _MOST = 200
 """Observations of a session: with more, nearly all of the time goes into the singular values that they are held to."""
@@ -88,8 +90,12 @@ class _Session:
         rows, before = self.observation(), list(self.block.included.values())
         trial = self.block.trial(-1, rows)
         leftovers = self.block.include(self.next_key, rows)
-        square, _ = trial.square()
-        assert square == pytest.approx(float(np.sum(leftovers**2)), abs=_LEFTOVER * (1.0 + square))
+        square, _ = trial.square(_CHECKED)
+        redundancy = np.linalg.eigvalsh(trial.cofactor)
+        least = float(redundancy[redundancy > _CHECKED].min(initial=1.0))
+        # a square is divided by the redundancy number, which has an error of 1e-15
+        tolerance = _LEFTOVER * (1.0 + square) / min(1.0, 1e3 * least)
+        assert square == pytest.approx(float(np.sum(leftovers**2)), abs=tolerance)
         self.check_leftovers(before, rows, leftovers)
         self.next_key += 1
 
@@ -101,7 +107,7 @@ class _Session:
             rank = int(np.count_nonzero(values > 1e-9 * values[0]))
             redundancy = 1.0 - float(np.sum(left[-1, :rank] ** 2))
             residual = float(left[-1, :rank] @ (left[:, :rank].T @ right)) - right[-1]
-            w = abs(residual) / np.sqrt(redundancy) if redundancy > 1e-9 else 0.0
+            w = abs(residual) / np.sqrt(redundancy) if redundancy > _CHECKED else 0.0
             # 1 - r from orthonormal columns has an error of 1e-15, and w that of sqrt(r)
             assert abs(leftovers[row]) == pytest.approx(w, abs=_LEFTOVER * (1.0 + w) / max(redundancy, 1e-3))
 

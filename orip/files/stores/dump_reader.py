@@ -171,7 +171,7 @@ def _fault(column: StoreColumn, value: Any) -> str | None:
         allowed = "write null" if column.null == "nan" else "a number is needed"
         return f"column {column.name}: NaN is not allowed; {allowed}"
     if column.type == "TEXT" and not _is_unicode(value):
-        return f"column {column.name}: {value!a} has half a surrogate pair, which is no character"
+        return f"column {column.name}: {value!a} has half a surrogate pair, which is not a character"
     if column.record_name and (fault := name_fault(value)):
         return f"column {column.name}: {fault}"
     return None

@@ -77,7 +77,7 @@ def _own_cluster(workers: int | None) -> Iterator[Client]:
             n_workers=workers or cores(),
             threads_per_worker=1,
             memory_limit=0,  # projects have limits of their own, and none is in the worker's process
-            dashboard_address="127.0.0.1:8787",
+            dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
         Client(cluster) as client,
@@ -93,7 +93,7 @@ def _scheduler(address: str) -> Iterator[Client]:
     try:
         client = Client(address, timeout=_CONNECT_SECONDS)
     except ValueError as error:
-        message = f"'{address}' is no address of a scheduler ({error}); it is like tcp://HOST:8786"
+        message = f"'{address}' is not the address of a scheduler ({error}); it is like tcp://HOST:8786"
         raise UsageError(message) from None
     except (OSError, TimeoutError):
         message = f"no scheduler answers at {address}; start it with 'dask scheduler', or correct --dask"

@@ -112,9 +112,11 @@ def test_an_operator_with_commands_beside_orip_digitise(tmp_path):
                     assert panel.ask(f"DRIVE PLATE UPPER {x} {y}").startswith("OK ")
                     assert panel.ask("CLEAR").startswith("ERR 110 hosted by ")
                 assert orip(folder, "drive", "foot", "right", *link_to(port)).code == 0
-                while f"({x}" not in said and "digitised" not in line:
-                    line = session.stderr.readline()
                 line = ""
+                while "digitised" not in line:
+                    line = session.stderr.readline()
+                    assert line, said  # the session has ended
+                    said += line
             assert orip(folder, "drive", "key", "ENTER", *link_to(port)).code == 0
             rest = session.communicate(timeout=60)[1]
         finally:
