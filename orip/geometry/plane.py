@@ -15,8 +15,8 @@ TransformationKind = Literal["A", "C", "W"]
 MARKS_NEEDED: dict[TransformationKind, int] = {"A": 3, "C": 2, "W": 2}
 PARAMETERS: dict[TransformationKind, int] = {"A": 6, "C": 4, "W": 3}
 
-_LARGEST_COORDINATE = 1e100
-"""Above this, squares overflow; no film is that large in any unit."""
+_LARGEST_COORDINATE, _SMALLEST_EXTENT = 1e100, 1e-100
+"""Above the first squares overflow, below the second they vanish; no film is that large or small in any unit."""
 
 _ONE_PLACE = 1e-12
 """Marks closer together than this part of their coordinates differ only by rounding."""
@@ -124,7 +124,7 @@ def _extent(kind: TransformationKind, xy: FloatArray, what: str) -> float:
         message = f"the {what} have coordinates above {_LARGEST_COORDINATE:g}"
         raise ValueError(message)
     length, width = np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)
-    if length <= _ONE_PLACE * largest:
+    if length <= max(_ONE_PLACE * largest, _SMALLEST_EXTENT):
         message = f"the {what} lie in one place"
         raise ValueError(message)
     if kind == "A" and width < _ONE_LINE * length:

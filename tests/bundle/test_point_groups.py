@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
+from orip.bundle.compiled.photo_loop import PhotoPointLoop, photo_loop
 from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
-from orip.bundle.problem import pose_problem
+from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.problem import BlockProblem, pose_problem
 from orip.records.block import Block
 
 
@@ -53,15 +55,18 @@ def test_there_may_be_no_points() -> None:
     assert groups_of_sets(number, sets, np.empty((0, 3))).tolist() == []
 
 
+def loop_of(problem: BlockProblem) -> PhotoPointLoop:
+    kind = next(kind for kind in problem.observations if isinstance(kind, PhotoPointObservations))
+    return photo_loop(kind, problem.unknowns, problem.block.point_start)
+
+
 @pytest.fixture(scope="module")
 def block() -> Block:
     return aerial_block(100, 40)
 
 
 def test_a_group_has_all_photos_of_its_points_and_no_others(block: Block) -> None:
-    problem = pose_problem(block)
-    assert problem.streamed is not None
-    loop = problem.streamed[0]
+    loop = loop_of(pose_problem(block))
     pattern, cameras = loop.pattern, len(loop.cameras.form)
     assert np.array_equal(np.sort(pattern.block), np.arange(len(block.point_names)))
     assert np.array_equal(np.sort(pattern.order), np.arange(len(block.photo_points.photo)))
@@ -75,9 +80,8 @@ def test_a_group_has_all_photos_of_its_points_and_no_others(block: Block) -> Non
 def test_photos_of_a_group_may_be_farther_apart_than_the_band_is_wide(block: Block) -> None:
     # what the block compared with a full matrix in test_banded_block has to show
     problem = pose_problem(block)
-    assert problem.streamed is not None
     assert problem.layout.arrangement is not None
-    loop, places = problem.streamed[0], problem.layout.arrangement.places
+    loop, places = loop_of(problem), problem.layout.arrangement.places
     of_photo = places[loop.photo_columns]
     pattern, cameras = loop.pattern, len(loop.cameras.form)
     farthest = 0

@@ -143,8 +143,8 @@ def test_lines_that_others_append_are_answered(project) -> None:
 @pytest.mark.parametrize(
     ("line", "wrong"),
     [
-        ("", "no request"),
-        ("[1, 2]", "no request"),
+        ("", "not a request"),
+        ("[1, 2]", "not a request"),
         ('{"do": "fly"}', "it is one of measure"),
         ('{"do": "measure", "photo": "P1", "point": "1", "x": "a", "y": 1}', "a number"),
         ('{"do": "measure", "photo": "P1", "point": "1", "x": NaN, "y": 1}', "a number"),

@@ -76,7 +76,9 @@ def _object(line: str) -> dict[str, object]:
     except (ValueError, RecursionError):
         found = None
     if not isinstance(found, dict):
-        message = f'this is not a request: {_shown(line)}; a request is a line such as {{"do": "show", "what": "waiting"}}'
+        message = (
+            f'this is not a request: {_shown(line)}; a request is a line such as {{"do": "show", "what": "waiting"}}'
+        )
         raise UsageError(message)
     return found
 
