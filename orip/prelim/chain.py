@@ -33,6 +33,7 @@ from orip.prelim.routes import (
     by_pairs,
     control_points_seen,
 )
+from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
@@ -71,14 +72,17 @@ def preliminary_values(block: Block) -> PreliminaryValues:
     PreliminaryValues
         In the frame of the block.
     """
-    measured = measured_block(block)
-    found = _best_outcome(measured)
-    return found_values(measured, found.best, found.by_models, name_weak_connections=not found.at_once)
+    found = _best_outcome(measured_block(block))
+    return found_values(found.measured, found.best, found.by_models, name_weak_connections=not found.at_once)
 
 
 class _Search(NamedTuple):
-    """The best outcome of all routes tried, the route by models, and whether the first route was good enough."""
+    """The best outcome of all routes tried, the route by models, and whether the first route was good enough.
 
+    `measured` is the block without the photo points that are wrong, if it has many of these.
+    """
+
+    measured: MeasuredBlock
     best: Outcome | None
     by_models: Route | None
     at_once: bool
@@ -95,8 +99,11 @@ class _End(NamedTuple):
     is_convincing: bool
 
 
-def _best_outcome(measured: MeasuredBlock) -> _Search:
-    """Try routes until nothing better is to be expected."""
+def _best_outcome(measured: MeasuredBlock, *, is_confirmed: bool = False) -> _Search:
+    """Try routes until nothing better is to be expected.
+
+    Where the first route is not good enough and many rays are contradicted by others, routes are tried without these.
+    """
     best: Outcome | None = None
     beaten = (False, -np.inf)
     ends: list[_End] = []
@@ -113,8 +120,10 @@ def _best_outcome(measured: MeasuredBlock) -> _Search:
             if _is_complete(measured, outcome):
                 ends.append(_end(measured, outcome.grown, lengths, misfit))
         if _is_enough(ends):
-            return _Search(best, by_the_models, number == 0)
-    return _Search(best, by_the_models, False)
+            return _Search(measured, best, by_the_models, number == 0)
+        if number == 0 and not is_confirmed and (confirmed := confirmed_block(measured)) is not None:
+            return _best_outcome(confirmed, is_confirmed=True)
+    return _Search(measured, best, by_the_models, False)
 
 
 def _routes(measured: MeasuredBlock) -> Iterator[Route]:

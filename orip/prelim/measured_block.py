@@ -115,8 +115,12 @@ class MeasuredBlock:
 
 def measured_block(block: Block) -> MeasuredBlock:
     """Return the rays and the control of a block; in a free network preliminary coordinates are used as control."""
+    return measured_block_of(block, image_rays(block))
+
+
+def measured_block_of(block: Block, all_rays: ImageRays) -> MeasuredBlock:
+    """Return what a block's preliminary values are found from if only some of its rays are used."""
     control = approximate_points(block) if block.is_free_network else known_points(block)
-    all_rays = image_rays(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
     rays = thinned(rays_of_plane_images(block, all_rays), kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)

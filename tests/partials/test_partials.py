@@ -132,7 +132,7 @@ GIVES_NONE = {
     "orip.interior.additional_parameters.default_error": "an a-priori error",
     "orip.prelim.refinement.array_steps.ArraySolver.moved": "the next state",
     "orip.prelim.relative.adjustment._design": "partials of parallaxes, in two directions across the base",
-    "orip.prelim.relative.solution._intersection_deviations": "standard deviations",
+    "orip.prelim.relative.solution.intersection_deviations": "standard deviations",
     "orip.prelim.resection.adjustment.ResectionEquations.normal_equations": "normal equations",
     "orip.prelim.resection.adjustment._Resection.start": "the first rows, unchanged",
     "orip.prelim.resection.adjustment._Resection.stepped": "the rows after a step, unchanged",

@@ -159,7 +159,7 @@ def _solution(pairs: Pairs) -> PairSolution | None:
     photos = TwoPhotos(final.photos.base[0], final.photos.rotation[0])
     angles = angles_from_rotation(photos.rotation)
     meeting = meeting_points(photos, pairs)
-    usable = _usable(meeting, final.weight_factor[0])
+    usable = usable_points(meeting, final.weight_factor[0])
     return PairSolution(
         photos=photos,
         angles=angles,
@@ -169,7 +169,7 @@ def _solution(pairs: Pairs) -> PairSolution | None:
         weight_factor=final.weight_factor[0],
         redundancy_number=precision.redundancy_number,
         coordinates=meeting.coordinates,
-        deviations=_intersection_deviations(photos, meeting.coordinates, usable, pairs),
+        deviations=intersection_deviations(photos, meeting.coordinates, usable, pairs),
         in_front=meeting.in_front,
         usable=usable,
         length=0.001 * float((1.0 / meeting.along_left[usable]).sum()) / max(int(usable.sum()), 1),
@@ -206,7 +206,7 @@ def _angle(rotation: FloatArray) -> FloatArray:
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def _usable(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
+def usable_points(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
     finite = np.isfinite(meeting.coordinates).all(axis=1)
     return np.asarray((weight_factor == 1.0) & meeting.in_front & finite)
 
@@ -250,7 +250,7 @@ def _angle_deviations(angles: FloatArray, cofactor: FloatArray) -> FloatArray:
     return np.sqrt(np.maximum(np.diag(partials @ cofactor @ partials.T), 0.0))
 
 
-def _intersection_deviations(photos: TwoPhotos, coordinates: FloatArray, usable: BoolArray, pairs: Pairs) -> FloatArray:
+def intersection_deviations(photos: TwoPhotos, coordinates: FloatArray, usable: BoolArray, pairs: Pairs) -> FloatArray:
     """Return a-priori standard deviations (n, 3) of the intersections of two rays for a fixed orientation."""
     seen, points = pairs.of(usable), coordinates[usable]
     normals = np.zeros((len(points), 3, 3))

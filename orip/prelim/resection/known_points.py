@@ -12,8 +12,9 @@ import numpy as np
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-_BLUNDERS = 0.35
-"""Largest part of the points that may be blunders."""
+FEW_BLUNDERS, MANY_BLUNDERS = 0.35, 0.7
+"""Largest part of the points that may be blunders: of measured points, and of tracks, in which the known points may be
+wrong, too."""
 
 
 class Orientations(NamedTuple):
@@ -46,12 +47,15 @@ class KnownPoints:
         Standard deviation of a coordinate.
     error_mm : float
         A-priori error of a photo coordinate.
+    blunders : float
+        Largest part of the points that may be blunders.
     """
 
     vectors: FloatArray
     coordinates: FloatArray
     deviations: FloatArray
     error_mm: float
+    blunders: float = FEW_BLUNDERS
 
     def __len__(self) -> int:
         """Return the number of points."""
@@ -77,7 +81,7 @@ class KnownPoints:
     @cached_property
     def least(self) -> int:
         """Return the number of points that have to fit."""
-        return max(len(self) - int(_BLUNDERS * len(self)), min(len(self), 4))
+        return max(len(self) - int(self.blunders * len(self)), min(len(self), 4))
 
     def squares(self, at: Orientations) -> FloatArray:
         """Return squared standardised residuals (k, n) of orientations; infinite behind the photo."""

@@ -11,7 +11,7 @@ from orip.arrays import FloatArray
 from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
 from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.configuration import on_one_line
-from orip.prelim.resection.known_points import KnownPoints, Orientations
+from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
 from orip.prelim.resection.start import starting_orientations
 from orip.wording import counted
 
@@ -80,6 +80,7 @@ def resect(
     point_deviation: FloatArray | None = None,
     *,
     error_mm: float = 0.01,
+    blunders: float = FEW_BLUNDERS,
 ) -> Resected | Unresected:
     """Orient a photo by known points, some of which may be wrong.
 
@@ -94,6 +95,8 @@ def resect(
     error_mm : float
         A-priori error of a photo coordinate. All residuals may be larger (a camera that is not calibrated): the limit
         for blunders follows their estimated scale.
+    blunders : float
+        Largest part of the points that may be wrong; four points fit always.
 
     Returns
     -------
@@ -103,7 +106,7 @@ def resect(
 
     Notes
     -----
-    Up to 35 % of the points may be blunders, if four are left. The best orientations of triples are improved on the
+    The best orientations of triples are improved on the
     points that fit them best; that with the smallest residuals is adjusted with all points and Danish weights.
     """
     count = len(points)
@@ -117,7 +120,7 @@ def resect(
     spread = math.sqrt(np.vdot(offset, offset) / count)
     deviation = np.zeros(count) if point_deviation is None else point_deviation
     deviation = np.where(np.isnan(deviation), 0.0, deviation)
-    known = KnownPoints(vectors, offset / spread, deviation / spread, error_mm)
+    known = KnownPoints(vectors, offset / spread, deviation / spread, error_mm, blunders)
     start = starting_orientations(known)
     if not len(start.centres):
         return Unresected(f"no camera position shows the {count} known points as measured; check point numbers and C")

@@ -8,12 +8,13 @@ from orip.arrays import FloatArray, IntArray
 from orip.geometry.homography import plane_orientations
 from orip.geometry.three_point_resection import three_point_resection
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.resection.known_points import KnownPoints, Orientations
+from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
 from orip.prelim.sampling import subsets
 
-_TRIPLES = 50
+_TRIPLES, _TRIPLES_OF_TRACKS = 50, 400
 """Number of triples. With 35 % blunders a triple is free of them with probability 0.27: none of 50 is with probability
-1e-7, and some of the good ones have a good shape."""
+1e-7, and some of the good ones have a good shape. With 70 % it is free of them with probability 0.027: none of 400 is
+with probability 2e-5."""
 
 _CANDIDATES = 5
 """Orientations that are improved before the best one is chosen; both solutions of a plane are among them."""
@@ -43,7 +44,7 @@ def starting_orientations(known: KnownPoints) -> Orientations:
     Orientations of triples (Grunert 1841), and of an object that is nearly plane from its homography, are ranked by the
     quantile of the residuals that blunders do not affect (least median of squares, Rousseeuw 1984).
     """
-    triples = subsets(len(known), 3, _TRIPLES)
+    triples = subsets(len(known), 3, _TRIPLES if known.blunders <= FEW_BLUNDERS else _TRIPLES_OF_TRACKS)
     tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
     if len(known) == 3:
         return _most_square_first(known, tried)

@@ -1,0 +1,1 @@
+"""Tracks, in which many photo points are wrong: which of them other photos confirm."""
