@@ -9,6 +9,7 @@ import numpy as np
 
 from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
 from orip.prelim.growing.reasons import doubtful_photos, why_not_oriented
+from orip.prelim.intersection.consensus import where_most_rays_meet
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.refinement.camera_corrections import parameters_with
@@ -72,9 +73,14 @@ def _points(measured: MeasuredBlock, grown: GrowingBlock) -> PointStarts:
 
     Points whose rays do not meet stay where the block has them.
     """
-    rays = measured.all_rays
-    found = intersect(grown.rotations, grown.centres, grown.oriented, grown.corrected(rays))
+    rays = grown.corrected(measured.all_rays)
+    found = intersect(grown.rotations, grown.centres, grown.oriented, rays.of(measured.confirmed))
+    fits = np.zeros(len(rays.photo), dtype=bool)
+    fits[measured.confirmed] = found.weight_factors >= 1.0
+    doubtful = np.zeros(len(rays.points), dtype=bool)
+    doubtful[rays.point[~fits & grown.oriented[rays.photo]]] = True
     coordinates, deviations = found.coordinates, found.deviations
+    coordinates = where_most_rays_meet(grown.rotations, grown.centres, rays, doubtful, coordinates, found.s0)
     place = measured.block.point_index()
     rows = np.array([place[name] for name in measured.rays.points], dtype=np.int64)
     alone = grown.known & np.isnan(coordinates[rows, 0])

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
@@ -31,8 +31,11 @@ class MeasuredBlock:
     control, centres : KnownPositions
         Control points and projection centres known on the ground; in a free network, points with approximate
         coordinates: they give it its datum, but hold nothing fixed.
-    all_rays, rays : ImageRays
-        All rays, and the rays of as many points as suffice to orient the photos.
+    all_rays : ImageRays
+    confirmed : array (n,) of bool
+        Which of all rays others do not contradict; all of them unless a large part of a block's rays is wrong.
+    rays : ImageRays
+        The confirmed rays of as many points as suffice to orient the photos.
     index : PhotoIndex
         Of `rays`.
     common : array (photos, photos)
@@ -49,6 +52,7 @@ class MeasuredBlock:
     control: KnownPositions
     centres: KnownPositions
     all_rays: ImageRays
+    confirmed: BoolArray
     rays: ImageRays
     index: PhotoIndex
     common: IntArray
@@ -115,21 +119,24 @@ class MeasuredBlock:
 
 def measured_block(block: Block) -> MeasuredBlock:
     """Return the rays and the control of a block; in a free network preliminary coordinates are used as control."""
-    return measured_block_of(block, image_rays(block))
+    all_rays = image_rays(block)
+    return measured_block_of(block, all_rays, np.ones(len(all_rays.photo), dtype=bool))
 
 
-def measured_block_of(block: Block, all_rays: ImageRays) -> MeasuredBlock:
-    """Return what a block's preliminary values are found from if only some of its rays are used."""
+def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray) -> MeasuredBlock:
+    """Return what a block's preliminary values are found from, of all its rays (n,) those that others confirm."""
     control = approximate_points(block) if block.is_free_network else known_points(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
-    rays = thinned(rays_of_plane_images(block, all_rays), kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
+    used = rays_of_plane_images(block, all_rays.of(confirmed))
+    rays = thinned(used, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
     row_of = {name: row for row, name in enumerate(rays.points)}
     return MeasuredBlock(
         block,
         control,
         known_centres(block),
         all_rays,
+        confirmed,
         rays,
         photo_index(rays),
         common_point_counts(rays),

@@ -42,4 +42,4 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     refused = set(zip(rays.photo[against].tolist(), names[rays.point[against]].tolist(), strict=True))
     own = [all_rays.points[point] for point in all_rays.point.tolist()]
     kept = np.array([(photo, name) not in refused for photo, name in zip(all_rays.photo.tolist(), own, strict=True)])
-    return measured_block_of(measured.block, all_rays.of(kept))
+    return measured_block_of(measured.block, all_rays, kept)
