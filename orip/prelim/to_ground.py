@@ -10,6 +10,7 @@ from orip.arrays import FloatArray
 from orip.prelim.ground.arbitrary_datum import with_arbitrary_datum
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.growing.misplaced_photos import residual_lengths
+from orip.prelim.intersection.consensus import where_most_rays_meet
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.routes import Route, by_pairs
@@ -155,7 +156,7 @@ def _joined_to_ground(measured: MeasuredBlock, grown: GrowingBlock) -> Joined | 
 def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBlock:
     """Return the block with those control points, too, whose rays miss each other by more than they should.
 
-    A camera that is not calibrated lets the two rays of a point miss each other.
+    A camera that is not calibrated lets the two rays of a point miss each other. Of more rays some may be wrong.
     """
     wanted = np.zeros(len(measured.rays.points), dtype=bool)
     wanted[[measured.row_of[name] for name in measured.control.names if name in measured.row_of]] = True
@@ -163,9 +164,10 @@ def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBl
     rays = grown.corrected(measured.rays.of(np.flatnonzero(wanted[measured.rays.point])))
     rays = replace(rays, error=_DOUBTFUL * rays.error)
     found = intersect(grown.rotations, grown.centres, grown.oriented, rays)
+    coordinates = where_most_rays_meet(grown.rotations, grown.centres, rays, wanted, found.coordinates, 1.0)
     return replace(
         grown,
-        coordinates=np.where(wanted[:, None], found.coordinates, grown.coordinates),
+        coordinates=np.where(wanted[:, None], coordinates, grown.coordinates),
         deviations=np.where(wanted[:, None], found.deviations, grown.deviations),
     )
 

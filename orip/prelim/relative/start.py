@@ -36,7 +36,7 @@ _SAMPLES_OF_LARGE_SCALE = 160
 _NO_BETTER = 2.0
 """Residual in units of the a-priori error below which smaller ones are no better."""
 
-_LIMIT = 3.0
+FIT_LIMIT = 3.0
 """Multiple of the scale above which a point does not fit."""
 
 _KEPT, _STARTS = 16, 8
@@ -48,7 +48,7 @@ _ALIKE = 0.999
 solution that fits as well, and its samples must not crowd out those of the first."""
 
 SAMPLING = (
-    _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, _LIMIT, _ALIKE, _KEPT, _STARTS,
+    _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, FIT_LIMIT, _ALIKE, _KEPT, _STARTS,
 )  # fmt: skip
 """The constants as the compiled loop takes them: `Sampling` in start.h."""
 
@@ -73,7 +73,7 @@ def starting_orientations(pairs: Pairs) -> TwoPhotos:
         best = _with_samples(best.essential, drawn, pairs)
         if len(best.essential) and start + len(drawn) >= _samples_needed(best.share, best.scale):
             break
-    return _in_front_first(best.essential, pairs, best.scale)
+    return best_in_front(best.essential, pairs, best.scale)
 
 
 @lru_cache(maxsize=256)
@@ -99,7 +99,7 @@ def _with_samples(kept: FloatArray, drawn: IntArray, pairs: Pairs) -> _Best:
     residuals = np.abs(parallaxes(essential, pairs)) / pairs.error
     agreed = consensus(residuals, pairs)
     scale, share = float(agreed.scale[agreed.best]), float(agreed.share[agreed.best])
-    return _Best(essential[_best_unlike(essential, _costs(residuals, scale))], scale, share)
+    return _Best(essential[best_unlike(essential, robust_costs(residuals, scale))], scale, share)
 
 
 class Consensus(NamedTuple):
@@ -148,7 +148,7 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     rows, n = residuals.shape
     if n <= POINTS_NEEDED:
         return Consensus(np.zeros(rows), np.ones(rows), np.ones(rows))
-    unit = _chance_of_unit(pairs)
+    unit = chance_of_unit(pairs)
     ordered = np.sort(residuals, axis=1)
     agreeing = np.arange(POINTS_NEEDED + 1, n + 1)
     largest = np.clip(np.maximum(ordered[:, POINTS_NEEDED:], _NO_BETTER) * unit, 1e-300, 1.0)
@@ -159,7 +159,7 @@ def consensus(residuals: FloatArray, pairs: Pairs) -> Consensus:
     return Consensus(log_chance[row, which], np.maximum(np.sqrt(square), 1.0), count / n)
 
 
-def _chance_of_unit(pairs: Pairs) -> float:
+def chance_of_unit(pairs: Pairs) -> float:
     """Return the probability that a point placed at random has a parallax up to its a-priori error."""
     extent = max(math.hypot(*(xy[:, :2].max(axis=0) - xy[:, :2].min(axis=0))) for xy in (pairs.left, pairs.right))
     return 2.0 * float(pairs.error.mean()) / max(extent, 1e-300)
@@ -174,11 +174,12 @@ def log_of_sets(n: int) -> FloatArray:
 
 def costs_in_front(residuals: FloatArray, in_front: NDArray[np.bool_], scale: float) -> FloatArray:
     """Return the sums of squared residuals in units of the scale; a point behind a photo counts as not fitting."""
-    return _costs(np.where(in_front, residuals, np.inf), scale)
+    return robust_costs(np.where(in_front, residuals, np.inf), scale)
 
 
-def _costs(residuals: FloatArray, scale: float) -> FloatArray:
-    return np.asarray((np.minimum(residuals / scale, _LIMIT) ** 2).sum(axis=-1))
+def robust_costs(residuals: FloatArray, scale: float) -> FloatArray:
+    """Return the sums of squared residuals (..., n) in units of the scale, each counted up to the limit."""
+    return np.asarray((np.minimum(residuals / scale, FIT_LIMIT) ** 2).sum(axis=-1))
 
 
 def _samples_needed(share: float, scale: float) -> float:
@@ -188,7 +189,7 @@ def _samples_needed(share: float, scale: float) -> float:
     return max(needed, _SAMPLES_OF_LARGE_SCALE if scale > _ORDINARY_SCALE else 0.0)
 
 
-def _best_unlike(essential: FloatArray, costs: FloatArray) -> IntArray:
+def best_unlike(essential: FloatArray, costs: FloatArray) -> IntArray:
     """Return the rows of the best matrices that are not alike."""
     order = np.argsort(costs, kind="stable")
     flat = essential.reshape(-1, 9)
@@ -199,7 +200,7 @@ def _best_unlike(essential: FloatArray, costs: FloatArray) -> IntArray:
     return np.array(chosen, dtype=np.int64)
 
 
-def _in_front_first(essential: FloatArray, pairs: Pairs, scale: float) -> TwoPhotos:
+def best_in_front(essential: FloatArray, pairs: Pairs, scale: float) -> TwoPhotos:
     """Return of each matrix the orientation with the most points in front, the best orientations first."""
     photos = two_photos_of(essential)
     residuals = np.abs(parallaxes(essential, pairs)) / pairs.error

@@ -16,7 +16,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
-from orip.prelim.relative.annealing import annealed
+from orip.prelim.relative.given_scale import at_scale
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.resection.chance import fits_beyond_chance
@@ -32,12 +32,9 @@ _THIRD_PHOTOS = 4
 _FEWEST_COMMON = 8
 """Points common to two photos, or known in a third one; with fewer, chance decides."""
 
-_SURE_PART, _UNUSUAL = 0.1, 4.0
+_SURE_PART, _UNUSUAL = 0.1, 1.5
 """Part of the models that certainly fit as they should, and the multiple of the scale of their residuals above which a
-model is bent by wrong points along the epipolar lines."""
-
-_ORDINARY = 1.5
-"""Scale of the residuals up to which a relative orientation is not questioned."""
+model may be bent by wrong points along the epipolar lines."""
 
 _WEAK = 30.0
 """Standard deviation of a point, as it is seen, over the a-priori error of a ray, above which it confirms no third ray.
@@ -94,17 +91,18 @@ def votes_of(rays: ImageRays, index: PhotoIndex, common: IntArray, most: int | N
     if models:
         usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
         for model in models:
-            if model.solution.scale <= _UNUSUAL * usual:
-                _compare(rays, index, model, votes)
+            if (unbent := _at_usual_scale(model, usual)) is not None:
+                _compare(rays, index, unbent, votes)
     return votes
 
 
 class _Model(NamedTuple):
-    """Two photos, the rows of their common points, and their relative orientation."""
+    """Two photos, the rows of their common points, these points, and their relative orientation."""
 
     photos: tuple[int, int]
     left: IntArray
     right: IntArray
+    pairs: Pairs
     solution: PairSolution
 
 
@@ -114,11 +112,17 @@ def _model(rays: ImageRays, index: PhotoIndex, photos: tuple[int, int]) -> _Mode
     error = np.hypot(rays.error[left], rays.error[right])
     pairs = Pairs(rays.vectors[left], rays.vectors[right], error)
     found = solve(pairs)
-    if found is None or found.by_chance:
+    return None if found is None or found.by_chance else _Model(photos, left, right, pairs, found)
+
+
+def _at_usual_scale(model: _Model, usual: float) -> _Model | None:
+    """Return a model whose residuals are no larger than usual in the block; None where it has no base or is unsure."""
+    solution: PairSolution | None = model.solution
+    if model.solution.scale > _UNUSUAL * usual:
+        solution = at_scale(model.solution, model.pairs, usual)
+    if solution is None or solution.left_by_rotation < _NO_BASE * solution.scale:
         return None
-    if found.scale > _ORDINARY:
-        found = annealed(found, pairs)
-    return _Model(photos, left, right, found) if found.left_by_rotation >= _NO_BASE * found.scale else None
+    return model._replace(solution=solution)
 
 
 def _pairs(common: IntArray) -> Iterator[tuple[int, int]]:

@@ -17,6 +17,7 @@ _SAMPLE, _MANY = 12, 0.03
 """Pairs of photos from which the part of the rays that others contradict is estimated, and the part from which the
 block is one of tracks."""
 
+_LEAST_RAYS = 2
 _ENOUGH = 80
 """Points of a photo that are compared."""
 
@@ -42,4 +43,7 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     refused = set(zip(rays.photo[against].tolist(), names[rays.point[against]].tolist(), strict=True))
     own = [all_rays.points[point] for point in all_rays.point.tolist()]
     kept = np.array([(photo, name) not in refused for photo, name in zip(all_rays.photo.tolist(), own, strict=True)])
+    # where too few rays of control are left it is not known which are right
+    left = np.bincount(all_rays.point[kept], minlength=len(control))
+    kept |= (control & (left < _LEAST_RAYS))[all_rays.point]
     return measured_block_of(measured.block, all_rays, kept)

@@ -1,0 +1,88 @@
+"""Relative orientation by points whose residuals are of a given scale, where more than half of the points may be wrong.
+
+Wrong points near the epipolar lines fit a bent model better than chance explains. The scale estimated from one pair of
+photos follows them; that which is usual in the block does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.geometry.essential import TwoPhotos, essential_matrices
+from orip.prelim.relative.adjustment import MAX_STANDARD_RESIDUAL, adjust_relative
+from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
+from orip.prelim.relative.solution import PairSolution, intersection_deviations, usable_points
+from orip.prelim.relative.start import (
+    FIT_LIMIT,
+    POINTS_NEEDED,
+    best_in_front,
+    best_unlike,
+    chance_of_unit,
+    costs_in_front,
+    log_of_sets,
+    robust_costs,
+    samples_of,
+)
+
+_SAMPLES = 200
+"""Samples of five points: with 60 % of wrong ones a sample is free of them with probability 0.01."""
+
+_ITERATIONS = 8
+
+_SURE = 10.0
+"""Logarithm of the factor by which points have to agree better than by chance."""
+
+
+def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
+    """Return the orientation that most points fit at a scale; None where as many would by chance.
+
+    Standard deviations of angles and base, redundancy numbers and the length of the base stay those of `solution`.
+
+    Parameters
+    ----------
+    solution : PairSolution
+        Found at another scale.
+    pairs : Pairs
+    scale : float
+        Standard residual of right points.
+    """
+    samples = samples_of(len(pairs.error))[:_SAMPLES]
+    essential = essential_matrices(pairs.left[samples], pairs.right[samples])
+    if not len(essential):
+        return None
+    costs = robust_costs(np.abs(parallaxes(essential, pairs)) / pairs.error, scale)
+    start = best_in_front(essential[best_unlike(essential, costs)], pairs, scale)
+    tried = adjust_relative(start, pairs, scale * FIT_LIMIT / MAX_STANDARD_RESIDUAL, _ITERATIONS)
+    residuals = tried.residuals(pairs)
+    best = int(costs_in_front(residuals, meeting_points(tried.photos, pairs).in_front, scale).argmin())
+    if not _beyond_chance(residuals[best], pairs, scale):
+        return None
+    photos = TwoPhotos(tried.photos.base[best], tried.photos.rotation[best])
+    meeting = meeting_points(photos, pairs)
+    usable = usable_points(meeting, tried.weight_factor[best])
+    return replace(
+        solution,
+        photos=photos,
+        parallax=tried.parallax[best],
+        weight_factor=tried.weight_factor[best],
+        coordinates=meeting.coordinates,
+        deviations=intersection_deviations(photos, meeting.coordinates, usable, pairs),
+        in_front=meeting.in_front,
+        usable=usable,
+        scale=scale,
+        seuw=scale,
+    )
+
+
+def _beyond_chance(residuals: FloatArray, pairs: Pairs, scale: float) -> bool:
+    """Tell whether more points fit than would at random (see `consensus`)."""
+    largest = FIT_LIMIT * scale
+    fitting = int(np.count_nonzero(residuals <= largest))
+    if fitting <= POINTS_NEEDED:
+        return False
+    sets = log_of_sets(len(residuals))[fitting - POINTS_NEEDED - 1]
+    chance = np.log(min(largest * chance_of_unit(pairs), 1.0))
+    return bool(sets + (fitting - POINTS_NEEDED) * chance < -_SURE)
