@@ -25,7 +25,6 @@ from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.left_out_points import (
     LEAST_WEIGHT_OF_FIT,
-    determined_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
@@ -33,6 +32,7 @@ from orip.bundle.left_out_points import (
 from orip.bundle.other_places import other_places
 from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
 from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
+from orip.bundle.ray_consensus import points_still_out, with_doubtful_points_placed, with_points_where_most_rays_meet
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -186,13 +186,13 @@ class BlockProblem:
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
-        correction = self._moves(state, equations, limit, where_better)
-        moved = state.moved(correction, self.unknowns)
+        moved = state.moved(self._moves(state, equations, limit, where_better), self.unknowns)
         more = self.with_all_blocks(moved)
-        back = state.left_out & self._points_that_fit(more, limit) & determined_points(self.block, more, state.left_out)
-        if not (correction.any() or back.any()):
-            return None
-        return replace(more, left_out=state.left_out & ~back)
+        more = with_doubtful_points_placed(self.block, self.unknowns, more, self._points_that_fit(more, limit))
+        out = points_still_out(self.block, more, state.left_out, self._points_that_fit(more, limit))
+        kept = ~state.left_out
+        same = np.array_equal(out, state.left_out) and np.array_equal(more.points[kept], state.points[kept])
+        return None if same else replace(more, left_out=out)
 
     def moves_to_steady_weights(self, state: BlockState, equations: Equations, limit: float) -> FloatArray:
         """Return corrections (m + 3 b,) of points that do not fit, after which their weights no longer change.
@@ -242,7 +242,8 @@ class BlockProblem:
         if not state.left_out.any():
             return state
         points = np.where(state.left_out[:, None], self.with_blocks_recomputed(state).points, state.points)
-        return replace(state, points=points, left_out=np.zeros_like(state.left_out))
+        everywhere = replace(state, points=points, left_out=np.zeros_like(state.left_out))
+        return with_points_where_most_rays_meet(self.block, everywhere, state.left_out)
 
     def with_doubtful_blocks_placed(self, state: BlockState, equations: Equations, limit: float) -> BlockState:
         """Return the state with points that do not fit moved to where most of their rays agree, wherever they were.

@@ -33,8 +33,8 @@ from orip.prelim.routes import (
     by_pairs,
     control_points_seen,
 )
-from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
+from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues

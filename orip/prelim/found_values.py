@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
 from orip.prelim.growing.reasons import doubtful_photos, why_not_oriented
-from orip.prelim.intersection.consensus import where_most_rays_meet
+from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.refinement.camera_corrections import parameters_with
@@ -80,7 +80,7 @@ def _points(measured: MeasuredBlock, grown: GrowingBlock) -> PointStarts:
     doubtful = np.zeros(len(rays.points), dtype=bool)
     doubtful[rays.point[~fits & grown.oriented[rays.photo]]] = True
     coordinates, deviations = found.coordinates, found.deviations
-    coordinates = where_most_rays_meet(grown.rotations, grown.centres, rays, doubtful, coordinates, found.s0)
+    coordinates = with_consensus(grown.rotations, grown.centres, rays, doubtful, coordinates, found.s0)
     place = measured.block.point_index()
     rows = np.array([place[name] for name in measured.rays.points], dtype=np.int64)
     alone = grown.known & np.isnan(coordinates[rows, 0])

@@ -10,7 +10,7 @@ from orip.arrays import FloatArray
 from orip.prelim.ground.arbitrary_datum import with_arbitrary_datum
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.growing.misplaced_photos import residual_lengths
-from orip.prelim.intersection.consensus import where_most_rays_meet
+from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.routes import Route, by_pairs
@@ -164,7 +164,7 @@ def _with_all_control(measured: MeasuredBlock, grown: GrowingBlock) -> GrowingBl
     rays = grown.corrected(measured.rays.of(np.flatnonzero(wanted[measured.rays.point])))
     rays = replace(rays, error=_DOUBTFUL * rays.error)
     found = intersect(grown.rotations, grown.centres, grown.oriented, rays)
-    coordinates = where_most_rays_meet(grown.rotations, grown.centres, rays, wanted, found.coordinates, 1.0)
+    coordinates = with_consensus(grown.rotations, grown.centres, rays, wanted, found.coordinates, 1.0)
     return replace(
         grown,
         coordinates=np.where(wanted[:, None], coordinates, grown.coordinates),

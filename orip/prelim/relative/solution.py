@@ -207,6 +207,7 @@ def _angle(rotation: FloatArray) -> FloatArray:
 
 
 def usable_points(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
+    """Return which points (n,) fit, lie in front of both photos, and have rays that are not parallel."""
     finite = np.isfinite(meeting.coordinates).all(axis=1)
     return np.asarray((weight_factor == 1.0) & meeting.in_front & finite)
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 
 _POINTS_OF_ORIENTATION = 3
 
@@ -14,7 +14,7 @@ _SURE = 10.0
 """Logarithm of the factor by which points have to agree better than by chance."""
 
 
-def fits_beyond_chance(xy: FloatArray, residuals: FloatArray, fitting: FloatArray) -> bool:
+def fits_beyond_chance(xy: FloatArray, residuals: FloatArray, fitting: BoolArray) -> bool:
     """Tell whether more points fit an orientation of the photo than would if the others were anywhere.
 
     Parameters

@@ -107,7 +107,7 @@ class _Model(NamedTuple):
 
 
 def _model(rays: ImageRays, index: PhotoIndex, photos: tuple[int, int]) -> _Model | None:
-    """Return the relative orientation of two photos, if it is not one by chance and has a base."""
+    """Return the relative orientation of two photos, if it is not one by chance."""
     left, right = index.common_points(*photos)
     error = np.hypot(rays.error[left], rays.error[right])
     pairs = Pairs(rays.vectors[left], rays.vectors[right], error)
@@ -190,5 +190,5 @@ def _fitting(rays: ImageRays, rows: IntArray, at: IntArray, solution: PairSoluti
     )
     if not isinstance(found, Resected):
         return None
-    fitting = np.asarray(found.weight_factor >= 1.0)
+    fitting: BoolArray = np.asarray(found.weight_factor >= 1.0, dtype=bool)
     return fitting if fits_beyond_chance(rays.xy[rows], found.residuals, fitting) else None

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from orip.arrays import BoolArray
 from orip.prelim.measured_block import MeasuredBlock, measured_block_of
+from orip.prelim.rays.image_rays import ImageRays, rays_of_plane_images
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.tracks.confirmation import votes_of
+from orip.prelim.tracks.confirmation import Votes, votes_of
 
 _POINTS_OF_TRACKS = 15
 """Points of the median photo from which so many points are common to three photos that wrong ones show."""
@@ -17,7 +19,16 @@ _SAMPLE, _MANY = 12, 0.03
 """Pairs of photos from which the part of the rays that others contradict is estimated, and the part from which the
 block is one of tracks."""
 
+_PHOTOS_COMPARED = 3
+"""Photos by which a ray is confirmed, itself included."""
+
 _LEAST_RAYS = 2
+"""Rays of a control point; where fewer are left all stay, as it is not known which of them are right."""
+
+
+_PASSES = 3
+"""How often rays are compared: where fewer of the others are wrong, more is told of each."""
+
 _ENOUGH = 80
 """Points of a photo that are compared."""
 
@@ -25,25 +36,40 @@ _ENOUGH = 80
 def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     """Return the block without the rays that others contradict; None where these are few.
 
-    Rays that could not be compared stay, and so does all control.
+    Rays that could not be compared stay, and so do those of control of which too few would be left.
     """
     per_photo = np.bincount(measured.rays.photo, minlength=len(measured.rays.photos))
-    if len(per_photo) < 3 or np.median(per_photo) < _POINTS_OF_TRACKS:
+    if len(per_photo) < _PHOTOS_COMPARED or np.median(per_photo) < _POINTS_OF_TRACKS:
         return None
-    all_rays = measured.all_rays
-    control = np.array([name in measured.row_of and name in set(measured.control.names) for name in all_rays.points])
-    rays = thinned(all_rays, control, _ENOUGH)
-    index, common = photo_index(rays), common_point_counts(rays)
-    sample = votes_of(rays, index, common, _SAMPLE)
-    compared = np.count_nonzero(sample.compared)
-    if np.count_nonzero(sample.contradicted) <= _MANY * compared:
+    all_rays, names = measured.all_rays, set(measured.control.names)
+    control = np.array([name in names for name in all_rays.points], dtype=bool)
+    rays = thinned(rays_of_plane_images(measured.block, all_rays), control, _ENOUGH)
+    if _few(votes_of(rays, photo_index(rays), common_point_counts(rays), _SAMPLE)):
         return None
-    against = votes_of(rays, index, common).contradicted
-    names = np.array(rays.points, dtype=object)
-    refused = set(zip(rays.photo[against].tolist(), names[rays.point[against]].tolist(), strict=True))
-    own = [all_rays.points[point] for point in all_rays.point.tolist()]
-    kept = np.array([(photo, name) not in refused for photo, name in zip(all_rays.photo.tolist(), own, strict=True)])
-    # where too few rays of control are left it is not known which are right
+    refused = rays.of(_contradicted(rays))
+    place = {name: row for row, name in enumerate(all_rays.points)}
+    place_of = np.array([place[name] for name in rays.points], dtype=np.int64)
+    count = len(all_rays.points)
+    kept = ~np.isin(all_rays.photo * count + all_rays.point, refused.photo * count + place_of[refused.point])
     left = np.bincount(all_rays.point[kept], minlength=len(control))
     kept |= (control & (left < _LEAST_RAYS))[all_rays.point]
     return measured_block_of(measured.block, all_rays, kept)
+
+
+def _few(votes: Votes) -> bool:
+    """Tell whether so few of the rays that were compared are contradicted that the usual limits suffice."""
+    return bool(np.count_nonzero(votes.contradicted) <= _MANY * np.count_nonzero(votes.compared))
+
+
+def _contradicted(rays: ImageRays) -> BoolArray:
+    """Return which rays (n,) others contradict."""
+    left = np.arange(len(rays.photo))
+    for _ in range(_PASSES):
+        some = rays.of(left)
+        votes = votes_of(some, photo_index(some), common_point_counts(some))
+        left = left[~votes.contradicted]
+        if _few(votes):
+            break
+    contradicted = np.ones(len(rays.photo), dtype=bool)
+    contradicted[left] = False
+    return contradicted

@@ -1,0 +1,102 @@
+"""Points placed where most of their rays meet, whatever part of the rays is wrong.
+
+Positions are tried from each two rays of a point, as in random sample consensus (Fischler and Bolles 1981): half of the
+rays of a point may be wrong where a block has many outliers, and weights of residuals then settle anywhere.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.rays import intersect_rays
+
+_FEWEST_RAYS, _MOST_RAYS = 3, 10
+"""Rays of a point: of two neither can be called wrong; of many the right ones outweigh the others."""
+
+_OF_TWO = 2.0
+
+
+class PhotoRays(NamedTuple):
+    """n rays of points, each from a photo.
+
+    Attributes
+    ----------
+    centres : array (n, 3)
+        Projection centres.
+    rotations : array (n, 3, 3)
+        Photo to ground.
+    vectors : array (n, 3)
+        Image vectors (x, y, -C).
+    error : array (n,)
+        Standard deviation of a photo coordinate, in the unit of the vectors.
+    """
+
+    centres: FloatArray
+    rotations: FloatArray
+    vectors: FloatArray
+    error: FloatArray
+
+    def squares(self, positions: FloatArray) -> FloatArray:
+        """Return the squared standard residuals (n,) of positions (n, 3); infinite behind the photo."""
+        u = np.einsum("ni,nij->nj", positions - self.centres, self.rotations)
+        in_front = u[:, 2] < 0.0
+        scale = self.vectors[:, 2] / np.where(in_front, u[:, 2], -1.0)
+        image = u[:, :2] * scale[:, None]
+        return np.where(in_front, ((image - self.vectors[:, :2]) ** 2).sum(axis=1) / self.error**2, np.inf)
+
+    def of(self, rows: IntArray) -> PhotoRays:
+        """Return some of the rays."""
+        return PhotoRays(self.centres[rows], self.rotations[rows], self.vectors[rows], self.error[rows])
+
+
+def where_most_rays_meet(rays: PhotoRays, point: IntArray, start: FloatArray, limit: float) -> FloatArray:
+    """Return positions of points where most of their rays meet.
+
+    Parameters
+    ----------
+    rays : PhotoRays
+    point : array (n,) of int
+        Of each ray.
+    start : array (q, 3)
+        Where the points are; NaN where not known.
+    limit : float
+        Standard residual up to which a ray fits the intersection of all right rays. The others miss the intersection of
+        two rays by more: by up to twice that they fit, and larger residuals count the same.
+
+    Returns
+    -------
+    array (q, 3)
+        Points stay where as many rays fit, or nearly so, and those with fewer than three rays or more than ten.
+    """
+    found = start.copy()
+    order = np.argsort(point, kind="stable")
+    points, first, counts = np.unique(point[order], return_index=True, return_counts=True)
+    for count in np.unique(counts):
+        if _FEWEST_RAYS <= count <= _MOST_RAYS:
+            alike = counts == count
+            rows = order[first[alike][:, None] + np.arange(count)]
+            found[points[alike]] = _best_positions(rays, rows, start[points[alike]], _OF_TWO * limit)
+    return found
+
+
+def _best_positions(rays: PhotoRays, rows: IntArray, start: FloatArray, limit: float) -> FloatArray:
+    """Return the positions (q, 3) of least cost of points with rays (q, k); the start where none is clearly better."""
+    best, least = start, _costs(rays, rows, start, limit) - 0.5 * limit**2
+    for pair in combinations(range(rows.shape[1]), 2):
+        some = rays.of(rows[:, pair].ravel())
+        directions = (some.rotations @ some.vectors[:, :, None])[:, :, 0]
+        tried = intersect_rays(some.centres, directions, np.repeat(np.arange(len(rows)), 2), len(rows))
+        costs = _costs(rays, rows, tried, limit)
+        better = costs < least
+        best, least = np.where(better[:, None], tried, best), np.where(better, costs, least)
+    return best
+
+
+def _costs(rays: PhotoRays, rows: IntArray, positions: FloatArray, limit: float) -> FloatArray:
+    """Return the sums (q,) of squared standard residuals, none larger than that of the limit."""
+    squares = rays.of(rows.ravel()).squares(np.repeat(positions, rows.shape[1], axis=0))
+    return np.asarray(np.fmin(squares, limit**2).reshape(rows.shape).sum(axis=1))

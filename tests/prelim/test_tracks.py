@@ -1,0 +1,91 @@
+"""Rays that other photos contradict are told from those that they confirm, and left out of preliminary values."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from monte_carlo.outlier_blocks import outlier_records
+from monte_carlo.preliminary_blocks import simulated_records
+from monte_carlo.preliminary_records import gathered
+from scipy.spatial.transform import Rotation
+
+from orip.prelim.measured_block import measured_block
+from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.relative.parallax import Pairs
+from orip.prelim.relative.solution import solve
+from orip.prelim.resection.chance import fits_beyond_chance
+from orip.prelim.tracks.confirmed_block import confirmed_block
+from orip.records.names import record_key
+
+
+@pytest.mark.parametrize("run", [6, 7], ids=["gross", "near the epipolar line"])
+def test_wrong_rays_are_left_out_and_most_right_ones_stay(run):
+    records = outlier_records(run)
+    measured = measured_block(gathered(records))
+    confirmed = confirmed_block(measured)
+    assert confirmed is not None
+    rays = measured.all_rays
+    names = zip(rays.photo.tolist(), rays.point.tolist(), strict=True)
+    wrong = np.array([(rays.photos[photo], rays.points[point]) in records.wrong for photo, point in names])
+    assert wrong.mean() > 0.05
+    # a wrong ray may be confirmed by chance, and a right one may meet wrong ones only
+    assert np.mean(confirmed.confirmed[wrong]) < 0.02
+    assert np.mean(confirmed.confirmed[~wrong]) > 0.9
+
+
+def test_blocks_without_outliers_stay_as_they_are():
+    measured = measured_block(gathered(simulated_records(3, "convergent", largest=12)))
+    assert confirmed_block(measured) is None
+
+
+def test_bent_models_are_replaced_by_those_at_the_usual_scale():
+    # more than half of the points common to two photos are wrong, most of them near the epipolar lines of other photos
+    records = outlier_records(3)
+    rays = measured_block(gathered(records)).rays
+    index, common = photo_index(rays), common_point_counts(rays)
+    turns = []
+    for left, right in combinations(range(len(rays.photos)), 2):
+        if common[left, right] < 35:
+            continue
+        rows = index.common_points(left, right)
+        pairs = Pairs(*(rays.vectors[part] for part in rows), np.hypot(*(rays.error[part] for part in rows)))
+        bent = solve(pairs)
+        if bent is None or bent.scale < 10.0 or (found := at_scale(bent, pairs, 1.5)) is None:
+            continue
+        true = [records.orientations[record_key(rays.photos[photo])][1] for photo in (left, right)]
+        relative = Rotation.from_matrix(true[0].T @ true[1])
+        turns.append(
+            [(relative.inv() * Rotation.from_matrix(one.photos.rotation)).magnitude() for one in (bent, found)]
+        )
+    assert len(turns) > 5
+    before, after = np.degrees(np.median(turns, axis=0))
+    # a rotation from some twenty points of 5 µm at C 153 mm is good to minutes; a bent model is off by degrees
+    assert after < 0.5
+    assert before > 1.0
+
+
+def test_points_placed_at_random_give_no_model_at_a_scale():
+    random = np.random.default_rng(2)
+    n = 40
+    vectors = [np.column_stack([random.uniform(-50.0, 50.0, (n, 2)), np.full(n, -100.0)]) for _ in range(2)]
+    pairs = Pairs(*vectors, np.full(n, 0.007))
+    solution = solve(pairs)
+    assert solution is None or solution.by_chance or at_scale(solution, pairs, 1.0) is None
+
+
+@pytest.mark.parametrize(("fitting", "beyond"), [(3, False), (5, True), (12, True)])
+def test_few_points_that_fit_well_are_beyond_chance(fitting, beyond):
+    random = np.random.default_rng(3)
+    xy = random.uniform(-50.0, 50.0, (20, 2))
+    residuals = np.where(np.arange(20)[:, None] < fitting, 0.005 * random.normal(size=(20, 2)), 10.0)
+    assert fits_beyond_chance(xy, residuals, np.arange(20) < fitting) is beyond
+
+
+def test_many_points_that_fit_badly_are_not_beyond_chance():
+    random = np.random.default_rng(4)
+    xy, residuals = random.uniform(-50.0, 50.0, (2, 20, 2))
+    assert not fits_beyond_chance(xy, residuals, np.arange(20) < 12)
