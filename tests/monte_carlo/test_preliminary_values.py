@@ -108,10 +108,10 @@ def test_600_weakly_joined_blocks_reach_the_true_minimum_from_nothing():
     assert success(found) >= 0.995
 
 
-@pytest.mark.parametrize(("run", "part"), [(7, 0.3), (22, 0.1), (39, 0.3)])
-def test_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_nothing(run, part):
-    records = outlier_records(run, part=part)
-    assert records.blunders > 0.03
+@pytest.mark.parametrize("run", [6, 7, 39], ids=["gross", "near the epipolar line", "convergent, near the line"])
+def test_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_nothing(run):
+    records = outlier_records(run)
+    assert records.blunders > 0.05
     assert outcome_of(records).end in SUCCESS
 
 
