@@ -17,6 +17,7 @@ from orip.prelim.routes import Route
 from orip.prelim.to_ground import Outcome, lengths_of_residuals
 from orip.prelim.weak_connections import weak_connections
 from orip.records.results.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
+from orip.wording import counted
 
 
 def found_values(
@@ -41,6 +42,7 @@ def found_values(
         # for a photo that could not be oriented the listing says what is missing
         weak = _weak_connections(measured) if name_weak_connections and grown.oriented.all() else ()
         findings = (*_doubtful_photos(measured, best), *weak)
+    findings = (*_contradicted_rays(measured), *findings)
     on_ground = best is not None and best.on_ground
     return PreliminaryValues(
         route.relative,
@@ -55,6 +57,12 @@ def found_values(
         best.reading if best is not None else None,
         best is not None and best.has_arbitrary_datum,
     )
+
+
+def _contradicted_rays(measured: MeasuredBlock) -> Iterator[str]:
+    if number := int(np.count_nonzero(~measured.confirmed)):
+        total = counted(len(measured.confirmed), "photo point")
+        yield f"{number} of the {total} contradict those of other photos, and were not used to orient the photos"
 
 
 def _photo(measured: MeasuredBlock, best: Outcome | None, grown: GrowingBlock, photo: int) -> PhotoStart:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import combinations
 
 import numpy as np
@@ -11,6 +12,7 @@ from monte_carlo.preliminary_blocks import simulated_records
 from monte_carlo.preliminary_records import gathered
 from scipy.spatial.transform import Rotation
 
+from orip.prelim.chain import preliminary_values
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.relative.given_scale import at_scale
@@ -35,6 +37,14 @@ def test_wrong_rays_are_left_out_and_most_right_ones_stay(run):
     # a wrong ray may be confirmed by chance, and a right one may meet wrong ones only
     assert np.mean(confirmed.confirmed[wrong]) < 0.02
     assert np.mean(confirmed.confirmed[~wrong]) > 0.9
+
+
+def test_contradicted_rays_are_counted_in_one_sentence():
+    values = preliminary_values(gathered(outlier_records(7)))
+    assert all(photo.rotation is not None for photo in values.photos)
+    (finding,) = values.findings
+    number, total = re.match(r"(\d+) of the (\d+) photo points contradict those of other photos", finding).groups()
+    assert 100 < int(number) < 0.4 * int(total)
 
 
 def test_blocks_without_outliers_stay_as_they_are():
