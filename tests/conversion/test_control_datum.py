@@ -30,7 +30,7 @@ def observed(positions: np.ndarray, error: float = 2.0) -> ObservedCentres:
 def test_a_block_at_its_control_stays() -> None:
     assert control_datum(rays_to(POINTS, POINTS), observed(CENTRES), 60.0) is None
     # within the errors of the positions
-    assert control_datum(rays_to(POINTS, POINTS), observed(CENTRES + [3.0, -2.0, 4.0]), 60.0) is None
+    assert control_datum(rays_to(POINTS, POINTS), observed(CENTRES + np.array([3.0, -2.0, 4.0])), 60.0) is None
 
 
 @pytest.mark.parametrize("has_positions", [True, False])
@@ -53,7 +53,7 @@ def test_a_block_elsewhere_is_moved(has_positions: bool, turn: float) -> None:
 @pytest.mark.parametrize("step", [45.0, -28.0])
 def test_positions_with_heights_of_another_origin_are_recognised(step: float) -> None:
     """A block in the system of its positions: the control lies that much below or above."""
-    control = POINTS - [0.0, 0.0, step]
+    control = POINTS - np.array([0.0, 0.0, step])
     noise = np.random.default_rng(5).normal(0.0, 0.05, CENTRES.shape)
     found = control_datum(rays_to(POINTS, control), observed(CENTRES + noise, 0.05), 60.0)
     assert found is not None
@@ -72,5 +72,5 @@ def test_one_point_and_positions_without_a_step_are_no_proof() -> None:
 
 
 def test_control_that_fits_in_no_way_moves_nothing() -> None:
-    exchanged = POINTS[[2, 0, 3, 1]] + [0.0, 0.0, 20.0]
+    exchanged = POINTS[[2, 0, 3, 1]] + np.array([0.0, 0.0, 20.0])
     assert control_datum(rays_to(POINTS, exchanged), observed(CENTRES), 60.0) is None
