@@ -11,7 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from orip.adjustment.factorisation.elimination import BlockFactors
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.point_consensus import rays_of_points
 from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
@@ -24,6 +26,9 @@ _DETERMINED = 0.5
 """Standard deviation of the distance of a point, as a part of the distance, up to which it is determined."""
 
 _LEAST_RAYS = 2
+
+_AGREEING = 3
+"""Rays that meet at a point to which others do not belong: two do so wherever one is wrong along the epipolar line."""
 
 LEAST_WEIGHT_OF_FIT = 0.01
 """Weight factor from which a ray may still fit while the weights settle: its residual is less than five limits."""
@@ -92,6 +97,18 @@ def determined_points(block: Block, state: BlockState, wanted: BoolArray) -> Boo
     rays = _with_rays_of(block, wanted)
     _, at_an_angle = _intersections(rays, state, 1.0)
     return np.asarray(wanted & at_an_angle)
+
+
+def points_still_out(block: Block, state: BlockState, left_out: BoolArray, fits: BoolArray) -> BoolArray:
+    """Return which points (number of points,) stay left out: neither do all rays meet at them, nor most of several.
+
+    `fits` (number of points,) are the points all of whose rays fit.
+    """
+    rays, point = rays_of_points(block, state, left_out)
+    met = rays.squares(state.points[point]) <= LIMIT_OF_TWO_COMPONENTS**2
+    number, agreeing = (np.bincount(point, part, len(fits)) for part in (None, met))
+    some = left_out & (fits | ((agreeing >= _AGREEING) & (2 * agreeing >= number)))
+    return np.asarray(left_out & ~determined_points(block, state, some))
 
 
 def _with_rays_of(block: Block, wanted: BoolArray) -> Block:

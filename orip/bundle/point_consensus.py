@@ -8,17 +8,22 @@ consensus (Fischler and Bolles 1981) positions are tried, here from each two ray
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.weights import danish_weights
-from orip.arrays import FloatArray
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.geometry.ray_consensus import PhotoRays, where_most_rays_meet
+from orip.interior.image_vectors import image_vectors
+from orip.records.block import Block
 
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point whose consensus is looked for: of two, neither can be called wrong; many outweigh a wrong one."""
@@ -115,6 +120,28 @@ def _costs(residuals: FloatArray, limit: float) -> FloatArray:
     """Return the costs (q,) of residuals (q, 2 k): a ray is wrong as a whole, whichever of its components shows it."""
     squares = (residuals**2).reshape(len(residuals), -1, 2).sum(axis=2)
     return np.asarray(np.minimum(squares, limit**2).sum(axis=1))
+
+
+def with_points_where_most_rays_meet(block: Block, state: BlockState, wanted: BoolArray) -> BlockState:
+    """Return the state with the wanted points (number of points,) where most of their rays meet, photos held.
+
+    Nothing is linearised: the points may be anywhere.
+    """
+    rays, point = rays_of_points(block, state, wanted)
+    return replace(state, points=where_most_rays_meet(rays, point, state.points, LIMIT_OF_TWO_COMPONENTS))
+
+
+def with_doubtful_points_placed(block: Block, unknowns: Unknowns, state: BlockState, fits: BoolArray) -> BlockState:
+    """Return the state with the points of photos alone that do not fit where most of their rays meet, photos held."""
+    return with_points_where_most_rays_meet(block, state, points_by_photos_alone(block, unknowns) & ~fits)
+
+
+def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[PhotoRays, IntArray]:
+    """Return the rays of the wanted points that are measured in full, and the point of each."""
+    points, vectors = block.photo_points, image_vectors(block)
+    rows = np.flatnonzero(wanted[points.point] & points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    photo, error = points.photo[rows], np.sqrt(np.mean(points.error[rows] ** 2, axis=1))
+    return PhotoRays(state.centres[photo], state.rotations[photo], vectors[rows], error), points.point[rows]
 
 
 def moves_of_points(
