@@ -6,6 +6,7 @@ standard deviations of what little they determine say nothing of where it is.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.point_consensus import rays_of_points
+from orip.bundle.point_consensus import rays_of_points, with_consensus
 from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
@@ -90,7 +91,7 @@ def without_contradicting_pairs(block: Block, state: BlockState, unknowns: Unkno
     return replace(state, left_out=state.left_out | pairs)
 
 
-def determined_points(block: Block, state: BlockState, wanted: BoolArray) -> BoolArray:
+def _determined_points(block: Block, state: BlockState, wanted: BoolArray) -> BoolArray:
     """Return which of the wanted points (number of points,) have an angle of intersection."""
     if not wanted.any():
         return wanted
@@ -99,16 +100,40 @@ def determined_points(block: Block, state: BlockState, wanted: BoolArray) -> Boo
     return np.asarray(wanted & at_an_angle)
 
 
-def points_still_out(block: Block, state: BlockState, left_out: BoolArray, fits: BoolArray) -> BoolArray:
-    """Return which points (number of points,) stay left out: neither do all rays meet at them, nor most of several.
+def improved_points(
+    block: Block,
+    unknowns: Unknowns,
+    state: BlockState,
+    everywhere: BlockState,
+    fitting: Callable[[BlockState], BoolArray],
+) -> BlockState | None:
+    """Return a state with points where most of their rays meet, and fewer left out; None if it is the given one.
 
-    `fits` (number of points,) are the points all of whose rays fit.
+    Parameters
+    ----------
+    block : Block
+    unknowns : Unknowns
+    state : BlockState
+    everywhere : BlockState
+        The state without points that are left out; some points may have been moved.
+    fitting : callable
+        Gives the points (number of points,) of a state all of whose rays fit.
     """
+    doubtful = points_by_photos_alone(block, unknowns) & ~fitting(everywhere)
+    more = with_consensus(block, everywhere, doubtful)
+    out, kept = _still_out(block, more, state.left_out, fitting(more)), ~state.left_out
+    if np.array_equal(out, state.left_out) and np.array_equal(more.points[kept], state.points[kept]):
+        return None
+    return replace(more, left_out=out)
+
+
+def _still_out(block: Block, state: BlockState, left_out: BoolArray, fits: BoolArray) -> BoolArray:
+    """Return which points (number of points,) stay left out: neither do all rays meet at them, nor most of several."""
     rays, point = rays_of_points(block, state, left_out)
     met = rays.squares(state.points[point]) <= LIMIT_OF_TWO_COMPONENTS**2
     number, agreeing = (np.bincount(point, part, len(fits)) for part in (None, met))
     some = left_out & (fits | ((agreeing >= _AGREEING) & (2 * agreeing >= number)))
-    return np.asarray(left_out & ~determined_points(block, state, some))
+    return np.asarray(left_out & ~_determined_points(block, state, some))
 
 
 def _with_rays_of(block: Block, wanted: BoolArray) -> Block:

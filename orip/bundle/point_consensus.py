@@ -18,7 +18,6 @@ from orip.adjustment.equations import Equations
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
-from orip.bundle.point_moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.ray_consensus import PhotoRays, where_most_rays_meet
@@ -62,6 +61,10 @@ class PointRays(NamedTuple):
         trace = np.einsum("qii->q", normals)
         regular = normals + (_LITTLE * trace + (trace == 0.0))[:, None, None] * np.eye(3)
         return np.asarray(np.linalg.solve(regular, right)[:, :, 0])
+
+
+Moves = Callable[[PointRays, float], FloatArray]
+"""What moves points, from their rays and the limit up to which a residual fits."""
 
 
 def placed(rays: PointRays, limit: float) -> FloatArray:
@@ -122,18 +125,13 @@ def _costs(residuals: FloatArray, limit: float) -> FloatArray:
     return np.asarray(np.minimum(squares, limit**2).sum(axis=1))
 
 
-def with_points_where_most_rays_meet(block: Block, state: BlockState, wanted: BoolArray) -> BlockState:
+def with_consensus(block: Block, state: BlockState, wanted: BoolArray) -> BlockState:
     """Return the state with the wanted points (number of points,) where most of their rays meet, photos held.
 
     Nothing is linearised: the points may be anywhere.
     """
     rays, point = rays_of_points(block, state, wanted)
     return replace(state, points=where_most_rays_meet(rays, point, state.points, LIMIT_OF_TWO_COMPONENTS))
-
-
-def with_doubtful_points_placed(block: Block, unknowns: Unknowns, state: BlockState, fits: BoolArray) -> BlockState:
-    """Return the state with the points of photos alone that do not fit where most of their rays meet, photos held."""
-    return with_points_where_most_rays_meet(block, state, points_by_photos_alone(block, unknowns) & ~fits)
 
 
 def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[PhotoRays, IntArray]:
@@ -151,7 +149,7 @@ def moves_of_points(
     equations: Equations,
     state: BlockState,
     limit: float,
-    moves: Callable[[PointRays, float], FloatArray],
+    moves: Moves,
 ) -> FloatArray:
     """Return corrections that move the points of which an observation does not fit.
 

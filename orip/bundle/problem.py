@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -16,7 +16,6 @@ from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle import point_consensus
 from orip.bundle.antennas import station_places
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import StreamedRows
@@ -26,12 +25,20 @@ from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.left_out_points import (
     LEAST_WEIGHT_OF_FIT,
-    points_still_out,
+    improved_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
 )
 from orip.bundle.other_places import other_places
+from orip.bundle.point_consensus import (
+    Moves,
+    moves_of_points,
+    placed,
+    where_better,
+    with_consensus,
+    with_steady_weights,
+)
 from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.state import BlockState, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
@@ -186,15 +193,9 @@ class BlockProblem:
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
-        moved = state.moved(self._moves(state, equations, limit, point_consensus.where_better), self.unknowns)
-        more = self.with_all_blocks(moved)
-        more = point_consensus.with_doubtful_points_placed(
-            self.block, self.unknowns, more, self._points_that_fit(more, limit)
-        )
-        out = points_still_out(self.block, more, state.left_out, self._points_that_fit(more, limit))
-        kept = ~state.left_out
-        same = np.array_equal(out, state.left_out) and np.array_equal(more.points[kept], state.points[kept])
-        return None if same else replace(more, left_out=out)
+        moved = state.moved(self._moves(state, equations, limit, where_better), self.unknowns)
+        all_in = self.with_all_blocks(moved)
+        return improved_points(self.block, self.unknowns, state, all_in, lambda at: self._points_that_fit(at, limit))
 
     def moves_to_steady_weights(self, state: BlockState, equations: Equations, limit: float) -> FloatArray:
         """Return corrections (m + 3 b,) of points that do not fit, after which their weights no longer change.
@@ -202,7 +203,7 @@ class BlockProblem:
         Only of points that nothing but photos observes, that do not come near to a photo by that, and whose robust cost
         falls.
         """
-        correction = self._moves(state, equations, limit, point_consensus.with_steady_weights)
+        correction = self._moves(state, equations, limit, with_steady_weights)
         if not correction.any():
             return correction
         moved = state.moved(correction, self.unknowns)
@@ -227,21 +228,13 @@ class BlockProblem:
             first += len(kind.rows.error)
         return costs
 
-    def _moves(
-        self,
-        state: BlockState,
-        equations: Equations,
-        limit: float,
-        moves: Callable[[point_consensus.PointRays, float], FloatArray],
-    ) -> FloatArray:
+    def _moves(self, state: BlockState, equations: Equations, limit: float, moves: Moves) -> FloatArray:
         """Return corrections of all unknowns (m + 3 b,) that move points which do not fit."""
         first = 0
         correction = np.zeros(self.layout.size)
         for kind in self.observations:
             if isinstance(kind, PhotoPointObservations):
-                correction += point_consensus.moves_of_points(
-                    kind, first, self.unknowns, equations, state, limit, moves
-                )
+                correction += moves_of_points(kind, first, self.unknowns, equations, state, limit, moves)
             first += len(kind.rows.photo)
         return correction
 
@@ -251,16 +244,15 @@ class BlockProblem:
             return state
         points = np.where(state.left_out[:, None], self.with_blocks_recomputed(state).points, state.points)
         everywhere = replace(state, points=points, left_out=np.zeros_like(state.left_out))
-        return point_consensus.with_points_where_most_rays_meet(self.block, everywhere, state.left_out)
+        return with_consensus(self.block, everywhere, state.left_out)
 
     def with_doubtful_blocks_placed(self, state: BlockState, equations: Equations, limit: float) -> BlockState:
         """Return the state with points that do not fit moved to where most of their rays agree, wherever they were.
 
         Points whose two rays contradict each other are left out.
         """
-        moved = state.moved(self._moves(state, equations, limit, point_consensus.placed), self.unknowns)
-        fits = self._points_that_fit(moved, limit)
-        return without_contradicting_pairs(self.block, moved, self.unknowns, fits)
+        moved = state.moved(self._moves(state, equations, limit, placed), self.unknowns)
+        return without_contradicting_pairs(self.block, moved, self.unknowns, self._points_that_fit(moved, limit))
 
     def _points_that_fit(self, state: BlockState, limit: float) -> BoolArray:
         """Return the points (number of points,) that lie in front of all their photos, with residuals up to a limit."""
