@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
 from orip.conversion.poses import described_reading, orip_poses, other_readings
 from orip.geometry.perspective import is_in_front
@@ -192,8 +192,7 @@ def reprojection(
     # tangents tell nothing of what a fisheye shows beside and behind it
     fisheye = np.array([converted.camera.projection == "equidistant" for converted in cameras], dtype=bool)
     behind[known & ~in_front & ~fisheye[camera]] = True
-    for number, converted in enumerate(cameras):
-        rows = np.flatnonzero(in_front & (camera == number))
+    for converted, rows in zip(cameras, rows_of_groups(np.where(in_front, camera, -1), len(cameras)), strict=True):
         residuals[rows] = pixels_of_directions(converted.camera, tangents[rows]) - measured[rows]
     return Reprojection(reading, rotations, centres, residuals, behind)
 
@@ -258,9 +257,8 @@ def _some_rays(project: ExchangedProject) -> IntArray:
 def _ray_directions(cameras: Sequence[ConvertedCamera], camera: IntArray, pixels: FloatArray) -> FloatArray:
     """Return tangents (n, 2), y up, of pixels (n, 2)."""
     found = np.full((len(pixels), 2), np.nan)
-    for number, converted in enumerate(cameras):
-        rows = camera == number
-        if rows.any():
+    for converted, rows in zip(cameras, rows_of_groups(camera, len(cameras)), strict=True):
+        if rows.size:
             found[rows] = directions_of_pixels(converted.camera, pixels[rows])
     return found
 
