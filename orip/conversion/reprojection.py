@@ -109,11 +109,12 @@ class Reprojection:
         `photo` and `point` (k,) are those of each ray. NaN where no measurement checks another.
         """
         known = np.isfinite(self.residuals).all(axis=1)
-        rays = np.bincount(point[known])
+        rays = np.bincount(point[known], minlength=1)
         used = known & (rays[np.where(known, point, 0)] >= 2)
         points, photos = len(np.unique(point[used])), len(np.unique(photo[used]))
         redundancy = 2 * int(used.sum()) - 3 * points - 6 * photos
-        squares = float(np.sum(self.residuals[used] ** 2))
+        with np.errstate(over="ignore"):
+            squares = float(np.sum(self.residuals[used] ** 2))
         return float(np.sqrt(squares / redundancy)) if redundancy > 0 else np.nan
 
     def mean_of_points(self, point: IntArray) -> float:
