@@ -208,7 +208,7 @@ def test_an_imported_drone_of_metashape_is_exact_without_being_asked() -> None:
 
 
 def test_an_adjusted_camera_returns_with_the_shear_that_orip_does_not_hold() -> None:
-    """What the import fits and the export fits back cancel: seen in the measurements as they were before corrections."""
+    """What the import fits and the export fits back cancel, seen in the measurements before their correction."""
     lens = read_well(read_metashape, sample("metashape", "geograypher", "camera.xml")).cameras[0]
     imported = convert_camera(lens, "K1", accepts_any_fit=True)
     values = np.array(imported.camera.parameters)
