@@ -13,8 +13,8 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
 from orip.records.results.solution import Estimates
+from orip.report.photos.rigs import rig_table, rigs
 from orip.report.report_input import ReportInput
-from orip.report.rigs import rig_table, rigs
 
 BASE, TURN = np.array([0.6, 0.02, -0.05]), Rotation.from_euler("XYZ", [1.5, -8.0, 0.4], degrees=True)
 INSTANTS = 40
