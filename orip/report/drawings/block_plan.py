@@ -18,7 +18,7 @@ from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import MapPlane, map_plane
-from orip.report.drawings.svg import drawing, element, number, round_step, text
+from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
 from orip.report.photo_scale import camera_of_photo, photo_scale
 from orip.report.report_input import ReportInput
 from orip.report.vertical import BlockSide, side_of_block, vertical
@@ -147,7 +147,8 @@ def _points(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
     at = plane.place(scene.points)
     at, is_tie = at[(known := np.isfinite(at).all(axis=1))], ties[known]
     rows = scene.rows[known]
-    dots = "".join(f"M{number(x)} {number(y)}h0" for x, y in at[is_tie].tolist())
+    found = iter(numbers(at[is_tie].ravel().tolist()))
+    dots = "".join([f"M{x} {y}h0" for x, y in zip(found, found, strict=True)])
     marks = [element("path", d=dots, class_="ties")] if dots else []
     for row, (x, y) in zip(rows[~is_tie].tolist(), at[~is_tie].tolist(), strict=True):
         kind, name = solution.point_kinds[row], solution.points.names[row]
@@ -265,9 +266,8 @@ def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
     for number_of in range(1, MOST_OVERLAP + 1):
         mine = np.minimum(count, MOST_OVERLAP) == number_of
         corners = plane.place(centres[mine]) - side / 2.0
-        path = "".join(
-            f"M{number(a)} {number(b)}h{number(side)}v{number(side)}h{number(-side)}z" for a, b in corners.tolist()
-        )
+        found, square = iter(numbers(corners.ravel().tolist())), f"h{number(side)}v{number(side)}h{number(-side)}z"
+        path = "".join([f"M{a} {b}{square}" for a, b in zip(found, found, strict=True)])
         cells += [element("path", d=path, class_="overlap", style=f"--n:{number_of}")] if path else []
     unit = given.solution.ground_unit
     drawn = [*cells, *_photos(given.solution, scene, plane)]

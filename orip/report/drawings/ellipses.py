@@ -14,7 +14,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import WIDTH, MapPlane, labels_of, map_plane
-from orip.report.drawings.svg import drawing, number, round_step, text
+from orip.report.drawings.svg import drawing, number, numbers, round_step, text
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60
@@ -164,14 +164,15 @@ def _enlargement(scene: _Scene) -> float:
 
 
 def _drawn(ellipses: Ellipses, places: FloatArray, scale: float, kinds: list[str]) -> list[str]:
+    major, minor, angle = ellipses
+    rows = np.column_stack([scale * major, scale * minor, places, -np.degrees(angle)])
+    known = np.isfinite(rows[:, :4]).all(axis=1)
+    found = iter(numbers(rows[known].ravel().tolist()))
+    drawn = [kind for kind, is_known in zip(kinds, known.tolist(), strict=True) if is_known]
     return [
-        f'<ellipse rx="{number(major * scale)}" ry="{number(minor * scale)}" class="ellipse {kind}"'
-        f' transform="translate({number(x)} {number(y)}) rotate({number(-math.degrees(angle))})"/>'
-        for (x, y), major, minor, angle, kind in zip(
-            places.tolist(), *(part.tolist() for part in ellipses), kinds, strict=True
-        )
-        if math.isfinite(major + minor + x + y)
-    ]  # fmt: skip
+        f'<ellipse rx="{rx}" ry="{ry}" class="ellipse {kind}" transform="translate({x} {y}) rotate({turn})"/>'
+        for kind, rx, ry, x, y, turn in zip(drawn, found, found, found, found, found, strict=True)
+    ]
 
 
 def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
