@@ -114,7 +114,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
-        "rigs": rig_table(given),
+        "rigs": rig_table(solution),
         "strong": STRONG,
         "vectors": vector_sheets(given),
         "block": _as_data(block_view(given)),
