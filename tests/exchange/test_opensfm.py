@@ -17,7 +17,6 @@ from orip.exchange.opensfm.point_lists import crs_of_heading, read_control_list
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.sources.faults import Faults
-from orip.geometry.rotation import angles_from_rotation
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.project.bundle_state import read_bundle
 
@@ -81,30 +80,6 @@ def test_a_block_is_read_as_it_was_written(tmp_path: Path, version: int) -> None
     assert project.stations[0].position_error == (4.0, 4.0, 4.0)
     assert any("1 feature " in note for note in project.notes)
     assert any("Of 2 reconstructions" in note for note in project.notes)
-
-
-def test_the_sample_of_opensfm_has_the_published_figures(tmp_path: Path) -> None:
-    folder = sample("opensfm", "berlin")
-    shutil.copy(folder / "reconstruction_example.json", tmp_path / "reconstruction.json")
-    shutil.copy(folder / "tracks_example.csv", tmp_path / "tracks.csv")
-    shutil.copy(folder / "ground_control_points.json", tmp_path)
-    project = read_well(read_opensfm, tmp_path)
-    found, _ = reprojected(project)
-    of_tracks = project.points.is_track[project.rays.point]
-    lengths = np.hypot(*found.residuals[of_tracks].T)
-    assert len(lengths) == 3082
-    assert np.sqrt(np.mean(lengths**2)) == pytest.approx(2.46476, abs=5e-6)
-    assert lengths.mean() == pytest.approx(1.32011, abs=5e-6)
-    assert lengths.max() == pytest.approx(37.12, abs=5e-3)
-    rays = np.bincount(project.rays.point[of_tracks])
-    assert (np.count_nonzero(rays == 2), np.count_nonzero(rays == 3)) == (1208, 222)
-    first = next(n for n, photo in enumerate(project.photos) if photo.name == "01.jpg")
-    assert found.centres[first] == pytest.approx([-2.93985, -4.57762, 31.04024], abs=5e-6)
-    angles = np.degrees(angles_from_rotation(found.rotations[first]))
-    assert angles == pytest.approx([117.45776, -31.28350, 15.98081], abs=5e-6)
-    assert [point.name for point in project.control] == ["0", "3"]
-    assert (~of_tracks).sum() == 5
-    assert project.frame.kind == "topocentric"
 
 
 def test_marks_of_equal_coordinates_are_those_of_one_point() -> None:

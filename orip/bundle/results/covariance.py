@@ -15,8 +15,9 @@ from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.ground import rotation_partials, undetermined_points
-from orip.bundle.solve import SolvedBlock, threads_that_pay
+from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
+from orip.threads import limited_threads
 from orip.units import DEGREES_PER_RADIAN
 
 _AT_ONCE = 60
@@ -113,7 +114,7 @@ def cofactors_times(solved: SolvedBlock, right: FloatArray) -> FloatArray:
     state, unknowns, datum = solved.state, solved.problem.unknowns, solved.problem.datum
     if datum is not None:
         right = datum.transposed(right, state, unknowns)
-    with threads_that_pay(solved.problem):
+    with limited_threads(None):
         found = solved.normals.solve(right)
     return found if datum is None else datum.transformed(found, state, unknowns)
 
