@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,9 @@ from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
+from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
-from orip.bundle.compiled.streamed_rows import StreamedRows
+from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
@@ -42,6 +44,9 @@ from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
 from orip.units import RADIANS_PER_DEGREE
 
+_CORRELATED = ("ANTENNA", "CAMERA")
+"""Groups of unknowns whose correlations across records are results, where there are antennas."""
+
 
 @dataclass(frozen=True, slots=True)
 class BlockProblem:
@@ -58,7 +63,7 @@ class BlockProblem:
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
-        The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
+        What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
     block: Block
@@ -66,7 +71,7 @@ class BlockProblem:
     observations: tuple[Observations, ...]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
-    streamed: tuple[PhotoPointLoop, BlockProblem] | None = None
+    streamed: tuple[PointLoop, BlockProblem] | None = None
 
     @property
     def layout(self) -> Layout:
@@ -150,7 +155,7 @@ class BlockProblem:
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
         return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
 
-    def _streamed(self, state: BlockState, loop: PhotoPointLoop, others: BlockProblem) -> Equations:
+    def _streamed(self, state: BlockState, loop: PointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
         staying = loop.staying()
@@ -304,40 +309,86 @@ def _pattern(observations: Sequence[Observations]) -> tuple[IntArray, IntArray, 
     return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
 
-def pose_problem(block: Block) -> BlockProblem:
-    """Return the problem of a block."""
+class Posed(NamedTuple):
+    """A block's problem with its design matrix stored, and its photo points apart from all other rows.
+
+    Attributes
+    ----------
+    problem : BlockProblem
+    photo_points : PhotoPointObservations
+    others : BlockProblem
+        Of photo points of tied points, and of all other kinds.
+    couples_points : bool
+        One of the others touches both an eliminated point and a reduced unknown.
+    """
+
+    problem: BlockProblem
+    photo_points: PhotoPointObservations
+    others: BlockProblem
+    couples_points: bool
+
+
+def posed(block: Block) -> Posed:
+    """Return the parts of a block's problem."""
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(kind for kind in observations if isinstance(kind, PhotoPointObservations))
-    problem = BlockProblem(block, unknowns, observations)
-    loop = photo_loop(photo_points, unknowns, block.point_start)
+    eliminated = blocks_of_points(unknowns)[photo_points.point] >= 0
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
-    staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+    staying = () if eliminated.all() else (photo_points.of(~eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
-    if not _couples_points(others):
+    return Posed(BlockProblem(block, unknowns, observations), photo_points, others, _couples_points(others))
+
+
+def pose_problem(block: Block) -> BlockProblem:
+    """Return the problem of a block."""
+    problem, photo_points, others, couples_points = posed(block)
+    if not couples_points:
+        loop = photo_loop(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
-    return _freed(problem, block) if block.is_free_network else problem
+    return freed(problem, block) if block.is_free_network else problem
 
 
 def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    layout = problem.layout
-    records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
-    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
-    touching, touched = ([array] for array in loop.touched())
-    first = len(loop.pattern.coupled_start)
+    touched = touched_groups(problem.unknowns, others, *loop.touched(), len(loop.pattern.coupled_start))
+    layout = replace(problem.layout, arrangement=arranged(*touched))
+    unknowns = replace(problem.unknowns, layout=layout)
+    return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
+
+
+def touched_groups(
+    unknowns: Unknowns, others: BlockProblem, touching: IntArray, touched: IntArray, count: int
+) -> tuple[IntArray, csr_array, BoolArray]:
+    """Return the group (m,) of each reduced unknown, what touches the groups (r, g), and which are central (g,).
+
+    A group is a record, or a tied point. Where antennas have unknowns, their correlations with each other and with
+    those of cameras are results: these groups are central.
+
+    Parameters
+    ----------
+    unknowns : Unknowns
+    others : BlockProblem
+        Its rows come after the eliminated points.
+    touching, touched : arrays (k,) of int
+        Pairs of an eliminated point, or of points of the same photos, and a reduced unknown.
+    count : int
+        Number of these points.
+    """
+    records = [(name.group, name.name) for name in unknowns.names.reduced]
+    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: unknowns.layout.reduced]
+    rows_of, columns_of, first = [touching], [touched], count
     for kind in others.observations:
         columns = kind.columns()
-        rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))
-        touching.append(first + rows)
-        touched.append(columns[rows, places].astype(np.int64))
+        rows, places = np.nonzero((columns != CONSTANT) & (columns < unknowns.layout.reduced))
+        rows_of.append(first + rows)
+        columns_of.append(columns[rows, places].astype(np.int64))
         first += len(columns)
-    shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
-    row, column = np.concatenate(touching), groups[np.concatenate(touched)]
-    arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
-    unknowns = replace(problem.unknowns, layout=replace(layout, arrangement=arrangement))
-    return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
+    kinds = np.array([group for group, _ in dict.fromkeys(records)])
+    central = np.isin(kinds, _CORRELATED) & ("ANTENNA" in kinds)
+    row, column = np.concatenate(rows_of), groups[np.concatenate(columns_of)]
+    return groups, csr_array((np.ones(len(row)), (row, column)), shape=(first, len(kinds))), central
 
 
 def _couples_points(problem: BlockProblem) -> bool:
@@ -349,7 +400,7 @@ def _couples_points(problem: BlockProblem) -> bool:
     )
 
 
-def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
+def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: while solving, as many unknowns are held as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
     others = tuple(kind for kind in problem.observations if not isinstance(kind, PhotoPointObservations))
