@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
-from orip.adjustment.factorisation.dissection.passes import Handle, Passes
+from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.adjustment.factorisation.symmetric import Symmetric
@@ -28,7 +28,7 @@ class _Sent:
     """The state whose parts the nodes have."""
 
     state: BlockState | None = None
-    parts: Sequence[Handle] = ()
+    parts: Handles = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class DissectedLoop:
         Which eliminated point each photo point is of, -1 for those of points that are not.
     tree : DissectionTree
     passes : Passes
-    sources : sequence of handles of SubBlockSource
+    sources : handles of SubBlockSource
     members : sequence of Members
     """
 
@@ -51,7 +51,7 @@ class DissectedLoop:
     block: IntArray
     tree: DissectionTree
     passes: Passes
-    sources: Sequence[Handle]
+    sources: Handles
     members: Sequence[Members]
     sent: _Sent = field(default_factory=_Sent)
 
@@ -175,7 +175,7 @@ class DissectedLoop:
             matrices.append(csr_array((elements.data[mine], (row, column)), shape=shape))
         return matrices, others.right.copy(), np.zeros(len(others.right))
 
-    def _state(self, state: BlockState) -> Sequence[Handle]:
+    def _state(self, state: BlockState) -> Handles:
         """Return handles of the parts of a state; those of the last one are kept where they were sent to."""
         if self.sent.state is not state:
             self.sent.parts = self.passes.kept([of_node.state(state) for of_node in self.members])
@@ -190,7 +190,7 @@ class DissectedCoupling:
     Parameters
     ----------
     loop : DissectedLoop
-    parts : sequence of handles of NodeCoupling
+    parts : handles of NodeCoupling
     state : BlockState
     factor : array (2 n,)
         Roots of the weight factors over the a-priori errors.
@@ -198,7 +198,7 @@ class DissectedCoupling:
     """
 
     loop: DissectedLoop
-    parts: Sequence[Handle]
+    parts: Handles
     state: BlockState
     factor: FloatArray
     half: FloatArray

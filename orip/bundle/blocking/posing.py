@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.factorisation.dissection.passes import Handle, Passes
-from orip.adjustment.factorisation.dissection.tree import dissected, lowest_nodes
+from orip.adjustment.factorisation.dissection.passes import InTurn, Passes
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected, lowest_nodes
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.blocking.dissected_loop import DissectedLoop
-from orip.bundle.blocking.sub_block import HeldSubBlock, SubBlock, divided
+from orip.bundle.blocking.sub_block import HeldSubBlock, SubBlock, SubBlockSource, divided
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, freed, posed, touched_groups
@@ -23,15 +24,21 @@ LARGEST_PART = 60
 """Photos up to which a part of a block is not divided. Larger parts take more memory, smaller ones more messages."""
 
 
-def held(sub_blocks: Sequence[SubBlock]) -> list[HeldSubBlock]:
-    """Return sub-blocks that are kept in memory."""
-    return [HeldSubBlock(sub_block) for sub_block in sub_blocks]
+class Spread(NamedTuple):
+    """What passes over the nodes of a tree, and from where these get their sub-blocks."""
+
+    passes: Passes
+    sources: Sequence[SubBlockSource]
+
+
+def in_this_process(tree: DissectionTree, sub_blocks: Sequence[SubBlock]) -> Spread:
+    """Return sub-blocks that are kept in memory, one computed after the other."""
+    return Spread(InTurn(tree), [HeldSubBlock(sub_block) for sub_block in sub_blocks])
 
 
 def pose_divided(
     block: Block,
-    passes: Passes,
-    stored: Callable[[Sequence[SubBlock]], Sequence[Handle]] = held,
+    spread: Callable[[DissectionTree, Sequence[SubBlock]], Spread] = in_this_process,
     largest: int = LARGEST_PART,
 ) -> BlockProblem:
     """Return the problem of a block, divided by nested dissection.
@@ -39,9 +46,8 @@ def pose_divided(
     Parameters
     ----------
     block : Block
-    passes : Passes
-    stored : callable
-        Returns from where the nodes get their sub-blocks.
+    spread : callable
+        Returns where the nodes are computed.
     largest : int
         Photos up to which a part is not divided.
 
@@ -62,7 +68,7 @@ def pose_divided(
     tree = dissected(groups, pattern, central, _positions(block, unknowns, groups, pattern.shape[1]), largest)
     nodes = lowest_nodes(tree, groups, pattern)[: unknowns.layout.blocks]
     sub_blocks, members = divided(whole.photo_points, unknowns, block.point_start, tree, nodes)
-    loop = DissectedLoop(whole.photo_points, rays, tree, passes, stored(sub_blocks), members)
+    loop = DissectedLoop(whole.photo_points, rays, tree, *spread(tree, sub_blocks), members)
     problem = replace(problem, streamed=(loop, whole.others))
     return freed(problem, block) if block.is_free_network else problem
 

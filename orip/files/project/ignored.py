@@ -30,6 +30,9 @@ report.html
 *_report.html
 *.DRV
 
+# photo points by sub-blocks, which the workers of 'orip solve --dask' read
+.orip-sub-blocks/
+
 # left by a run that was killed
 *-journal
 *-mj*

@@ -14,7 +14,6 @@ from bundle.blocking.divided_blocks import (
     with_stations,
 )
 
-from orip.adjustment.factorisation.dissection.passes import InTurn
 from orip.adjustment.normals import solve_normals
 from orip.bundle.blocking.posing import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
@@ -35,7 +34,7 @@ def solved(problem, block):
 
 
 def whole_and_divided(block, largest):
-    return solved(pose_problem(block), block), solved(pose_divided(block, InTurn(), largest=largest), block)
+    return solved(pose_problem(block), block), solved(pose_divided(block, largest=largest), block)
 
 
 @pytest.mark.parametrize("made", MADE)
@@ -77,7 +76,7 @@ def test_elements_of_the_inverse_are_those_of_the_whole_one():
 
 def test_an_element_that_no_front_has_is_refused():
     block = calibrated(LEAST_PHOTOS)
-    divided = solved(pose_divided(block, InTurn(), largest=LARGEST_PART), block)
+    divided = solved(pose_divided(block, largest=LARGEST_PART), block)
     first, last = divided.problem.unknowns.photos[[0, -1], 0]
     with pytest.raises(IndexError, match="no observation in common"):
         divided.cofactors.reduced[first, last]
@@ -85,7 +84,7 @@ def test_an_element_that_no_front_has_is_refused():
 
 def test_no_front_is_nearly_as_large_as_the_block():
     block = calibrated(LEAST_PHOTOS)
-    loop, _ = pose_divided(block, InTurn(), largest=LARGEST_PART).streamed
+    loop, _ = pose_divided(block, largest=LARGEST_PART).streamed
     fronts = [len(node.front) for node in loop.tree.nodes]
     assert len(fronts) >= 7
     assert max(fronts) < 0.5 * len(loop.tree.place)
@@ -93,7 +92,7 @@ def test_no_front_is_nearly_as_large_as_the_block():
 
 def test_every_photo_point_is_in_one_sub_block():
     block = calibrated(LEAST_PHOTOS)
-    loop, _ = pose_divided(block, InTurn(), largest=LARGEST_PART).streamed
+    loop, _ = pose_divided(block, largest=LARGEST_PART).streamed
     rays = np.concatenate([members.rays for members in loop.members])
     assert np.array_equal(np.sort(rays), np.arange(len(block.photo_points.photo)))
 
@@ -101,7 +100,7 @@ def test_every_photo_point_is_in_one_sub_block():
 def test_solutions_with_any_right_hand_side():
     block = with_distances(LEAST_PHOTOS)
     found = []
-    for problem in (pose_problem(block), pose_divided(block, InTurn(), largest=LARGEST_PART)):
+    for problem in (pose_problem(block), pose_divided(block, largest=LARGEST_PART)):
         equations = problem.linearise(starting_state(block))
         weights = np.random.default_rng(8).uniform(0.3, 1.0, len(equations.residual))
         normals = solve_normals(equations, weights, problem.layout, MAX_LOST, damping=0.01)

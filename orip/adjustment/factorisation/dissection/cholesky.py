@@ -20,7 +20,7 @@ from orip.adjustment.factorisation.dissection.fronts import (
     substitute_front,
 )
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
-from orip.adjustment.factorisation.dissection.passes import Handle, Passes
+from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
 from orip.arrays import BoolArray, FloatArray
@@ -35,7 +35,7 @@ class DissectedFactor:
     tree : DissectionTree
     passes : Passes
     shapes : sequence of Shape
-    parts : sequence of handles of FrontFactor
+    parts : handles of FrontFactor
     lost_digits : array (m,)
     removed : array (m,) of bool
         Columns that are not determined.
@@ -44,7 +44,7 @@ class DissectedFactor:
     tree: DissectionTree
     passes: Passes
     shapes: Sequence[Shape]
-    parts: Sequence[Handle]
+    parts: Handles
     lost_digits: FloatArray
     removed: BoolArray
 
@@ -53,7 +53,7 @@ class DissectedFactor:
         kept = np.where(self.removed, 0.0, 1.0)
         vectors = kept[:, None] * (right[:, None] if right.ndim == 1 else right)
         found = self.passes.upward(
-            self.tree, reduce_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
+            reduce_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
         )
         return self._put_together(self.passes.gathered(found), right)
 
@@ -61,7 +61,7 @@ class DissectedFactor:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
         vectors = reduced_right[:, None] if reduced_right.ndim == 1 else reduced_right
         found = self.passes.downward(
-            self.tree, substitute_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
+            substitute_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
         )
         solution = self._put_together(self.passes.gathered(found), reduced_right)
         solution[self.removed] = 0.0
@@ -69,7 +69,7 @@ class DissectedFactor:
 
     def inverse(self) -> DissectedMatrix:
         """Return the inverse in the places of all fronts, zero for removed columns."""
-        parts = self.passes.downward(self.tree, invert_front, self.parts, self.shapes)
+        parts = self.passes.downward(invert_front, self.parts, self.shapes)
         found = dissected_matrix(self.tree, self.passes, parts)
         if self.removed.any():
             found.scale((~self.removed).astype(np.float64))
@@ -140,7 +140,7 @@ def _factor(
 ) -> DissectedFactor | None:
     """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
     tree, passes, shapes = matrix.tree, matrix.passes, matrix.shapes()
-    parts = passes.upward(tree, eliminate_front, matrix.parts, shapes, matrix.front_scales(~removed, shift))
+    parts = passes.upward(eliminate_front, matrix.parts, shapes, matrix.front_scales(~removed, shift))
     pivots = np.ones(len(matrix))
     for node, found in zip(tree.nodes, passes.gathered(passes.each(pivots_of, parts)), strict=True):
         if found is None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +15,7 @@ from orip.adjustment.factorisation.dissection.fronts import (
     is_finite,
     own_rows,
 )
-from orip.adjustment.factorisation.dissection.passes import Handle, Passes
+from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.arrays import BoolArray, FloatArray, IntArray
 
@@ -39,7 +38,7 @@ class DissectedMatrix:
     ----------
     tree : DissectionTree
     passes : Passes
-    parts : sequence of handles of arrays (f, f)
+    parts : handles of arrays (f, f)
     factors : array (m,)
         By which rows and columns are multiplied.
     added : array (m,)
@@ -50,7 +49,7 @@ class DissectedMatrix:
 
     tree: DissectionTree
     passes: Passes
-    parts: Sequence[Handle]
+    parts: Handles
     factors: FloatArray
     added: FloatArray
     left: FloatArray
@@ -147,12 +146,8 @@ class DissectedMatrix:
                 one, other = places[number]
                 found[rows] = own[np.minimum(one, other), np.maximum(one, other)]
             return found
-        handles = self.passes.each(
-            elements,
-            [self.parts[number] for number in wanted],
-            [places[number][0] for number in wanted],
-            [places[number][1] for number in wanted],
-        )
+        one, other = zip(*places.values(), strict=True)
+        handles = self.passes.each(elements, self.parts, one, other, only=tuple(wanted))
         for rows, values in zip(wanted.values(), self.passes.gathered(handles), strict=True):
             found[rows] = values
         return found
@@ -160,7 +155,7 @@ class DissectedMatrix:
     def _own_rows(self, number: int) -> FloatArray:
         """Return the rows (o, f) of a node's own unknowns; of every element the place that comes first is one."""
         if number not in self._rows:
-            handles = self.passes.each(own_rows, [self.parts[number]], [len(self.tree.nodes[number].own)])
+            handles = self.passes.each(own_rows, self.parts, [len(self.tree.nodes[number].own)], only=(number,))
             self._rows[number] = self.passes.gathered(handles)[0]
             if len(self._rows) > _KEPT_NODES:
                 self._rows.popitem(last=False)
@@ -168,7 +163,7 @@ class DissectedMatrix:
         return self._rows[number]
 
 
-def dissected_matrix(tree: DissectionTree, passes: Passes, parts: Sequence[Handle]) -> DissectedMatrix:
+def dissected_matrix(tree: DissectionTree, passes: Passes, parts: Handles) -> DissectedMatrix:
     """Return a matrix as its parts are."""
     size = len(tree.place)
     nothing = np.zeros((size, 0))

@@ -1,0 +1,157 @@
+"""Time, memory and bytes of blocks that Dask's workers adjust, and what a cost model predicts for larger ones.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/divided_blocks.py 500 2000 --workers 4 --memory 2000 --out measured.json
+    python benchmarks/divided_blocks.py --model measured.json
+    python benchmarks/divided_blocks.py --tree 100000
+
+Blocks are those of `aerial_blocks` with a hundred points in each photo. The model and what it predicts is described in
+docs/scaling.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from aerial_blocks import FLYING_HEIGHT, FRAME_MM, PRINCIPAL_DISTANCE_MM, aerial_block
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected
+from orip.bundle.blocking.posing import LARGEST_PART
+from orip.bundle.problem import starting_state
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
+
+POINTS_A_PHOTO = 100
+MEGABYTE = 1e6
+PREDICTED = ((100_000, 32), (100_000, 1000), (1_000_000, 32), (1_000_000, 1000))
+
+RATE = 5e9
+"""Multiplications a second of LAPACK on one core of the machine of the measurements."""
+
+NETWORK, LATENCY = 1e9, 1e-3
+"""Bytes a second into one machine, and seconds that the scheduler takes for a task: 10 Gbit/s, and Dask's own figure."""
+
+
+def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:
+    """Return the figures of one block."""
+    block = aerial_block(photos, POINTS_A_PHOTO)
+    clock: list[float] = []
+    moved = []
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        divided_blocks(ClusterRequest(None, workers, int(memory_mb * MEGABYTE)), Path(folder)) as blocks,
+    ):
+        posed = time.perf_counter()
+        problem = blocks.pose(block)
+        posing = time.perf_counter() - posed
+        settings = iteration_settings(block.definition)
+        before, own = _cpu(blocks.client), time.process_time()
+        began = time.perf_counter()
+
+        def passed(_: object) -> None:
+            clock.append(time.perf_counter() - began)
+            moved.append(blocks.moved())
+
+        solved = solve_problem(problem, starting_state(block), settings, passed, lambda: False)
+        total = time.perf_counter() - began
+        after, own = _cpu(blocks.client), time.process_time() - own
+        peaks = blocks.client.run(_peak)
+        tree = blocks.trees[-1]
+    iterations = len(clock)
+    most = max(moved, key=lambda one: one.total)
+    return {
+        "photos": photos, "rays": len(block.photo_points.photo), "workers": workers, "nodes": len(tree),
+        "iterations": iterations, "posing": posing, "iteration": clock[-1] / iterations, "total": total,
+        "cpu_workers": (after - before), "cpu_client": own, "there": most.there, "back": most.back,
+        "between": most.between, "separators": most.separators, "flops": flops(tree), "root": root(tree),
+        "peak_worker": max(peaks.values()), "peak_client": _peak(), "sigma0": _sigma0(solved),
+    }  # fmt: skip
+
+
+def _sigma0(solved: SolvedBlock) -> float:
+    return solved.variance.sigma0
+
+
+def _cpu(client) -> float:
+    return sum(client.run(time.process_time).values())
+
+
+def _peak() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+
+
+def flops(tree: DissectionTree) -> float:
+    """Return the multiplications of factorisation and selected inverse of all fronts."""
+    return float(sum(_front(len(node.own), len(node.border)) for node in tree.nodes))
+
+
+def _front(own: int, border: int) -> float:
+    return own**3 / 3 + own**2 * border + own * border**2
+
+
+def root(tree: DissectionTree) -> int:
+    """Return the number of unknowns of the root."""
+    return len(tree.nodes[-1].own)
+
+
+def longest(tree: DissectionTree) -> float:
+    """Return the multiplications on the longest way from a leaf to the root: no number of workers divides these."""
+    ways = np.zeros(len(tree))
+    for number, node in enumerate(tree.nodes):
+        ways[number] += _front(len(node.own), len(node.border))
+        if node.parent >= 0:
+            ways[node.parent] = max(ways[node.parent], ways[number])
+    # the children's maximum was there before a node's own was added
+    return float(ways[-1])
+
+
+def tree_of(photos: int) -> dict[str, float]:
+    """Return the figures of the tree of a block, from where its photos are: nothing is measured or adjusted."""
+    base, distance = (np.array(FRAME_MM) * [0.4, 0.7] * FLYING_HEIGHT / PRINCIPAL_DISTANCE_MM).tolist()
+    along = max(2, round(np.sqrt(photos * distance / base)))
+    number = np.arange(photos)
+    centres = np.column_stack([base * (number % along), distance * (number // along), np.full(photos, FLYING_HEIGHT)])
+    reach = 0.5 * np.array(FRAME_MM) * FLYING_HEIGHT / PRINCIPAL_DISTANCE_MM
+    # points at the corners of what the photos share, seen by all photos that reach them
+    points = np.vstack([centres[:, :2] + reach * side for side in ([-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5])])
+    near = cKDTree(centres[:, :2] / reach).query_ball_point(points / reach, 1.0, p=np.inf)
+    counts = np.array([len(shown) for shown in near])
+    pattern = csr_array(
+        (np.ones(counts.sum()), np.concatenate(near), np.append(0, np.cumsum(counts))), shape=(len(points), photos)
+    )
+    groups = np.repeat(np.arange(photos), 6)
+    tree = dissected(groups, pattern, np.zeros(photos, dtype=bool), centres, LARGEST_PART)
+    return {
+        "photos": photos, "nodes": len(tree), "separators": tree.border_bytes, "flops": flops(tree),
+        "longest": longest(tree), "root": root(tree),
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Measure, or show what the trees of larger blocks are."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("photos", nargs="*", type=int)
+    parser.add_argument("--workers", type=int, default=4)
+    parser.add_argument("--memory", type=int, default=2000, help="MB of each worker")
+    parser.add_argument("--tree", type=int, nargs="*", default=[])
+    parser.add_argument("--out", type=Path)
+    words = parser.parse_args()
+    found = []
+    for photos in words.photos:
+        found.append(measured(photos, words.workers, words.memory))
+        print(json.dumps(found[-1]), flush=True)
+        if words.out:
+            words.out.write_text(json.dumps(found, indent=1))
+    for photos in words.tree:
+        print(json.dumps(tree_of(photos)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

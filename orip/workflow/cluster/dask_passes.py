@@ -1,0 +1,286 @@
+"""Passes over a dissection tree as graphs of Dask.
+
+Nodes that belong together, the lower parts of the tree, are one task. What a task returns stays with the worker; where
+that dies, Dask computes it again from what it was computed from: values that were sent, and files.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.errors import OripError
+from orip.workflow.cluster.connection import lost_cluster
+from orip.workflow.cluster.facts import UnfitWorkerError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_TASKS_A_WORKER = 8
+"""Tasks of a pass for each worker, roughly: the more, the evener the work, and the more messages."""
+
+_AGAIN = "it begins from the start"
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Values of all nodes, as one future for each group of nodes."""
+
+    futures: tuple[Future, ...]
+
+
+@dataclass(slots=True)
+class Sent:
+    """Bytes of values that were sent to the cluster, and of those that came back."""
+
+    there: int = 0
+    back: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What a worker does with a group of nodes.
+
+    Parameters
+    ----------
+    function : callable
+    nodes : Topology
+    items : sequence of lists or int
+        Values for each node, or the number of the argument that has them.
+    chosen : sequence of int or None
+        Places of the nodes, among those of the group, that are computed; values are those of these.
+    passed : mapping of int to int
+        Of children outside of the group, the number of the argument with what they passed up.
+    given : int or None
+        Number of the argument that was passed down to the group.
+    """
+
+    function: Callable[..., Any]
+    nodes: Topology
+    items: Sequence[Any]
+    chosen: Sequence[int] | None = None
+    passed: dict[int, int] = field(default_factory=dict)
+    given: int | None = None
+
+    def rows(self, arguments: Sequence[Any]) -> list[tuple[Any, ...]]:
+        """Return the items of each node."""
+        columns = []
+        for item in self.items:
+            values = arguments[item] if isinstance(item, int) else item
+            columns.append([values[place] for place in self.chosen] if isinstance(item, int) and self.chosen is not None
+                           else values)  # fmt: skip
+        return list(zip(*columns, strict=True))
+
+
+class Values(list[Any]):
+    """Values that move between workers as one piece: Dask's buffers are not aligned as the compiled loops need."""
+
+    def __reduce__(self) -> tuple[Callable[[bytes], Values], tuple[bytes]]:
+        return as_sent, (pickle.dumps(list(self)),)
+
+
+def as_sent(values: bytes) -> Values:
+    """Return values that were sent."""
+    return Values(pickle.loads(values))
+
+
+def run_each(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to nodes of a group."""
+    found: _Task = pickle.loads(task)
+    return Values(found.function(*row) for row in found.rows(arguments))
+
+
+def run_upward(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to a group from the bottom up, and return what is kept and what is passed up."""
+    found: _Task = pickle.loads(task)
+    given = {child: arguments[number][0] for child, number in found.passed.items()}
+    kept, passed = upward(found.nodes, found.rows(arguments), found.function, given)
+    return Values([Values(kept), Values([passed])])
+
+
+def run_downward(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to a group from its root down, and return what is kept and, by children, what is passed down."""
+    found: _Task = pickle.loads(task)
+    given = None if found.given is None else arguments[found.given][0]
+    kept, passed = downward(found.nodes, found.rows(arguments), found.function, given)
+    return Values([Values(kept), *(Values([passed[child]]) for child in sorted(passed))])
+
+
+def part_of(found: Values, which: int) -> Any:
+    """Return one of several results of a task."""
+    return found[which]
+
+
+@dataclass(frozen=True, slots=True)
+class DaskPasses:
+    """Passes over a tree by the workers of a client.
+
+    Parameters
+    ----------
+    client : Client
+    tree : DissectionTree
+    begins : tuple of int
+        First node of each group; groups are subtrees, or single nodes above these.
+    sent : Sent
+    """
+
+    client: Client
+    tree: DissectionTree
+    begins: tuple[int, ...]
+    sent: Sent
+
+    def kept(self, items: Sequence[Any]) -> Spot:
+        """Send values of nodes to the workers that are to compute these."""
+        with _told(self.client):
+            workers = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
+            if not workers:
+                raise lost_cluster(self.client, _AGAIN)
+            futures = []
+            for number, nodes in enumerate(self._groups()):
+                values = self._pickled([items[node] for node in nodes])
+                worker = workers[number * len(workers) // len(self.begins)]
+                futures.append(
+                    self.client.submit(as_sent, values, workers=[worker], allow_other_workers=True, pure=False)
+                )
+            return Spot(tuple(futures))
+
+    def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Spot:
+        """Apply a function to every node, or to some."""
+        with _told(self.client):
+            futures = []
+            wanted = None if only is None else sorted(only)
+            for number, nodes in enumerate(self._groups()):
+                chosen = None if wanted is None else [node for node in wanted if node in nodes]
+                if chosen == []:
+                    continue
+                places = None if chosen is None else [node - nodes.start for node in chosen]
+                values = nodes if only is None or chosen is None else [only.index(node) for node in chosen]
+                task, futures_of = self._task(function, number, nodes, items, values, places)
+                futures.append(self._submit(run_each, task, futures_of))
+            return Spot(tuple(futures))
+
+    def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Spot:
+        """Apply a function from the bottom up."""
+        with _told(self.client):
+            kept: list[Any] = []
+            passed: dict[int, Any] = {}
+            for number, nodes in enumerate(self._groups()):
+                task, arguments = self._task(function, number, nodes, items, nodes, None)
+                for child in self._children_outside(nodes):
+                    task.passed[child] = len(arguments)
+                    arguments.append(passed.pop(child))
+                found = self._submit(run_upward, task, arguments)
+                kept.append(self.client.submit(part_of, found, 0, pure=False))
+                passed[nodes[-1]] = self.client.submit(part_of, found, 1, pure=False)
+            return Spot(tuple(kept))
+
+    def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Spot:
+        """Apply a function from the root down."""
+        with _told(self.client):
+            kept: list[Any] = []
+            passed: dict[int, Any] = {}
+            for number, nodes in reversed(list(enumerate(self._groups()))):
+                task, arguments = self._task(function, number, nodes, items, nodes, None)
+                if nodes[-1] in passed:
+                    task = _Task(task.function, task.nodes, task.items, given=len(arguments))
+                    arguments.append(passed.pop(nodes[-1]))
+                found = self._submit(run_downward, task, arguments)
+                kept.append(self.client.submit(part_of, found, 0, pure=False))
+                for place, child in enumerate(sorted(self._children_outside(nodes))):
+                    passed[child] = self.client.submit(part_of, found, 1 + place, pure=False)
+            return Spot(tuple(reversed(kept)))
+
+    def gathered(self, handles: Spot) -> list[Any]:
+        """Return the values of handles."""
+        with _told(self.client):
+            pieces = [self.client.submit(pickle.dumps, future, pure=False) for future in handles.futures]
+            found = self.client.gather(pieces)
+        self.sent.back += sum(map(len, found))
+        return [value for piece in found for value in pickle.loads(piece)]
+
+    def _groups(self) -> Iterator[range]:
+        ends = (*self.begins[1:], len(self.tree))
+        return (range(begin, end) for begin, end in zip(self.begins, ends, strict=True))
+
+    def _children_outside(self, nodes: range) -> list[int]:
+        return [child for node in nodes for child in self.tree.nodes[node].children if child not in nodes]
+
+    def _task(
+        self, function: Callable[..., Any], number: int, nodes: range, items: Sequence[Any], values: Sequence[int],
+        places: Sequence[int] | None,
+    ) -> tuple[_Task, list[Future]]:  # fmt: skip
+        """Return the task of a group, and the futures that are its arguments."""
+        arguments: list[Future] = []
+        of_task: list[Any] = []
+        for item in items:
+            if isinstance(item, Spot):
+                of_task.append(len(arguments))
+                arguments.append(item.futures[number])
+            else:
+                of_task.append([item[value] for value in values])
+        topology = [(node, self.tree.nodes[node].children) for node in nodes]
+        return _Task(function, topology, of_task, places), arguments
+
+    def _submit(self, run: Callable[..., Any], task: _Task, arguments: Sequence[Future]) -> Future:
+        return self.client.submit(run, self._pickled(task), *arguments, pure=False)
+
+    def _pickled(self, values: Any) -> bytes:
+        found = pickle.dumps(values)
+        self.sent.there += len(found)
+        return found
+
+
+def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
+    """Return the passes of a tree over the workers of a client."""
+    workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+    return DaskPasses(client, tree, grouped(tree, max(1, len(tree) // (_TASKS_A_WORKER * workers))), sent)
+
+
+def grouped(tree: DissectionTree, most: int) -> tuple[int, ...]:
+    """Return the first nodes of groups: the largest subtrees of so many nodes at most, and the nodes above these."""
+    sizes = [1] * len(tree)
+    for number, node in enumerate(tree.nodes):
+        sizes[number] += sum(sizes[child] for child in node.children)
+    begins = []
+    for number, node in enumerate(tree.nodes):
+        is_whole = sizes[number] <= most and (node.parent < 0 or sizes[node.parent] > most)
+        if is_whole:
+            begins.append(number - sizes[number] + 1)
+        elif sizes[number] > most:
+            begins.append(number)
+    return tuple(begins)
+
+
+@contextmanager
+def _told(client: Client) -> Iterator[None]:
+    """Say what went wrong with the cluster in terms of what to do.
+
+    Raises
+    ------
+    LostClusterError
+        If the scheduler, or all workers, are gone.
+    OripError
+        If a worker is not fit, or dies again and again.
+    """
+    from asyncio import CancelledError
+
+    try:
+        yield
+    except OripError:
+        raise
+    except UnfitWorkerError as error:
+        raise OripError(str(error)) from None
+    except (CancelledError, OSError, TimeoutError) as error:
+        raise lost_cluster(client, _AGAIN) from error
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":
+            message = "workers died again and again; give each more memory (--worker-memory), or take more workers"
+            raise OripError(message) from None
+        if client.status != "running":
+            raise lost_cluster(client, _AGAIN) from error
+        raise
