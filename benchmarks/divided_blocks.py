@@ -36,7 +36,7 @@ RATE = 5e9
 """Multiplications a second of LAPACK on one core of the machine of the measurements."""
 
 NETWORK, LATENCY = 1e9, 1e-3
-"""Bytes a second into one machine, and seconds that the scheduler takes for a task: 10 Gbit/s, and Dask's own figure."""
+"""Bytes a second into one machine, and seconds that the scheduler takes for a task: 10 Gbit/s, and the figure of Dask."""
 
 
 def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:

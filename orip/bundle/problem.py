@@ -385,7 +385,7 @@ def touched_groups(
         rows_of.append(first + rows)
         columns_of.append(columns[rows, places].astype(np.int64))
         first += len(columns)
-    kinds = np.array([group for group, _ in dict.fromkeys(records)])
+    kinds = np.array([records[place][0] for place in np.flatnonzero(np.diff(groups, prepend=-1))])
     central = np.isin(kinds, _CORRELATED) & ("ANTENNA" in kinds)
     row, column = np.concatenate(rows_of), groups[np.concatenate(columns_of)]
     return groups, csr_array((np.ones(len(row)), (row, column)), shape=(first, len(kinds))), central

@@ -63,7 +63,9 @@ def connected(address: str | None, workers: int | None, memory: int = 0) -> Iter
         If the address is malformed.
     """
     import dask
+    import distributed  # its own settings have to be there before any is changed
 
+    del distributed
     logging.disable(logging.CRITICAL)  # what matters is told by the program itself
     try:
         cluster = _own_cluster(workers, memory) if address is None else _scheduler(address)

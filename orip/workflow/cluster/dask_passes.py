@@ -9,8 +9,10 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
@@ -21,17 +23,18 @@ from orip.workflow.cluster.facts import UnfitWorkerError
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_TASKS_A_WORKER = 8
-"""Tasks of a pass for each worker, roughly: the more, the evener the work, and the more messages."""
+_PARTS_A_WORKER = 2
+"""Parts of the tree for each worker: the more, the evener the work, and the more messages."""
 
 _AGAIN = "it begins from the start"
 
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Values of all nodes, as one future for each group of nodes."""
+    """Values of nodes that are with the workers: a future for each group of nodes, and the numbers of these nodes."""
 
     futures: tuple[Future, ...]
+    groups: tuple[tuple[int, ...], ...]
 
 
 @dataclass(slots=True)
@@ -50,8 +53,8 @@ class _Task:
     ----------
     function : callable
     nodes : Topology
-    items : sequence of lists or int
-        Values for each node, or the number of the argument that has them.
+    items : sequence of lists or _Argument
+        Values for each node, or the argument that has them.
     chosen : sequence of int or None
         Places of the nodes, among those of the group, that are computed; values are those of these.
     passed : mapping of int to int
@@ -71,10 +74,20 @@ class _Task:
         """Return the items of each node."""
         columns = []
         for item in self.items:
-            values = arguments[item] if isinstance(item, int) else item
-            columns.append([values[place] for place in self.chosen] if isinstance(item, int) and self.chosen is not None
-                           else values)  # fmt: skip
+            values = item
+            if isinstance(item, _Argument):
+                values = arguments[item.number]
+                if self.chosen is not None:
+                    values = [values[place] for place in self.chosen]
+            columns.append(values)
         return list(zip(*columns, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Argument:
+    """The values that are an argument of a task, by its number."""
+
+    number: int
 
 
 class Values(list[Any]):
@@ -124,14 +137,14 @@ class DaskPasses:
     ----------
     client : Client
     tree : DissectionTree
-    begins : tuple of int
-        First node of each group; groups are subtrees, or single nodes above these.
+    groups : tuple of tuples of int
+        Numbers of the nodes that are computed together, ascending: parts of the tree, and last what is above these.
     sent : Sent
     """
 
     client: Client
     tree: DissectionTree
-    begins: tuple[int, ...]
+    groups: tuple[tuple[int, ...], ...]
     sent: Sent
 
     def kept(self, items: Sequence[Any]) -> Spot:
@@ -141,90 +154,95 @@ class DaskPasses:
             if not workers:
                 raise lost_cluster(self.client, _AGAIN)
             futures = []
-            for number, nodes in enumerate(self._groups()):
+            for number, nodes in enumerate(self.groups):
                 values = self._pickled([items[node] for node in nodes])
-                worker = workers[number * len(workers) // len(self.begins)]
+                worker = workers[number * len(workers) // len(self.groups)]
                 futures.append(
                     self.client.submit(as_sent, values, workers=[worker], allow_other_workers=True, pure=False)
                 )
-            return Spot(tuple(futures))
+            return Spot(tuple(futures), self.groups)
 
     def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Spot:
         """Apply a function to every node, or to some."""
         with _told(self.client):
-            futures = []
-            wanted = None if only is None else sorted(only)
-            for number, nodes in enumerate(self._groups()):
-                chosen = None if wanted is None else [node for node in wanted if node in nodes]
-                if chosen == []:
+            futures, groups = [], []
+            for number, nodes in enumerate(self.groups):
+                chosen = nodes if only is None else tuple(node for node in only if node in nodes)
+                if not chosen:
                     continue
-                places = None if chosen is None else [node - nodes.start for node in chosen]
-                values = nodes if only is None or chosen is None else [only.index(node) for node in chosen]
-                task, futures_of = self._task(function, number, nodes, items, values, places)
-                futures.append(self._submit(run_each, task, futures_of))
-            return Spot(tuple(futures))
+                values = chosen if only is None else [only.index(node) for node in chosen]
+                task, arguments = self._task(function, number, items, values)
+                if only is not None:
+                    task = replace(task, chosen=[nodes.index(node) for node in chosen])
+                futures.append(self._submit(run_each, task, arguments))
+                groups.append(chosen)
+            return Spot(tuple(futures), tuple(groups))
 
     def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Spot:
         """Apply a function from the bottom up."""
         with _told(self.client):
             kept: list[Any] = []
             passed: dict[int, Any] = {}
-            for number, nodes in enumerate(self._groups()):
-                task, arguments = self._task(function, number, nodes, items, nodes, None)
+            for number, nodes in enumerate(self.groups):
+                task, arguments = self._task(function, number, items, nodes)
                 for child in self._children_outside(nodes):
                     task.passed[child] = len(arguments)
                     arguments.append(passed.pop(child))
                 found = self._submit(run_upward, task, arguments)
-                kept.append(self.client.submit(part_of, found, 0, pure=False))
-                passed[nodes[-1]] = self.client.submit(part_of, found, 1, pure=False)
-            return Spot(tuple(kept))
+                kept.append(self._part(found, 0))
+                if self.tree.nodes[nodes[-1]].parent >= 0:
+                    passed[nodes[-1]] = self._part(found, 1)
+            return Spot(tuple(kept), self.groups)
 
     def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Spot:
         """Apply a function from the root down."""
         with _told(self.client):
             kept: list[Any] = []
             passed: dict[int, Any] = {}
-            for number, nodes in reversed(list(enumerate(self._groups()))):
-                task, arguments = self._task(function, number, nodes, items, nodes, None)
+            for number, nodes in reversed(list(enumerate(self.groups))):
+                task, arguments = self._task(function, number, items, nodes)
                 if nodes[-1] in passed:
-                    task = _Task(task.function, task.nodes, task.items, given=len(arguments))
+                    task = replace(task, given=len(arguments))
                     arguments.append(passed.pop(nodes[-1]))
                 found = self._submit(run_downward, task, arguments)
-                kept.append(self.client.submit(part_of, found, 0, pure=False))
+                kept.append(self._part(found, 0))
                 for place, child in enumerate(sorted(self._children_outside(nodes))):
-                    passed[child] = self.client.submit(part_of, found, 1 + place, pure=False)
-            return Spot(tuple(reversed(kept)))
+                    passed[child] = self._part(found, 1 + place)
+            return Spot(tuple(reversed(kept)), self.groups)
 
     def gathered(self, handles: Spot) -> list[Any]:
-        """Return the values of handles."""
+        """Return the values of handles, in the order of the nodes."""
         with _told(self.client):
-            pieces = [self.client.submit(pickle.dumps, future, pure=False) for future in handles.futures]
-            found = self.client.gather(pieces)
-        self.sent.back += sum(map(len, found))
-        return [value for piece in found for value in pickle.loads(piece)]
+            found = self.client.gather(list(handles.futures))
+        self.sent.back += sum(map(array_bytes, found))
+        values = {
+            node: value
+            for nodes, of_group in zip(handles.groups, found, strict=True)
+            for node, value in zip(nodes, of_group, strict=True)
+        }
+        return [values[node] for node in sorted(values)]
 
-    def _groups(self) -> Iterator[range]:
-        ends = (*self.begins[1:], len(self.tree))
-        return (range(begin, end) for begin, end in zip(self.begins, ends, strict=True))
-
-    def _children_outside(self, nodes: range) -> list[int]:
-        return [child for node in nodes for child in self.tree.nodes[node].children if child not in nodes]
+    def _children_outside(self, nodes: Sequence[int]) -> list[int]:
+        inside = set(nodes)
+        return [child for node in nodes for child in self.tree.nodes[node].children if child not in inside]
 
     def _task(
-        self, function: Callable[..., Any], number: int, nodes: range, items: Sequence[Any], values: Sequence[int],
-        places: Sequence[int] | None,
-    ) -> tuple[_Task, list[Future]]:  # fmt: skip
+        self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]
+    ) -> tuple[_Task, list[Future]]:
         """Return the task of a group, and the futures that are its arguments."""
         arguments: list[Future] = []
         of_task: list[Any] = []
         for item in items:
             if isinstance(item, Spot):
-                of_task.append(len(arguments))
+                of_task.append(_Argument(len(arguments)))
                 arguments.append(item.futures[number])
             else:
                 of_task.append([item[value] for value in values])
-        topology = [(node, self.tree.nodes[node].children) for node in nodes]
-        return _Task(function, topology, of_task, places), arguments
+        topology = [(node, self.tree.nodes[node].children) for node in self.groups[number]]
+        return _Task(function, topology, of_task), arguments
+
+    def _part(self, found: Future, which: int) -> Future:
+        return self.client.submit(part_of, found, which, pure=False)
 
     def _submit(self, run: Callable[..., Any], task: _Task, arguments: Sequence[Future]) -> Future:
         return self.client.submit(run, self._pickled(task), *arguments, pure=False)
@@ -235,25 +253,31 @@ class DaskPasses:
         return found
 
 
+def array_bytes(found: Any) -> int:
+    """Return the bytes of all arrays in lists and tuples."""
+    if isinstance(found, np.ndarray):
+        return found.nbytes
+    return sum(map(array_bytes, found)) if isinstance(found, list | tuple) else 0
+
+
 def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
     """Return the passes of a tree over the workers of a client."""
     workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    return DaskPasses(client, tree, grouped(tree, max(1, len(tree) // (_TASKS_A_WORKER * workers))), sent)
+    return DaskPasses(client, tree, grouped(tree, max(1, len(tree) // (_PARTS_A_WORKER * workers))), sent)
 
 
-def grouped(tree: DissectionTree, most: int) -> tuple[int, ...]:
-    """Return the first nodes of groups: the largest subtrees of so many nodes at most, and the nodes above these."""
+def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:
+    """Return the largest subtrees of so many nodes at most, and as the last group all nodes above them."""
     sizes = [1] * len(tree)
     for number, node in enumerate(tree.nodes):
         sizes[number] += sum(sizes[child] for child in node.children)
-    begins = []
-    for number, node in enumerate(tree.nodes):
-        is_whole = sizes[number] <= most and (node.parent < 0 or sizes[node.parent] > most)
-        if is_whole:
-            begins.append(number - sizes[number] + 1)
-        elif sizes[number] > most:
-            begins.append(number)
-    return tuple(begins)
+    parts = [
+        tuple(range(number - sizes[number] + 1, number + 1))
+        for number, node in enumerate(tree.nodes)
+        if sizes[number] <= most and (node.parent < 0 or sizes[node.parent] > most)
+    ]
+    above = tuple(number for number in range(len(tree)) if sizes[number] > most)
+    return (*parts, above) if above else tuple(parts)
 
 
 @contextmanager

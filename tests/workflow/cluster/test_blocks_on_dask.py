@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -98,14 +97,15 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
         problem.linearise(starting_state(BLOCK))
 
 
-def test_groups_are_whole_subtrees_and_single_nodes_above(blocks):
+def test_groups_are_subtrees_and_all_that_is_above_them():
     tree = pose_divided(BLOCK, largest=LARGEST_PART).streamed[0].tree
-    assert grouped(tree, len(tree)) == (0,)
-    assert grouped(tree, 1) == tuple(range(len(tree)))
-    begins = (*grouped(tree, 3), len(tree))
-    for begin, end in pairwise(begins):
-        inside = [tree.nodes[node].parent for node in range(begin, end - 1)]
-        assert all(begin <= parent < end for parent in inside)
+    assert grouped(tree, len(tree)) == (tuple(range(len(tree))),)
+    *parts, above = grouped(tree, 3)
+    assert sorted(node for group in (*parts, above) for node in group) == list(range(len(tree)))
+    assert above[-1] == len(tree) - 1
+    for part in parts:
+        assert [tree.nodes[node].parent in part for node in part] == [True] * (len(part) - 1) + [False]
+        assert tree.nodes[part[-1]].parent in above
 
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():
