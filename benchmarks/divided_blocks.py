@@ -36,7 +36,7 @@ RATE = 5e9
 """Multiplications a second of LAPACK on one core of the machine of the measurements."""
 
 NETWORK, LATENCY = 1e9, 1e-3
-"""Bytes a second into one machine, and seconds that the scheduler takes for a task: 10 Gbit/s, and the figure of Dask."""
+"""Bytes a second into one machine (10 Gbit/s), and seconds that the scheduler takes for a task."""
 
 
 def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:
@@ -52,24 +52,32 @@ def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:
         problem = blocks.pose(block)
         posing = time.perf_counter() - posed
         settings = iteration_settings(block.definition)
-        before, own = _cpu(blocks.client), time.process_time()
+        workers_cpu, own_cpu = [], []
         began = time.perf_counter()
 
         def passed(_: object) -> None:
             clock.append(time.perf_counter() - began)
             moved.append(blocks.moved())
+            workers_cpu.append(_cpu(blocks.client))
+            own_cpu.append(time.process_time())
 
         solved = solve_problem(problem, starting_state(block), settings, passed, lambda: False)
         total = time.perf_counter() - began
-        after, own = _cpu(blocks.client), time.process_time() - own
+        workers_cpu.append(_cpu(blocks.client))
+        own_cpu.append(time.process_time())
         peaks = blocks.client.run(_peak)
         tree = blocks.trees[-1]
+    # the first iteration loads programs and files; after the last one come cofactors
     iterations = len(clock)
+    rounds = iterations - 1
     most = max(moved, key=lambda one: one.total)
     return {
         "photos": photos, "rays": len(block.photo_points.photo), "workers": workers, "nodes": len(tree),
-        "iterations": iterations, "posing": posing, "iteration": clock[-1] / iterations, "total": total,
-        "cpu_workers": (after - before), "cpu_client": own, "there": most.there, "back": most.back,
+        "iterations": iterations, "posing": posing, "iteration": (clock[-1] - clock[0]) / rounds,
+        "total": total,
+        "cpu_workers": (workers_cpu[-2] - workers_cpu[0]) / rounds, "cpu_client": (own_cpu[-2] - own_cpu[0]) / rounds,
+        "cofactors_workers": workers_cpu[-1] - workers_cpu[-2], "cofactors_client": own_cpu[-1] - own_cpu[-2],
+        "there": most.there, "back": most.back,
         "between": most.between, "separators": most.separators, "flops": flops(tree), "root": root(tree),
         "peak_worker": max(peaks.values()), "peak_client": _peak(), "sigma0": _sigma0(solved),
     }  # fmt: skip

@@ -15,6 +15,7 @@ IGNORED = """\
 *.TEM
 *.EXT
 *.EXO
+older-stores/
 before_update.json
 
 # listings, results, reports, drive tables
