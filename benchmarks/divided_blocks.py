@@ -30,13 +30,14 @@ from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
 POINTS_A_PHOTO = 100
 MEGABYTE = 1e6
-PREDICTED = ((100_000, 32), (100_000, 1000), (1_000_000, 32), (1_000_000, 1000))
+PREDICTED = (100_000, 1_000_000)
+WORKERS = (32, 1000)
 
 RATE = 5e9
 """Multiplications a second of LAPACK on one core of the machine of the measurements."""
 
-NETWORK, LATENCY = 1e9, 1e-3
-"""Bytes a second into one machine (10 Gbit/s), and seconds that the scheduler takes for a task."""
+NETWORK = 1e9
+"""Bytes a second into one machine (10 Gbit/s)."""
 
 
 def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:
@@ -142,6 +143,47 @@ def tree_of(photos: int) -> dict[str, float]:
     }  # fmt: skip
 
 
+def model(found: list[dict[str, float]]) -> None:
+    """Fit the cost of an iteration to what was measured, and print what it predicts for larger blocks.
+
+    Workers: seconds a ray and multiplications at `RATE`, which the workers share, and what is above their parts, which
+    they do not. Client: seconds a ray. Bytes: those of a ray, and those of the separators.
+    """
+    rays = np.array([one["rays"] for one in found])
+    ones = np.ones(len(found))
+    of_workers = np.array([one["cpu_workers"] - one["flops"] / RATE for one in found])
+    of_client = np.array([one["cpu_client"] for one in found])
+    (a, a0), (c, c0) = (
+        np.linalg.lstsq(np.column_stack([rays, ones]), of, rcond=None)[0] for of in (of_workers, of_client)
+    )
+    sent = np.array([one["there"] + one["back"] for one in found])
+    (s,), (e,) = (
+        np.linalg.lstsq(by[:, None], of, rcond=None)[0]
+        for by, of in (
+            (rays, sent),
+            (np.array([one["separators"] for one in found]), np.array([one["between"] for one in found])),
+        )
+    )
+    print(f"workers {1e6 * a:.1f} us a ray + {a0:.2f} s; client {1e6 * c:.1f} us a ray + {c0:.2f} s")
+    print(f"bytes {s:.0f} a ray to and from the client, {e:.2f} times the separators between workers")
+    tree, known = tree_of(PREDICTED[0]), tree_of(int(found[-1]["photos"]))
+    # points of real blocks are seen from farther than those that trees are made from here
+    tree = {name: value * found[-1][name] / known[name] for name, value in tree.items() if name in found[-1]} | {
+        "longest": tree["longest"] * found[-1]["flops"] / known["flops"]
+    }
+    for photos in PREDICTED:
+        # of a square block the multiplications grow with N^1.5, the separators with N
+        larger, n = photos / PREDICTED[0], photos * found[-1]["rays"] / found[-1]["photos"]
+        work, way, borders = tree["flops"] * larger**1.5, tree["longest"] * larger**1.5, tree["separators"] * larger
+        for workers in WORKERS:
+            divided = (a * n + work / RATE) / workers
+            figures = {
+                "workers": divided, "longest way": way / RATE, "client": c * n, "client's network": s * n / NETWORK,
+                "between": e * borders / NETWORK / workers,
+            }  # fmt: skip
+            print(photos, workers, {name: round(float(value), 1) for name, value in figures.items()})
+
+
 def main() -> None:
     """Measure, or show what the trees of larger blocks are."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -150,6 +192,7 @@ def main() -> None:
     parser.add_argument("--memory", type=int, default=2000, help="MB of each worker")
     parser.add_argument("--tree", type=int, nargs="*", default=[])
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--model", type=Path)
     words = parser.parse_args()
     found = []
     for photos in words.photos:
@@ -157,6 +200,8 @@ def main() -> None:
         print(json.dumps(found[-1]), flush=True)
         if words.out:
             words.out.write_text(json.dumps(found, indent=1))
+    if words.model:
+        model(json.loads(words.model.read_text()))
     for photos in words.tree:
         print(json.dumps(tree_of(photos)), flush=True)
 
