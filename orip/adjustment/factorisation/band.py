@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from orip.adjustment.factorisation.band_panels import add_product
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
@@ -135,11 +136,9 @@ class BandMatrix:
 
     def subtract_product(self, left: FloatArray, right: FloatArray) -> None:
         """Subtract L R^T, a symmetric matrix of factors (m, k), where the matrix has its band and border."""
-        banded, width = self.arrangement.banded, self.arrangement.width
+        banded = self.arrangement.banded
         left, right = left[self.arrangement.columns], right[self.arrangement.columns]
-        for below in range(min(width + 1, banded)):
-            product = np.einsum("ij,ij->i", left[below:banded], right[: banded - below])
-            self.band[: banded - below, below] -= product
+        add_product(self.band, left[:banded], -right[:banded])
         self.border[:] -= left[banded:] @ right.T
 
     def toarray(self) -> FloatArray:

@@ -6,9 +6,10 @@ import typer
 
 from orip.cli.adjust.cluster import ClusterOptions
 from orip.cli.adjust.method import MethodOptions
-from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.options import BundleArgument, Invocation, command
+from orip.threads import limited_threads
 
 
 def register(app: typer.Typer) -> None:
@@ -38,7 +39,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         method, terminal = options.method(), invocation.terminal
-        with limited_threads(terminal):
+        with limited_threads(terminal.threads):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
             with cluster.posing(terminal, method, given.project.folder) as (pose, watcher):
                 solved = commit(solve(given, watcher, method, options.check or (), pose))
