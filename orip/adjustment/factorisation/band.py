@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from orip.adjustment.factorisation.band_panels import add_product
+from orip.adjustment.factorisation.band_panels import add_product, times
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
@@ -121,14 +121,10 @@ class BandMatrix:
 
     def times(self, vectors: FloatArray) -> FloatArray:
         """Return the matrix times vectors (m, k)."""
-        banded, width = self.arrangement.banded, self.arrangement.width
+        banded = self.arrangement.banded
         ordered = vectors[self.arrangement.columns]
         result = np.zeros_like(ordered)
-        for below in range(min(width + 1, banded)):
-            column = self.band[: banded - below, below, None]
-            result[below:banded] += column * ordered[: banded - below]
-            if below:
-                result[: banded - below] += column * ordered[below:banded]
+        result[:banded] = times(self.band, ordered[:banded])
         lower = np.tril(self.border, banded)
         result[banded:] += lower @ ordered
         result += np.tril(self.border, banded - 1).T @ ordered[banded:]

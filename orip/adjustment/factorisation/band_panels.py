@@ -46,3 +46,15 @@ def add_product(band: FloatArray, left: FloatArray, right: FloatArray) -> None:
     for start in range(0, len(band), PANEL):
         part = band[start : start + PANEL]
         part += stored_part(right[start : start + PANEL] @ left[start : start + len(part) + width].T)
+
+
+def times(band: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return a symmetric matrix, given by its band (n, w + 1), times vectors (n, k)."""
+    result = np.zeros_like(vectors)
+    for start in range(0, len(band), PANEL):
+        panel = columns_of(band[start : start + PANEL])[:, : len(band) - start]
+        count, rows = panel.shape
+        result[start : start + rows] += panel.T @ vectors[start : start + count]
+        np.fill_diagonal(panel, 0.0)
+        result[start : start + count] += panel @ vectors[start : start + rows]
+    return result
