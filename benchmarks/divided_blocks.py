@@ -40,9 +40,9 @@ NETWORK = 1e9
 """Bytes a second into one machine (10 Gbit/s)."""
 
 
-def measured(photos: int, workers: int, memory_mb: int) -> dict[str, float]:
+def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str, float]:
     """Return the figures of one block."""
-    block = aerial_block(photos, POINTS_A_PHOTO)
+    block = aerial_block(photos, points)
     clock: list[float] = []
     moved = []
     with (
@@ -190,13 +190,14 @@ def main() -> None:
     parser.add_argument("photos", nargs="*", type=int)
     parser.add_argument("--workers", type=int, default=4)
     parser.add_argument("--memory", type=int, default=2000, help="MB of each worker")
+    parser.add_argument("--points", type=int, default=POINTS_A_PHOTO, help="in a photo")
     parser.add_argument("--tree", type=int, nargs="*", default=[])
     parser.add_argument("--out", type=Path)
     parser.add_argument("--model", type=Path)
     words = parser.parse_args()
     found = []
     for photos in words.photos:
-        found.append(measured(photos, words.workers, words.memory))
+        found.append(measured(photos, words.points, words.workers, words.memory))
         print(json.dumps(found[-1]), flush=True)
         if words.out:
             words.out.write_text(json.dumps(found, indent=1))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from orip.bundle.antennas import station_places
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
+from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
@@ -35,17 +35,10 @@ from orip.bundle.left_out_points import (
 from orip.bundle.other_places import other_places
 from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
 from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
-from orip.bundle.state import BlockState, entries_at, rotation_limit
+from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
-from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
-from orip.units import RADIANS_PER_DEGREE
-
-_CORRELATED = ("ANTENNA", "CAMERA")
-"""Groups of unknowns whose correlations across records are results, where there are antennas."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +75,10 @@ class BlockProblem:
     def defect(self) -> int:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
+
+    def columns(self) -> list[IntArray | NDArray[np.int32]]:
+        """Return the unknowns that each equation touches, kind by kind."""
+        return [kind.columns() for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Return the residuals (n,) of what was observed from those of all equations, in the units observed."""
@@ -352,43 +349,10 @@ def pose_problem(block: Block) -> BlockProblem:
 
 def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    touched = touched_groups(problem.unknowns, others, *loop.touched(), len(loop.pattern.coupled_start))
+    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), len(loop.pattern.coupled_start))
     layout = replace(problem.layout, arrangement=arranged(*touched))
     unknowns = replace(problem.unknowns, layout=layout)
     return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
-
-
-def touched_groups(
-    unknowns: Unknowns, others: BlockProblem, touching: IntArray, touched: IntArray, count: int
-) -> tuple[IntArray, csr_array, BoolArray]:
-    """Return the group (m,) of each reduced unknown, what touches the groups (r, g), and which are central (g,).
-
-    A group is a record, or a tied point. Where antennas have unknowns, their correlations with each other and with
-    those of cameras are results: these groups are central.
-
-    Parameters
-    ----------
-    unknowns : Unknowns
-    others : BlockProblem
-        Its rows come after the eliminated points.
-    touching, touched : arrays (k,) of int
-        Pairs of an eliminated point, or of points of the same photos, and a reduced unknown.
-    count : int
-        Number of these points.
-    """
-    records = [(name.group, name.name) for name in unknowns.names.reduced]
-    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: unknowns.layout.reduced]
-    rows_of, columns_of, first = [touching], [touched], count
-    for kind in others.observations:
-        columns = kind.columns()
-        rows, places = np.nonzero((columns != CONSTANT) & (columns < unknowns.layout.reduced))
-        rows_of.append(first + rows)
-        columns_of.append(columns[rows, places].astype(np.int64))
-        first += len(columns)
-    kinds = np.array([records[place][0] for place in np.flatnonzero(np.diff(groups, prepend=-1))])
-    central = np.isin(kinds, _CORRELATED) & ("ANTENNA" in kinds)
-    row, column = np.concatenate(rows_of), groups[np.concatenate(columns_of)]
-    return groups, csr_array((np.ones(len(row)), (row, column)), shape=(first, len(kinds))), central
 
 
 def _couples_points(problem: BlockProblem) -> bool:
@@ -396,7 +360,7 @@ def _couples_points(problem: BlockProblem) -> bool:
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
-        for columns in (kind.columns() for kind in problem.observations)
+        for columns in problem.columns()
     )
 
 
@@ -417,9 +381,9 @@ def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
     places = station_places(block)
     return BlockState(
-        cameras=_camera_parameters(block),
+        cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
-        antennas=_antenna_parameters(block),
+        antennas=antenna_parameters(block),
         shifts=np.zeros((len(places.shifts), 3)),
         drifts=np.zeros((len(places.drifts), 3)),
         centres=block.photo_orientation[:, :3].copy(),
@@ -431,19 +395,3 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-
-
-def _antenna_parameters(block: Block) -> FloatArray:
-    """Return the values of all antennas (n, 7), boresight in radians."""
-    values = np.array([antenna.values for antenna in block.antennas], dtype=np.float64)
-    values = values.reshape(-1, len(ANTENNA_PARAMETERS))
-    values[:, BORESIGHT_PLACES] *= RADIANS_PER_DEGREE
-    return values
-
-
-def _camera_parameters(block: Block) -> FloatArray:
-    """Return the values of all cameras, those of a lens as its first camera has them."""
-    parameters = np.array([camera.parameters for camera in block.cameras], dtype=np.float64)
-    values = parameters.reshape(-1, len(CAMERA_PARAMETERS))
-    values[:, LENS_PLACES] = values[first_of_lens(block.cameras)][:, LENS_PLACES]
-    return values

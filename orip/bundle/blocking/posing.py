@@ -14,8 +14,9 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.blocking.dissected_loop import DissectedLoop
 from orip.bundle.blocking.sub_block import HeldSubBlock, SubBlock, SubBlockSource, divided
 from orip.bundle.compiled.loop_pattern import blocks_of_points
+from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.problem import BlockProblem, freed, posed, touched_groups
+from orip.bundle.problem import BlockProblem, freed, posed
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import NotSolvableError
 from orip.records.block import Block
@@ -64,9 +65,11 @@ def pose_divided(
     of_point = blocks_of_points(unknowns)
     rays = of_point[whole.photo_points.point]
     touching, touched = _touched(whole.photo_points, rays, unknowns)
-    groups, pattern, central = touched_groups(unknowns, whole.others, touching, touched, unknowns.layout.blocks)
+    groups, pattern, central = touched_groups(
+        unknowns, whole.others.columns(), touching, touched, unknowns.layout.blocks
+    )
     tree = dissected(groups, pattern, central, _positions(block, unknowns, groups, pattern.shape[1]), largest)
-    nodes = lowest_nodes(tree, groups, pattern)[: unknowns.layout.blocks]
+    nodes = lowest_nodes(tree, groups, pattern)[:points]
     sub_blocks, members = divided(whole.photo_points, unknowns, block.point_start, tree, nodes)
     loop = DissectedLoop(whole.photo_points, rays, tree, *spread(tree, sub_blocks), members)
     problem = replace(problem, streamed=(loop, whole.others))

@@ -17,7 +17,7 @@ import numpy as np
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.errors import OripError
-from orip.workflow.cluster.connection import lost_cluster
+from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 _PARTS_A_WORKER = 2
 """Parts of the tree for each worker: the more, the evener the work, and the more messages."""
+
+_LOOK, _MOST_LONELY = 10.0, 6
+"""Seconds after which it is looked whether there are workers, and how often there may be none: Dask starts those of its
+own again."""
 
 _AGAIN = "it begins from the start"
 
@@ -213,6 +217,7 @@ class DaskPasses:
     def gathered(self, handles: Spot) -> list[Any]:
         """Return the values of handles, in the order of the nodes."""
         with _told(self.client):
+            self._wait_for(handles)
             found = self.client.gather(list(handles.futures))
         self.sent.back += sum(map(array_bytes, found))
         values = {
@@ -221,6 +226,22 @@ class DaskPasses:
             for node, value in zip(nodes, of_group, strict=True)
         }
         return [values[node] for node in sorted(values)]
+
+    def _wait_for(self, handles: Spot) -> None:
+        """Wait until values are there, as long as there are workers."""
+        from distributed import wait
+
+        lonely = 0
+        while True:
+            try:
+                wait(handles.futures, timeout=_LOOK)
+            except TimeoutError:
+                lonely = 0 if self.client.scheduler_info(n_workers=-1)["workers"] else lonely + 1
+                if lonely >= _MOST_LONELY:
+                    message = "no worker is left; start workers again, and repeat the command: it begins from the start"
+                    raise LostClusterError(message) from None
+            else:
+                return
 
     def _children_outside(self, nodes: Sequence[int]) -> list[int]:
         inside = set(nodes)
