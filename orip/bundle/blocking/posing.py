@@ -69,7 +69,7 @@ def pose_divided(
         unknowns, whole.others.columns(), touching, touched, unknowns.layout.blocks
     )
     tree = dissected(groups, pattern, central, _positions(block, unknowns, groups, pattern.shape[1]), largest)
-    nodes = lowest_nodes(tree, groups, pattern)[:points]
+    nodes = lowest_nodes(tree, groups, pattern)[: unknowns.layout.blocks]
     sub_blocks, members = divided(whole.photo_points, unknowns, block.point_start, tree, nodes)
     loop = DissectedLoop(whole.photo_points, rays, tree, *spread(tree, sub_blocks), members)
     problem = replace(problem, streamed=(loop, whole.others))
