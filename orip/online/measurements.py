@@ -15,7 +15,7 @@ from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.observations.station import Station
 
@@ -68,11 +68,10 @@ def _ray_error(inputs: BlockInput) -> float:
 class _ControlByName:
     """All control of a project, found by the points and photos that it is about."""
 
-    def __init__(self, control: Control, preliminary: Iterable[PreliminaryPoint]) -> None:
+    def __init__(self, control: Control) -> None:
         self.points: dict[str, list[ControlPoint]] = {}
         for point in control.points:
             self.points.setdefault(point.name, []).append(point)
-        self.preliminary = {point.name: point for point in preliminary}
         self.distances: dict[str, list[ControlDistance]] = {}
         for distance in control.distances:
             for name in (distance.start, distance.end):
@@ -100,7 +99,7 @@ class _ControlByName:
         )
 
     def has_coordinates(self, name: str) -> bool:
-        """Return whether a point has all of its coordinates given: by control or as preliminary ones."""
+        """Return whether control gives all coordinates of a point; preliminary ones may be far off."""
         given = {
             place
             for point in self.points.get(name, ())
@@ -111,7 +110,7 @@ class _ControlByName:
         constant = {
             "XYZ".index(element.kind) for element in self._elements.get(f"POINT {name}", ()) if element.error == 0.0
         }
-        return name in self.preliminary or len(given | constant) == 3
+        return len(given | constant) == 3
 
     def tied_to(self, points: Iterable[str]) -> set[str]:
         """Return the points that distances tie to some points, with these themselves where any does."""
@@ -142,7 +141,7 @@ class Measurements:
 
     def __init__(self, inputs: BlockInput) -> None:
         self._inputs = replace(inputs, control=_testable(inputs))
-        self.control = _ControlByName(self._inputs.control, inputs.preliminary)
+        self.control = _ControlByName(self._inputs.control)
         antennas = tuple(replace(antenna, unknown=()) for antenna in inputs.antennas if antenna.shift == "none")
         self._has_steady_antennas = len(antennas) == len(inputs.antennas)
         self._antennas = antennas if self._has_steady_antennas else ()
@@ -289,10 +288,8 @@ class Measurements:
         inputs = replace(
             self._inputs,
             measured=replace(self._inputs.measured, observations=dict(observations)),
-            control=self.control.about(photos, [*points, *(ends - points.keys())]),
-            preliminary=tuple(
-                self.control.preliminary[name] for name in {*points, *ends} if name in self.control.preliminary
-            ),
+            control=self.control.about(photos, [*points, *sorted(ends - points.keys())]),
+            preliminary=(),
             antennas=self._antennas,
             warnings=(),
         )

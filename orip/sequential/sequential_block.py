@@ -12,6 +12,7 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray
 from orip.sequential.hyper_row import HyperRow, ObservationRows, factored
@@ -285,6 +286,19 @@ class SequentialBlock(Generic[Key]):
             (innovation, own.T @ own + spread.T @ spread, is_open)
             for own, spread, innovation, is_open in self._all_whitened(rows)
         ]
+
+    def jointly_predicted(self, rows: Sequence[ObservationRows]) -> tuple[FloatArray, FloatArray]:
+        """Return what the observations that are in say about others, of different points, together.
+
+        Returns
+        -------
+        difference, cofactor : arrays (k,) and (k, k)
+            As `predicted`; unknowns that nothing determines are held.
+        """
+        whitened = self._all_whitened(rows)
+        spread = np.hstack([one.spread for one in whitened])
+        own = block_diag(*(one.own.T @ one.own for one in whitened))
+        return np.concatenate([one.innovation for one in whitened]), np.asarray(own + spread.T @ spread)
 
     def has_point(self, name: str) -> bool:
         """Return whether all coordinates of a point are determined by equations that are in."""
