@@ -25,6 +25,10 @@ _FEWEST = 5
 _RAYS = 2
 """Rays of a control point from which they tell where it is."""
 
+_CLEARLY = 2.0
+"""How many times its limit the misfit of a control point exceeds that is wrong beyond doubt: others may fit again once
+the datum is right."""
+
 _LATER = 0.1
 """Part by which the measurements have to increase before the control is looked at again, unless one more point has
 become checkable."""
@@ -42,10 +46,15 @@ class ControlExamination:
 
     def __init__(self, block: OnlineBlock, snooping: Snooping, scale: ErrorScale) -> None:
         self._block, self._snooping, self._scale = block, snooping, scale
-        self._next, self._count = 0.0, 0
+        self._examined, self._count = 0, 0
 
-    def examine_if_doubted(self) -> list[Suspect]:
+    def examine_if_doubted(self, *, now: bool = False) -> list[Suspect]:
         """Look at the control if something of it does not fit, and there is more to tell than the last time.
+
+        Parameters
+        ----------
+        now : bool
+            A single new measurement is enough more.
 
         Returns
         -------
@@ -55,9 +64,10 @@ class ControlExamination:
         control, measured = self._checkable(), len(self._block.measurements)
         if len(control) < _FEWEST or not self._is_doubted(control):
             return []
-        if len(control) <= self._count and measured < self._next:
+        due = self._examined + 1 if now else self._examined * (1.0 + _LATER)
+        if len(control) <= self._count and measured < due:
             return []
-        self._count, self._next = len(control), measured * (1.0 + _LATER)
+        self._count, self._examined = len(control), measured
         before = {key for key in self._snooping.suspects if key.kind == "control"}
         self._examine(control)
         return [one for key, one in self._snooping.suspects.items() if key.kind == "control" and key not in before]
@@ -74,12 +84,13 @@ class ControlExamination:
         ]
 
     def _is_doubted(self, control: list[ObservationKey]) -> bool:
-        names = {key.point for key in control}
+        names = dict.fromkeys(key.point for key in control)
         return not self._scale.is_believed or any(key.point in names for key in self._snooping.suspects)
 
     def _examine(self, control: list[ObservationKey]) -> None:
         block, snooping = self._block, self._snooping
-        names = {key.point for key in control}
+        names = dict.fromkeys(key.point for key in control)
+        snooping.disagreeing.clear()
         snooping.forgive([key for key in snooping.suspects if key.point in names])
         with block.weak_control():
             block.include(block.rays_with_values(points=names))
@@ -94,6 +105,18 @@ class ControlExamination:
         self._scale.estimate_again()
         snooping.snoop(list(block.equations.included))
         snooping.review()
+        self._orient_others()
+
+    def _orient_others(self) -> None:
+        """Try the photos again that wait, and may have done so because of wrong control."""
+        block = self._block
+        waiting = [photo for photo in block.measurements.photos if photo not in block.values.orientations]
+        oriented, placed = block.values.advance(block.measurements, waiting, ())
+        if oriented:
+            new = block.include(block.rays_with_values(oriented, placed))
+            block.settle(placed)
+            self._snooping.snoop([key for key in new if key in block.equations.included])
+            block.lose_unsettled()
 
     def _judge(self, control: list[ObservationKey]) -> None:
         """Suspect the control points that disagree with the majority, and let the others carry the datum."""
@@ -109,4 +132,6 @@ class ControlExamination:
             for place in np.flatnonzero(~agrees).tolist():
                 key = control[place]
                 snooping.suspect(Suspect(key, float(misfit[place]), float(limits[place]), ()))
+                if misfit[place] > _CLEARLY * limits[place]:
+                    snooping.disagreeing.add(key)
         block.linearise_again()

@@ -14,10 +14,12 @@ import numpy as np
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
+from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.observations.station import Station
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 Pair = tuple[float, float]
 
@@ -112,6 +114,10 @@ class _ControlByName:
         }
         return len(given | constant) == 3
 
+    def elements_of(self, photo: str) -> frozenset[str]:
+        """Return which elements of the orientation of a photo are observed."""
+        return frozenset(element.kind for element in self._elements.get(f"PHOTO {record_key(photo)}", ()))
+
     def tied_to(self, points: Iterable[str]) -> set[str]:
         """Return the points that distances tie to some points, with these themselves where any does."""
         return {
@@ -184,9 +190,20 @@ class Measurements:
         return self._as_observations((photo, point, ray) for photo, point, ray in self._all())
 
     @property
+    def ground(self) -> GroundSystem:
+        """Return the system in which the blocks of the session are computed."""
+        return self._ground
+
+    @property
     def inputs(self) -> BlockInput:
         """Return what the session was begun with."""
         return self._inputs
+
+    def has_orientation(self, photo: str) -> bool:
+        """Return whether all six elements of a photo are observed or constant: others are at most approximate."""
+        record = self._inputs.records.photos.get(record_key(photo))
+        constant = frozenset[str]() if record is None else frozenset(record.constant)
+        return len(constant | self.control.elements_of(photo)) == len(PHOTO_PARAMETERS)
 
     def name_of(self, photo: str) -> str:
         """Return the name of a photo as it is defined."""

@@ -144,10 +144,19 @@ class Measuring:
             self.block.relinearise()
         if self.suspects:
             self._snooping.review()
+        self.examine_control()
+
+    def examine_control(self) -> None:
+        """Look at the control with all that is measured by now, if something of it does not fit."""
+        self._control.examine_if_doubted(now=True)
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
         return advice(self.block, photos, most) if self.block.values.orientations else ()
+
+    def limit(self, checked: int) -> float:
+        """Return the limit of w of an observation of which so many equations are checked."""
+        return self._scale.limit(checked)
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
@@ -175,7 +184,8 @@ class Measuring:
             found.suspects += self._control.examine_if_doubted()
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
-        again = [other for other in self.suspects if other.point == point]
+        control = self._snooping.disagreeing
+        again = [other for other in self.suspects if other.point == point and other not in control]
         self._snooping.forgive(again)
         fresh = dict.fromkeys([point, *found.placed])
         rays = block.rays_with_values(found.oriented, fresh)

@@ -16,6 +16,7 @@ from orip.online.current_values import CurrentValues, with_cameras_held
 from orip.online.measurements import Measurements, RayName
 from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
+from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
@@ -79,6 +80,11 @@ class OnlineBlock:
         """Return the standard error of unit weight of what is in; None without redundancy."""
         redundancy = self.equations.redundancy
         return float(np.sqrt(self.equations.square_sum / redundancy)) if redundancy > 0 else None
+
+    @property
+    def ground(self) -> GroundSystem:
+        """Return the system of coordinates of the values."""
+        return self.measurements.ground
 
     def key(self, photo: str, point: str) -> ObservationKey:
         """Return the key of a photo point, with the name of the photo as it is defined."""

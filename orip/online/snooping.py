@@ -40,6 +40,8 @@ class Snooping:
     def __init__(self, block: OnlineBlock, scale: ErrorScale) -> None:
         self.block, self.scale = block, scale
         self.suspects: dict[ObservationKey, Suspect] = {}
+        self.disagreeing: set[ObservationKey] = set()
+        """Control that contradicts most other control: it stays out until all of it is looked at again."""
 
     def suspect(self, suspect: Suspect) -> None:
         """Take an observation out as suspect."""
@@ -85,7 +87,8 @@ class Snooping:
     def review(self) -> list[ObservationKey]:
         """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
         taken = []
-        for key in sorted(self.suspects, key=lambda key: self.suspects[key].w):
+        tried = [key for key in self.suspects if key not in self.disagreeing]
+        for key in sorted(tried, key=lambda key: self.suspects[key].w):
             rows = self.block.rows(self.block.rays_with_values(points=[key.point])).get(key)
             if rows is None:
                 continue

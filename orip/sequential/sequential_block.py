@@ -15,7 +15,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray
-from orip.sequential.hyper_row import HyperRow, ObservationRows, factored
+from orip.sequential.hyper_row import ObservationRows
+from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle, factored_point
 from orip.sequential.reduced_rows import ReducedRows
 from orip.sequential.standing import LEAST_REDUNDANCY, Standing
 from orip.sequential.triangle import Triangle
@@ -28,39 +29,11 @@ _AT_ONCE = 256
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
+_FEW_UNKNOWNS = 150
+"""Reduced unknowns, those of 25 photos, of which a triangle is built in milliseconds."""
+
 _MOST_DOWNDATES = 1000
 """Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
-
-
-class _Point(NamedTuple):
-    """A point as it is in the triangle."""
-
-    hyper_row: HyperRow
-    reduced: tuple[ReducedRows, ...]
-
-
-class _Points(dict[str, _Point]):
-    """Points by name, and how many coordinates of them are determined."""
-
-    def __init__(self, points: Mapping[str, _Point] | None = None) -> None:
-        super().__init__(points or {})
-        self.coordinates = sum(len(point.hyper_row.coordinates) for point in self.values())
-
-    def __setitem__(self, name: str, point: _Point) -> None:
-        before = self.get(name)
-        self.coordinates += len(point.hyper_row.coordinates)
-        self.coordinates -= 0 if before is None else len(before.hyper_row.coordinates)
-        super().__setitem__(name, point)
-
-    def taken(self, name: str) -> _Point:
-        """Take a point out, and return it."""
-        point = self.pop(name)
-        self.coordinates -= len(point.hyper_row.coordinates)
-        return point
-
-    def copy(self) -> _Points:
-        """Return the same points, to go back to them."""
-        return _Points(self)
 
 
 class _Whitened(NamedTuple):
@@ -79,7 +52,7 @@ class SequentialBlock(Generic[Key]):
         self.triangle = Triangle()
         self._included: dict[Key, ObservationRows] = {}
         self._of_points: dict[str, list[Key]] = {}
-        self._points = _Points()
+        self._points = PointsInTriangle()
         self._equations = 0
         self._downdates = 0
         self.rebuilt = 0
@@ -118,6 +91,11 @@ class SequentialBlock(Generic[Key]):
         """
         if key in self._included:
             raise KeyError(key)
+        leftovers = self._taken_in(key, rows)
+        self._refresh_if_singular()
+        return leftovers
+
+    def _taken_in(self, key: Key, rows: ObservationRows) -> FloatArray:
         self._equations += len(rows.right)
         if rows.point is None:
             self._included[key] = rows
@@ -144,10 +122,10 @@ class SequentialBlock(Generic[Key]):
             before = self._points.get(name)
             if before is not None and before.hyper_row.is_complete:
                 hyper_row, reduced = before.hyper_row.with_row(row)
-                self._points[name] = _Point(hyper_row, (*before.reduced, reduced))
+                self._points[name] = PointInTriangle(hyper_row, (*before.reduced, reduced))
                 leftovers.append(float(self.triangle.update(reduced)[0]))
             elif before is None or not before.reduced:
-                self._points[name] = after = _factored_point(so_far)
+                self._points[name] = after = factored_point(so_far)
                 leftovers.append(float(sum(np.sum(self.triangle.update(of_all)) for of_all in after.reduced)))
             else:
                 break
@@ -162,6 +140,15 @@ class SequentialBlock(Generic[Key]):
         else:
             self._of_points[rows.point].remove(key)
             self._point_changed(rows.point)
+        self._refresh_if_singular()
+
+    def _refresh_if_singular(self) -> None:
+        """Build a small triangle again in which something is not determined.
+
+        What is rounding there, and what is not, shows in all equations together and not in one after the other.
+        """
+        if self.triangle.size <= _FEW_UNKNOWNS and not self.triangle.is_regular:
+            self.rebuild(())
 
     def replace(self, key: Key, rows: ObservationRows) -> None:
         """Replace the equations of an observation: measured again, or linearised again."""
@@ -176,6 +163,7 @@ class SequentialBlock(Generic[Key]):
             self._replace((before.reduced,), (rows.reduced,))
         else:
             self._point_changed(rows.point)
+        self._refresh_if_singular()
 
     def replace_all(self, rows: Mapping[Key, ObservationRows]) -> None:
         """Replace the equations of some observations that are in, of the same points: those of a photo that has moved.
@@ -217,7 +205,7 @@ class SequentialBlock(Generic[Key]):
             if rows.point is not None:
                 self._of_points.setdefault(rows.point, []).append(key)
         known = {} if changed is None else {name: point for name, point in self._points.items() if name not in changed}
-        self._points = _Points({name: known.get(name) or self._factored(name) for name in self._of_points})
+        self._points = PointsInTriangle({name: known.get(name) or self._factored(name) for name in self._of_points})
         self._equations = sum(len(rows.right) for rows in self._included.values())
         of_points = [reduced for point in self._points.values() for reduced in point.reduced]
         of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
@@ -249,7 +237,7 @@ class SequentialBlock(Generic[Key]):
         all_of_it = point is not None and bool(point.reduced)
         saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
         points, downdates = self._points.copy(), self._downdates
-        self.include(key, rows)
+        self._taken_in(key, rows)
         standing = self.standing(key)
         del self._included[key]
         self._equations -= len(rows.right)
@@ -360,8 +348,8 @@ class SequentialBlock(Generic[Key]):
             for own, part, start, end in zip(owns, parts, ends, ends[1:], strict=False)
         ]
 
-    def _factored(self, name: str) -> _Point:
-        return _factored_point([self._included[key] for key in self._of_points[name]])
+    def _factored(self, name: str) -> PointInTriangle:
+        return factored_point([self._included[key] for key in self._of_points[name]])
 
     def _point_changed(self, name: str) -> None:
         """Bring what the observations of a point say about the reduced unknowns up to date."""
@@ -381,11 +369,6 @@ class SequentialBlock(Generic[Key]):
         in_time = self._downdates <= _MOST_DOWNDATES
         if not (in_time and all(self.triangle.downdate(rows, LEAST_REDUNDANCY) for rows in before)):
             self.rebuild()
-
-
-def _factored_point(observations: Sequence[ObservationRows]) -> _Point:
-    hyper_row, reduced = factored(observations)
-    return _Point(hyper_row, (reduced,) if len(reduced.right) else ())
 
 
 def _scale(leverage: FloatArray) -> FloatArray:
