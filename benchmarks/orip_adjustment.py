@@ -19,13 +19,13 @@ import time
 import numpy as np
 from aerial_blocks import POINTS_A_PHOTO
 from peer_problem import block_of, pixel_mm
-from threadpoolctl import threadpool_limits
 
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.precision import Cofactors, cofactors
 from orip.bundle.problem import pose_problem, starting_state
-from orip.bundle.solve import iteration_settings, threads_that_pay
+from orip.bundle.solve import iteration_settings
 from orip.bundle.state import BlockState
+from orip.threads import limited_threads
 
 
 def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
@@ -34,7 +34,7 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
     clock = [_now()]
     problem, state, settings = pose_problem(block), starting_state(block), iteration_settings(block.definition)
     clock.append(_now())
-    with threads_that_pay(problem):
+    with limited_threads(None):
         adjusted = adjust(problem, state, settings, lambda _: None, lambda: False)
         clock.append(_now())
         peak = _peak_mb()
@@ -89,7 +89,7 @@ def main() -> None:
     parser.add_argument("--points", type=int, default=POINTS_A_PHOTO, help="points a photo")
     parser.add_argument("--threads", type=int, default=1)
     given = parser.parse_args()
-    with threadpool_limits(given.threads):
+    with limited_threads(given.threads):
         print(json.dumps(adjustment(given.case, given.points)))
 
 

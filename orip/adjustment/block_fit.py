@@ -39,7 +39,7 @@ def with_blocks_fitted(
     """
     layout, state = problem.layout, moved.state
     fixed = layout.fixed[layout.reduced :].reshape(-1, 3)
-    root, lost = np.sqrt(np.where(before.active, weights, 0.0)), _lost(before)
+    root, lost = np.sqrt(np.where(before.active, weights, 0.0)), _lost(before.residual)
     here = _normals(moved.equations, root, lost, layout)
     damping = np.zeros(layout.blocks)
     for _ in range(_PASSES):
@@ -65,11 +65,15 @@ def judged_residuals(before: Equations, after: Equations) -> FloatArray:
     The square of one that can no longer be computed counts as four times the sum of 1 and its former square, so that
     losing an observation is no improvement.
     """
-    return np.where(before.active, np.where(after.active, after.residual, _lost(before)), 0.0)
+    judged = np.where(before.active, after.residual, 0.0)
+    rows = np.flatnonzero(before.active & ~after.active)
+    judged[rows] = _lost(before.residual[rows])
+    return judged
 
 
-def _lost(before: Equations) -> FloatArray:
-    return np.sqrt(_OUT_OF_SIGHT * (1.0 + before.residual**2))
+def _lost(residual: FloatArray) -> FloatArray:
+    """Return what observations that can no longer be computed count as, from their residuals before."""
+    return np.sqrt(_OUT_OF_SIGHT * (1.0 + residual**2))
 
 
 def _corrections(normals: BlockNormals, damping: FloatArray, fixed: NDArray[np.bool_]) -> FloatArray:

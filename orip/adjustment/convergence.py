@@ -53,7 +53,8 @@ def exponent_of_numerical_precision(reduced_square_sum: float, unknowns: int) ->
 
 def weights_are_steady(before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
     """Return whether no weight factor changes by more than 0.05 from one iteration to the next."""
-    return bool(np.abs(after - before).max(initial=0.0) <= _WEIGHT_CHANGE)
+    change = after - before
+    return bool(max(change.max(initial=0.0), -change.min(initial=0.0)) <= _WEIGHT_CHANGE)
 
 
 def is_diverging(enps: Sequence[float]) -> bool:

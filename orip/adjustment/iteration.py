@@ -288,7 +288,8 @@ def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: La
     full = equations.active & (weights >= 1.0)
     # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
     redundancy = max(int(np.count_nonzero(full)) - effective, 0)
-    square_sum = float(np.sum(equations.residual[full & ~equations.exact] ** 2))
+    judged = np.where(full & ~equations.exact, equations.residual, 0.0)
+    square_sum = float(judged @ judged)
     return IterationRecord(
         iteration=iteration,
         enp=exponent_of_numerical_precision(normals.reduced_square_sum, effective),

@@ -115,4 +115,6 @@ def _total_weight(before: Equations, weights: FloatArray) -> float:
 def _mean_square(before: Equations, weights: FloatArray, residual: FloatArray) -> float:
     """Return the weighted mean square of residuals (n,) of what could be computed before the step."""
     taken = np.where(before.active, weights, 0.0)
-    return float(taken @ residual**2) / _total_weight(before, weights)
+    total = max(float(taken.sum()), 1.0)
+    taken *= residual
+    return float(taken @ residual) / total

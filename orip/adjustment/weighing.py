@@ -203,11 +203,15 @@ def weighing_from(limit: float, start: int | None, *, early: bool) -> Weighing:
 def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
     """Return whether weights (n,) are reduced as often as in tracks of feature matching."""
     judged = _judged(equations)
-    return _are_many(weights[judged] < 1.0)
+    return _is_many(int(np.count_nonzero(judged & (weights < 1.0))), int(np.count_nonzero(judged)))
 
 
 def _are_many(wrong: BoolArray) -> bool:
-    return bool(np.count_nonzero(wrong) >= max(_MANY, _MANY_PART * len(wrong)))
+    return _is_many(int(np.count_nonzero(wrong)), len(wrong))
+
+
+def _is_many(wrong: int, of_all: int) -> bool:
+    return wrong >= max(_MANY, _MANY_PART * of_all)
 
 
 def _are_of_tracks(wrong: BoolArray) -> bool:

@@ -19,11 +19,12 @@ from orip.api.given import (
     PreliminaryPoints,
     Stations,
 )
-from orip.api.method import Sigma0, method_of, one_thread
+from orip.api.method import Sigma0, method_of
 from orip.api.solution import Solution
 from orip.records.results.solution import IterationPass
 from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY, solve
+from orip.threads import limited_threads
 
 
 class Block:
@@ -172,5 +173,5 @@ class Block:
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune, variance_components)
-        with one_thread():
+        with limited_threads(None):
             return Solution(*solve(self._gathered, method, watcher))

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Literal, get_args
-
-from threadpoolctl import threadpool_limits
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping.search import SnoopingSettings
@@ -38,10 +34,3 @@ def method_of(
     defaults = SnoopingSettings()
     settings = SnoopingSettings(sigma0 or defaults.sigma0, alpha)
     return Method(settings if snoop else None, prune, variance_components)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread, as the commands do: results repeat to the last bit."""
-    with threadpool_limits(limits=1):
-        yield

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.api.given import ControlPoints, PhotoPoints
-from orip.api.method import Sigma0, method_of, one_thread
+from orip.api.method import Sigma0, method_of
 from orip.api.solution import Solution
 from orip.errors import ProjectWarning
 from orip.records.names import record_key
@@ -20,6 +20,7 @@ from orip.records.project.photo import Photo
 from orip.records.results.solution import IterationPass
 from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY
+from orip.threads import limited_threads
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure, measure_step
@@ -177,7 +178,7 @@ class Project:
         """
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune, variance_components)
-        with one_thread():
+        with limited_threads(None):
             change = solve(self._bundle(bundle), watcher, method)
         outcome = change.outcome
         return Solution(outcome.solution, outcome.solved, partial(self._save, change))

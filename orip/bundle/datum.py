@@ -20,10 +20,10 @@ from orip.adjustment.factorisation.band import without_product
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.movements import movements_of_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
-from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
 from orip.records.block import Block
 
 _DETERMINED = 1e-8
@@ -50,8 +50,10 @@ class FreeDatum:
 
     def transformed(self, correction: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
         """Return corrections S c of all unknowns (m + 3 b,) or (m + 3 b, k) that meet the inner constraints."""
-        generator, inner, solver = self._transformation(state, unknowns)
-        return np.asarray(correction - generator @ (solver @ (inner.T @ correction)))
+        free = movements_of_block(state, unknowns).combined(self.movements)
+        sums = free.transposed_at(self.points, correction)
+        amounts = np.asarray(np.linalg.solve(free.squares_at(self.points), sums), dtype=np.float64)
+        return np.asarray(correction - free.times(amounts))
 
     def transposed(self, vectors: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
         """Return S^T v of vectors (m + 3 b, k), see `transformed_cofactors`."""
@@ -61,75 +63,31 @@ class FreeDatum:
     def transformed_cofactors(
         self, found: Cofactors, normals: SolvedNormals, state: BlockState, unknowns: Unknowns
     ) -> Cofactors:
-        """Return S Q S^T block by block, with S = I - G (B^T G)^-1 B^T; leverages do not depend on the datum."""
+        """Return S Q S^T block by block, with S = I - G (B^T G)^-1 B^T; leverages do not depend on the datum.
+
+        With M = G (B^T G)^-1 and Y = Q B it is Q - M Z^T - Z M^T, where Z = Y - M (B^T Y) / 2. Q has elements within
+        the band alone: the others are not needed.
+        """
         generator, inner, solver = self._transformation(state, unknowns)
         spread = normals.solve(inner)
         moved = generator @ solver
-        middle = inner.T @ spread
-        # S Q S^T = Q - L R^T, where Q has elements: those outside of the band are not needed
-        left, right = np.hstack([moved, spread - moved @ middle]), np.hstack([spread, moved])
-        m, shape = unknowns.layout.reduced, (-1, 3, left.shape[1])
-        reduced = without_product(found.reduced, left[:m], right[:m])
-        blocks = found.blocks - left[m:].reshape(shape) @ np.swapaxes(right[m:].reshape(shape), -1, -2)
-        return replace(found, reduced=reduced, blocks=blocks)
+        half = spread - moved @ (inner.T @ spread / 2.0)
+        m = unknowns.layout.reduced
+        pairs = (moved[:m], half[:m]), (half[:m], moved[:m])
+        reduced = without_product(found.reduced, *(np.hstack(pair) for pair in pairs))
+        shape = (-1, 3, moved.shape[1])
+        product = moved[m:].reshape(shape) @ np.swapaxes(half[m:].reshape(shape), 1, 2)
+        return replace(found, reduced=reduced, blocks=found.blocks - product - np.swapaxes(product, 1, 2))
 
     def _transformation(self, state: BlockState, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return G (u, d), B (u, d): G in the rows of the datum points alone, and (B^T G)^-1."""
-        generator = movement_generator(state, unknowns) @ self.movements
+        free = movements_of_block(state, unknowns).combined(self.movements)
+        generator = free.dense()
         inner = np.zeros_like(generator)
         columns = unknowns.points[self.points]
         columns = columns[columns != CONSTANT]
         inner[columns] = generator[columns]
-        return generator, inner, np.asarray(np.linalg.inv(inner.T @ generator), dtype=np.float64)
-
-
-def movement_generator(state: BlockState, unknowns: Unknowns) -> FloatArray:
-    """Return the change of all unknowns (m + 3 b, 7) under small movements of the whole block.
-
-    The movements are three shifts in units of the block's size, three rotations about its centre, and scale.
-    """
-    points = _known_points(state)
-    centre, size = points.mean(axis=0), _size(state)
-    at_points = np.where(np.isfinite(state.points), state.points, centre)
-    result = np.zeros((unknowns.layout.size, 7))
-    _put(result, unknowns.points, _positions(at_points - centre, size))
-    _put(result, unknowns.photos[:, :3], _positions(state.centres - centre, size))
-    turns = np.broadcast_to(np.eye(3), state.rotations.shape).copy()
-    by_angles = state.turned_by_angles
-    if by_angles.any():
-        turns[by_angles] = angle_rates_from_axes_rotation(state.angles()[by_angles])
-    rotations = np.zeros((len(turns), 3, 7))
-    rotations[:, :, 3:6] = turns
-    _put(result, unknowns.photos[:, 3:], rotations)
-    zero_directions = np.zeros((len(unknowns.theodolites), 7))
-    # azimuths run clockwise, rotations about Z the other way
-    zero_directions[:, 5] = -1.0
-    _put(result, unknowns.theodolites, zero_directions)
-    return result
-
-
-def _size(state: BlockState) -> float:
-    points = _known_points(state)
-    return float(np.sqrt(np.mean((points - points.mean(axis=0)) ** 2)) or 1.0)
-
-
-def _known_points(state: BlockState) -> FloatArray:
-    """Return the points (k, 3) that have coordinates; those whose rays do not meet may have none."""
-    known = np.isfinite(state.points).all(axis=1)
-    return state.points[known] if known.any() else np.zeros((1, 3))
-
-
-def _positions(offset: FloatArray, size: float) -> FloatArray:
-    result = np.empty((*offset.shape, 7))
-    result[:, :, :3] = size * np.eye(3)
-    result[:, :, 3:6] = -cross_matrix(offset)
-    result[:, :, 6] = offset
-    return result
-
-
-def _put(result: FloatArray, columns: IntArray, rows: FloatArray) -> None:
-    unknown = columns != CONSTANT
-    result[columns[unknown]] = rows[unknown]
+        return generator, inner, np.asarray(np.linalg.inv(free.squares_at(self.points)), dtype=np.float64)
 
 
 def free_datum(
@@ -157,12 +115,12 @@ def free_datum(
     InputError
         If a datum point is not in the block, or the datum points do not suffice.
     """
-    generator = movement_generator(state, unknowns)
+    movements = movements_of_block(state, unknowns)
+    generator = movements.dense()
     free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
-    size = _size(state)
     length = np.isin(photo_columns, unknowns.photos[:, :3])
-    scaled = (generator[photo_columns] / np.where(length, size, 1.0)[:, None]) @ free
+    scaled = (generator[photo_columns] / np.where(length, movements.size, 1.0)[:, None]) @ free
     _, _, order = qr(scaled.T, pivoting=True, mode="economic")
     datum = FreeDatum(free, photo_columns[order[: free.shape[1]]], _datum_points(block))
     _require_enough_points(datum, state, unknowns)
@@ -179,7 +137,7 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
     design : sparse array (n, m + 3 b)
         Of the observations that may determine them.
     """
-    generator = movement_generator(state, unknowns)
+    generator = movements_of_block(state, unknowns).dense()
     allowed = abs(design) @ np.maximum(generator.max(axis=1), -generator.min(axis=1))
     scale = np.where(allowed > 0.0, allowed, 1.0)[:, None]
     by_observations = _beyond_antennas((design @ generator) / scale, design, scale, unknowns)
@@ -219,7 +177,7 @@ def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
         layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )
-    rows = movement_generator(state, as_unknown)[constant]
+    rows = movements_of_block(state, as_unknown).dense()[constant]
     return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300))
 
 
@@ -235,7 +193,7 @@ def _datum_points(block: Block) -> IntArray:
 
 
 def _require_enough_points(datum: FreeDatum, state: BlockState, unknowns: Unknowns) -> None:
-    generator = movement_generator(state, unknowns) @ datum.movements
+    generator = movements_of_block(state, unknowns).combined(datum.movements).dense()
     columns = unknowns.points[datum.points]
     rows = generator[columns[columns != CONSTANT]]
     if len(rows) < rows.shape[1] or np.linalg.svd(rows, compute_uv=False)[-1] < _DETERMINED * np.abs(rows).max():

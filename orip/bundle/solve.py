@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +19,7 @@ from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.project.definition import BundleDefinition
-
-_LARGE = 2000
-"""Number of unknowns from which several threads factor a full reduced system faster than one."""
+from orip.threads import limited_threads
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,20 +117,11 @@ def solve_problem(
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
-    with threads_that_pay(problem):
+    with limited_threads(None):
         with stage("adjusting"):
             adjustment = adjust(problem, start, settings, on_iteration, stop_asked)
             adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
         return _with_precision(problem, adjustment)
-
-
-def threads_that_pay(problem: BlockProblem) -> AbstractContextManager[object]:
-    """Return a context in which BLAS has one thread, except for large full matrices: others gain nothing."""
-    from threadpoolctl import threadpool_limits
-
-    layout = problem.layout
-    full = layout.arrangement is None and layout.reduced >= _LARGE
-    return nullcontext() if full else threadpool_limits(1, user_api="blas")
 
 
 def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:

@@ -103,6 +103,10 @@ def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
 
 
 def entries_at(vector: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
-    """Return the entries of a vector of all unknowns at columns, zero where there is no unknown."""
-    padded = np.append(vector, 0.0)
-    return np.asarray(padded[np.where(columns == CONSTANT, len(vector), columns)])
+    """Return the entries of a vector (u,) or (u, k) of all unknowns at columns, zero where there is no unknown."""
+    if not len(vector):
+        return np.zeros((*columns.shape, *vector.shape[1:]))
+    # a constant leads to the last entry
+    found = vector[columns]
+    found[columns == CONSTANT] = 0.0
+    return np.asarray(found)

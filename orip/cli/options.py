@@ -21,7 +21,14 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on s
 Color = Annotated[
     ColorChoice | None, typer.Option("--color", help="Colour: auto (default; on a terminal), always, never.")
 ]
-Threads = Annotated[int | None, typer.Option("--threads", min=1, help="Threads of the linear algebra (default 1).")]
+Threads = Annotated[
+    int | None,
+    typer.Option(
+        "--threads",
+        min=1,
+        help="Threads of an adjustment (default: OMP_NUM_THREADS, or as many as there are processors).",
+    ),
+]
 
 BundleArgument = Annotated[
     str | None,
@@ -56,7 +63,7 @@ class SharedOptions(NamedTuple):
 
     def terminal(self) -> Terminal:
         """Return the terminal that they ask for."""
-        return Terminal(self.quiet, self.verbose, self.json, self.color or "auto", self.threads or 1)
+        return Terminal(self.quiet, self.verbose, self.json, self.color or "auto", self.threads)
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,15 +48,15 @@ class Terminal:
     quiet, verbose, json : bool
     color : {"auto", "always", "never"}
         auto: on a terminal, unless NO_COLOR is set.
-    threads : int
-        Threads of the linear algebra.
+    threads : int or None
+        Threads of an adjustment; None: see `orip.threads.available_threads`.
     """
 
     quiet: bool = False
     verbose: bool = False
     json: bool = False
     color: ColorChoice = "auto"
-    threads: int = 1
+    threads: int | None = None
     _warned: set[str] = field(default_factory=set, compare=False)
     _bars: list[ProgressBar] = field(default_factory=list, compare=False)
 

@@ -103,6 +103,19 @@ class Reprojection:
         """Return the median of the lengths, pixels; infinite without rays."""
         return float(np.median(self.lengths)) if self.lengths.size else np.inf
 
+    def measurement_error(self, photo: IntArray, point: IntArray) -> float:
+        """Return the standard error of an image coordinate, pixels, if poses and points were adjusted to the rays.
+
+        `photo` and `point` (k,) are those of each ray. NaN where no measurement checks another.
+        """
+        known = np.isfinite(self.residuals).all(axis=1)
+        rays = np.bincount(point[known])
+        used = known & (rays[np.where(known, point, 0)] >= 2)
+        points, photos = len(np.unique(point[used])), len(np.unique(photo[used]))
+        redundancy = 2 * int(used.sum()) - 3 * points - 6 * photos
+        squares = float(np.sum(self.residuals[used] ** 2))
+        return float(np.sqrt(squares / redundancy)) if redundancy > 0 else np.nan
+
     def mean_of_points(self, point: IntArray) -> float:
         """Return the mean over points of the mean lengths of their residuals; `point` (k,) is that of each ray."""
         with np.errstate(over="ignore"):

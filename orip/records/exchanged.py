@@ -274,8 +274,8 @@ class ExchangedProject:
         None: an arbitrary or plain system.
     ground_unit : str
     frame : GroundFrame
-    precision : float
-        A-priori error of a measurement, in the unit of `ray_axes`.
+    precision : float or None
+        A-priori error of a measurement, in the unit of `ray_axes`; None: as the residuals of the import say.
     stated : StatedError or None
     is_calibration : bool
         It has cameras, and no photos.
@@ -299,7 +299,7 @@ class ExchangedProject:
     crs: str | None = None
     ground_unit: str = "unit"
     frame: GroundFrame = field(default_factory=GroundFrame)
-    precision: float = 1.0
+    precision: float | None = 1.0
     stated: StatedError | None = None
     is_calibration: bool = False
     mapped: MappedPlaces | None = None

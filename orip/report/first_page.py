@@ -12,8 +12,8 @@ from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 from orip.records.results.station_residuals import POSITION_KINDS
 from orip.report.numbers import counted, significant
-from orip.report.photo_residuals import rms_of_photos
 from orip.report.photo_scale import photo_scale
+from orip.report.photos.residuals import rms_of_photos
 from orip.report.report_input import ReportInput
 from orip.units import METRES_PER_GROUND_UNIT
 

@@ -25,12 +25,12 @@ from orip.report.first_page import key_numbers, method_facts, order_facts
 from orip.report.groups import group_table
 from orip.report.models import model_grid
 from orip.report.numbers import counted, fixed, probability, significant
-from orip.report.photo_residuals import photo_residual_table, residual_histograms
+from orip.report.photos.residuals import photo_residual_table, residual_histograms
+from orip.report.photos.rigs import rig_table
+from orip.report.photos.stations import station_charts, station_table, strip_table
 from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
 from orip.report.report_input import ReportInput
-from orip.report.rigs import rig_table
 from orip.report.run_mark import RUN_NAME
-from orip.report.stations import station_charts, station_table, strip_table
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
 from orip.report.variance_components import variance_component_table
@@ -107,7 +107,7 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
-        "rigs": rig_table(given),
+        "rigs": rig_table(solution),
         "strong": STRONG,
         "vectors": vector_sheets(given),
         "block": _as_data(block_view(given)),

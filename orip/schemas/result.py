@@ -69,6 +69,26 @@ class Station(Part, frozen=True):
     attitude_weight_factor: Angles | UnsetType = UNSET
 
 
+class RigFigure(Estimate, frozen=True):
+    """A figure of a rig: its standard deviation is that of the mean, its scatter that of one instant."""
+
+    scatter: float | None
+
+
+class Rig(Part, frozen=True):
+    """Two cameras that move together: the second in the system of the first, ground units and degrees."""
+
+    first: str
+    second: str
+    instants: int
+    BX: RigFigure
+    BY: RigFigure
+    BZ: RigFigure
+    OMEGA: RigFigure
+    PHI: RigFigure
+    KAPPA: RigFigure
+
+
 class Theodolite(Part, frozen=True):
     """The zero direction of a set."""
 
@@ -223,6 +243,7 @@ class Result(Part, frozen=True):
     points: dict[str, Point]
     antennas: dict[str, Antenna]
     stations: dict[str, Station]
+    rigs: list[Rig]
     theodolites: dict[str, Theodolite]
     down_weighted: list[Observation]
     singular: list[Singular]

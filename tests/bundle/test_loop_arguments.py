@@ -20,11 +20,11 @@ from orip.records.block import Block
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
-OWN = 13
+OWN = 14
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
-FUNCTIONS = ("layout", "residuals", "points", "eliminate", "precision", "forward", "backward")
+FUNCTIONS = ("layout", "turns", "residuals", "points", "eliminate", "precision", "forward", "backward")
 MAX_LOST = 12.0
 
 
@@ -67,7 +67,7 @@ def assert_refused(name: str, arguments: list[Any], first: int = 0) -> None:
     function = getattr(photo_loop.compiled, name)
     assert call(function, arguments) is None
     written = written_by(function, arguments)
-    assert bool(written) == (name != "layout")
+    assert bool(written) == (name not in {"layout", "turns"})
     for wrong in (*wrong_calls(arguments, written, first), *overlapping(arguments, written)):
         fault = call(function, wrong.arguments)
         assert wrong.refused is None or (fault is not None) == wrong.refused, wrong.what
@@ -115,9 +115,9 @@ def test_indices_changed_after_they_were_checked_have_no_effect(calls: dict[str,
     for wrong in (None, 2**31 - 1):
         for array in indices if wrong else ():
             array[...] = min(wrong or 0, np.iinfo(array.dtype).max) if array.dtype != bool else True
-        *arrays, vectors = calls["backward"][1:]
+        turns, *arrays, vectors = calls["backward"][1:]
         arguments = [given.copy() for given in arrays]
-        photo_loop.compiled.backward(layout, *arguments, vectors)
+        photo_loop.compiled.backward(layout, turns, *arguments, vectors)
         found.append(arguments[-1])
     assert np.array_equal(*found)
 

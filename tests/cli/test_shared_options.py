@@ -23,10 +23,10 @@ COMMANDS = sorted(typer.main.get_command(app).commands)  # type: ignore[attr-def
 @pytest.mark.parametrize(
     ("before", "after", "merged"),
     [
-        ({}, {}, ("auto", 1)),
+        ({}, {}, ("auto", None)),
         ({"color": "never"}, {"threads": 2}, ("never", 2)),
-        ({"color": "never"}, {"color": "always"}, ("always", 1)),
-        ({"color": "always"}, {"color": "auto"}, ("auto", 1)),
+        ({"color": "never"}, {"color": "always"}, ("always", None)),
+        ({"color": "always"}, {"color": "auto"}, ("auto", None)),
         ({"threads": 2}, {"threads": 1}, ("auto", 1)),
         ({"threads": 2}, {}, ("auto", 2)),
     ],

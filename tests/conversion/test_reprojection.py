@@ -114,3 +114,15 @@ def test_a_declared_reading_that_fits_coarsely_is_told_from_one_that_does_not_fi
     # half of the lengths of two coordinates of 12 px are above 12 sqrt(2 ln 2) = 14 px
     assert found.typical == pytest.approx(14.1, rel=0.1)
     assert (found.fits, found.fits_coarsely, is_declared) == (False, True, True)
+
+
+def test_the_error_of_measurements_follows_from_the_residuals_of_an_adjustment() -> None:
+    """Of 30 points in 4 photos; those of 3 points are fewer than the coordinates and orientations."""
+    photo, point = (a.ravel() for a in np.meshgrid(np.arange(4), np.arange(30), indexing="ij"))
+    residuals = np.full((len(photo), 2), 0.5)
+    found = Reprojection(OPK, np.zeros((4, 3, 3)), np.zeros((4, 3)), residuals, np.zeros(len(photo), dtype=bool))
+    # 240 coordinates, 90 + 24 unknowns
+    assert found.measurement_error(photo, point) == pytest.approx(0.5 * np.sqrt(240 / 126))
+    few = point < 3
+    small = replace(found, residuals=residuals[few])
+    assert np.isnan(small.measurement_error(photo[few], point[few]))

@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 from exchange.colmap_samples import genuine, small_model, written
 
-from orip.conversion.cameras import convert_camera
-from orip.conversion.reprojection import fitting_reading
 from orip.exchange.colmap.binary import cameras_from_bytes, images_from_bytes, points_from_bytes, rigs_from_bytes
 from orip.exchange.colmap.folder import Form, read_folder
 from orip.exchange.colmap.model import CAMERA_MODELS, MODEL_NAMES, ColmapCamera, ColmapModel
@@ -172,36 +170,6 @@ def test_colmap_itself_reads_what_is_written(tmp_path: Path, form: Form) -> None
 
 
 # ---- genuine models ----
-
-
-@pytest.mark.parametrize(
-    ("name", "counts", "figures"),
-    [
-        *[(name, (9, 6319, 25548), (0.82689, 0.64605, 0.61935)) for name in SCEAUX_9],
-        ("sceaux-11-binary", (11, 7862, 37123), (0.79785, None, 0.604344)),
-    ],
-)
-def test_figures_of_genuine_models(tmp_path: Path, name: str, counts: tuple[int, ...], figures: tuple) -> None:
-    project = read(genuine(name, tmp_path))
-    assert (len(project.photos), len(project.points.names), len(project.rays.photo)) == counts
-    cameras = [convert_camera(camera, "K1") for camera in project.cameras]
-    assert cameras[0].is_exact
-    found, is_declared = fitting_reading(project, cameras, cameras[0].pixels(project.rays.image))
-    rms, mean, stated = figures
-    assert is_declared
-    assert found.rms == pytest.approx(rms, abs=6e-6)
-    assert mean is None or found.mean == pytest.approx(mean, abs=6e-6)
-    assert project.stated is not None
-    assert project.stated.value == pytest.approx(stated, abs=6e-6)
-    # the errors that the file states are those of its last global adjustment, and have six digits
-    assert found.mean_of_points(project.rays.point) == pytest.approx(stated, abs=2e-4)
-
-
-@pytest.mark.parametrize("name", [*SCEAUX_9, "sceaux-11-binary"])
-def test_genuine_models_written_back_change_no_byte(tmp_path: Path, name: str) -> None:
-    folder = genuine(name, tmp_path)
-    for file, data in write_model(read(folder), folder).items():
-        assert data == (folder / file).read_bytes(), file
 
 
 def test_models_with_rigs_and_frames_are_imported_like_those_without(tmp_path: Path) -> None:

@@ -12,9 +12,7 @@ from exchange.imported import read_well, reprojected, sample, written
 
 from orip.conversion.cameras import convert_camera, lens_pixels, pixels_of_directions
 from orip.conversion.lenses.table import image_of_directions
-from orip.exchange.metashape.sensors import read_lens_file
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
-from orip.exchange.sources.faults import Faults
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
@@ -124,22 +122,6 @@ def test_a_chunk_on_the_earth_is_geocentric() -> None:
     assert camera.sensor_mm == pytest.approx((5280 * 0.0033582, 3956 * 0.0033582))
 
 
-def test_a_lens_of_metashape_is_its_twin_of_opencv_half_a_pixel_off() -> None:
-    folder = sample("metashape", "icepy4d")
-    camera = read_lens_file(folder / "35mm_280722_selfcal_all_metashape.xml", Faults("lens"))
-    assert camera is not None
-    text = (folder / "35mm_280722_selfcal_all_opencv.xml").read_text()
-    fx, _, cx, _, fy, cy, *_ = _opencv_matrix(text, "Camera_Matrix")
-    k1, k2, p1, p2, k3 = [*_opencv_matrix(text, "Distortion_Coefficients"), 0.0][:5]
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.3, 0.3, 9), np.linspace(-0.2, 0.2, 9)))
-    s = x * x + y * y
-    radial = 1.0 + s * (k1 + s * (k2 + s * k3))
-    u = fx * (x * radial + 2.0 * p1 * x * y + p2 * (s + 2.0 * x * x)) + cx
-    v = fy * (y * radial + p1 * (s + 2.0 * y * y) + 2.0 * p2 * x * y) + cy
-    difference = image_of_directions(camera, np.column_stack([x, y])) - np.column_stack([u, v])
-    assert difference == pytest.approx(np.full((81, 2), 0.5), abs=1e-6)
-
-
 def test_a_drone_of_metashape_is_exact_with_corrected_measurements() -> None:
     camera = read_well(read_metashape, sample("metashape", "geograypher", "camera.xml")).cameras[0]
     converted = convert_camera(camera, "K1", accepts_any_fit=True)
@@ -169,11 +151,6 @@ def test_a_fisheye_has_decentring(tmp_path: Path) -> None:
     v = 1490.0 + 3000.0 * (y * bent + 2e-4 * (s + 2 * y * y) + 2 * 1e-4 * x * y)
     seen = pixels_of_directions(converted.camera, np.array([[0.6, 0.4]]))[0]
     assert seen == pytest.approx([u, v], abs=1e-9)
-
-
-def _opencv_matrix(text: str, name: str) -> list[float]:
-    matrix = text[text.index(f"<{name}") : text.index(f"</{name}")]
-    return [float(word) for word in matrix[matrix.index("<data>") + 6 : matrix.index("</data>")].split()]
 
 
 def test_photoscan_of_old_has_other_parameters(tmp_path: Path) -> None:

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
-from exchange.imported import read_well, reprojected, sample, written
+from exchange.imported import read_well, reprojected, written
 from reference.published_data import data_set
 
 from orip.conversion.lenses.table import directions_of_image
 from orip.conversion.poses import orip_poses
 from orip.exchange import aicon, ign, photomodeler, pix4d
-from orip.geometry.rotation import angles_from_rotation
 from orip.records.exchanged import ExchangedProject
 
 PIXEL_MM = 0.006
@@ -138,23 +137,6 @@ def test_pix4d_reads_poses_as_they_were_written(tmp_path: Path) -> None:
     assert project.crs == 'PROJCS["x"]'
 
 
-def test_the_sample_of_pix4d_reproduces_its_projection_matrix() -> None:
-    folder = sample("pix4d")
-    project = read_well(pix4d.read_pix4d, folder)
-    rotations, centres = orip_poses(project.photos, project.readings[0])
-    angles = np.degrees(angles_from_rotation(rotations[0]))
-    assert angles == pytest.approx([2.21488, -0.33332, -38.37981], abs=5e-6)
-    p = project.cameras[0].parameters
-    k = np.array([[p["fx"], 0, p["cx"]], [0, p["fy"], p["cy"]], [0, 0, 1.0]])
-    to_camera = np.diag([1.0, -1.0, -1.0]) @ rotations[0].T
-    words = (folder / "example_pmatrix.txt").read_text().splitlines()[0].split()[1:]
-    offset = np.array([368009.0, 3955854.0, 97.0])
-    matrix = k @ np.column_stack([to_camera, -to_camera @ (centres[0] - offset)])
-    assert matrix.ravel() == pytest.approx(np.array(words, dtype=float), abs=1e-6)
-    position = (folder / "example_calibrated_images_position.txt").read_text().splitlines()[0].split(",")[1:]
-    assert centres[0] == pytest.approx(np.array(position, dtype=float), abs=1e-6)
-
-
 def ign_files(folder: Path, project: ExchangedProject) -> Path:
     rows = [f"{photo.name} {numbers(*photo.position, *photo.rotation)} CAM" for photo in project.photos]
     written(folder / "x.OPK", "\n".join(["NOM\tX\tY\tZ\tO\tP\tK\tCAMERA", *rows]))
@@ -175,16 +157,3 @@ def test_ign_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
     assert project.control[0].coordinates == (1.5, 2.5, 3.5)
     assert any("2 (3)" in note for note in project.notes)
     assert any("1 measurement at 0, 0" in note for note in project.notes)
-
-
-def test_the_sample_of_ign_is_read_whole() -> None:
-    project = read_well(ign.read_ign, sample("opk-ign"))
-    assert (len(project.photos), len(project.rays.photo), len(project.control)) == (7, 24, 3)
-    found, _ = reprojected(project)
-    of_ties = np.array([project.points.names[point].startswith("MES_") for point in project.rays.point])
-    # 17 rays of 7 points in space: 34 coordinates, 21 unknowns; rays are intersected in space, where least squares of
-    # the photo coordinates would have slightly less
-    sigma = np.sqrt(np.sum(found.residuals[of_ties] ** 2) / 13.0)
-    assert sigma == pytest.approx(0.2052, abs=2e-4)
-    sigma = np.sqrt(np.sum(found.residuals[~of_ties] ** 2) / 5.0)
-    assert sigma == pytest.approx(0.2422, abs=2e-4)

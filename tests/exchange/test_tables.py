@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
-import numpy as np
 import pytest
-from cli.command_line import orip
 from conversion.exchanged_blocks import block
-from exchange.imported import read_well, reprojected, sample, written
+from exchange.imported import read_well, reprojected, written
 
 from orip.exchange.tables.project import READING, is_tables, read_tables
 from orip.records.exchanged import ExchangedProject
@@ -106,24 +103,3 @@ def test_what_is_wrong_in_a_table_is_said_with_its_line(tmp_path: Path, name: st
     written(tmp_path / name, text)
     complaints = [str(complaint) for complaint in read_tables(tmp_path, "t").complaints]
     assert any(message in complaint and complaint.startswith(f"t/{name}") for complaint in complaints), complaints
-
-
-def test_targets_of_another_project_are_imported(tmp_path: Path) -> None:
-    """Tables of icepy4d, gathered into one, with the calibration of one of its cameras (OpenCV's pixels)."""
-    folder = sample("icepy4d-targets")
-    rows = []
-    for path in sorted(folder.glob("IMG_1*.csv")):
-        with path.open(newline="") as stream:
-            rows += [f"{path.stem},{row['label']},{row['x']},{row['y']}\n" for row in csv.DictReader(stream)]
-    written(tmp_path / "observations.csv", "image,label,x,y\n" + "".join(rows))
-    written(tmp_path / "control.csv", (folder / "target_world.csv").read_text())
-    words = (folder / "cam1.txt").read_text().split()
-    fx, cx, cy, (k1, k2, p1, p2) = words[2], words[4], words[7], words[11:15]
-    values = ",".join([*words[:2], fx, str(float(cx) + 0.5), str(float(cy) + 0.5), k1, k2, p1, p2])
-    written(tmp_path / "cameras.csv", f"camera,columns,rows,f,cx,cy,k1,k2,p1,p2\ncam1,{values}\n")
-    said = orip(tmp_path, "import", "csv", ".", "new", "--hold-cameras", "--json")
-    assert said.code == 0, said.err
-    project = read_well(read_tables, tmp_path)
-    assert len(project.photos) == 4
-    assert np.isfinite(project.rays.image).all()
-    assert len(project.control) >= 4

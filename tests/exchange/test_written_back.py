@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from exchange.imported import read_well, reprojected, sample, with_frame
 from reference.published_data import data_set
 
 from orip.conversion.cameras import UnsuitableCameraError, convert_camera, export_camera, pixels_of_directions
-from orip.conversion.ground import from_local_ground, in_local_ground, local_ground
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.errors import InputError
 from orip.exchange.format import Conventions
@@ -265,14 +263,6 @@ def test_a_copy_of_opensfm_keeps_what_has_not_changed(tmp_path: Path) -> None:
     assert after["points"]["1"]["color"] == [1.0, 2.0, 3.0]
 
 
-def test_the_sample_of_opensfm_comes_back_byte_by_byte(tmp_path: Path) -> None:
-    folder = sample("opensfm", "berlin")
-    shutil.copy(folder / "reconstruction_example.json", tmp_path / "reconstruction.json")
-    project = read_well(read_opensfm, tmp_path)
-    written = write_opensfm(project, tmp_path)["reconstruction.json"]
-    assert written == (tmp_path / "reconstruction.json").read_bytes()
-
-
 FISHEYE = ExchangedCamera(
     "Fish 1", 4000, 3000, "equidistant",
     {"fx": 1503.0, "fy": 1500.0, "cx": 2010.0, "cy": 1490.0, "k1": 0.04, "k2": -0.012, "k3": 0.006, "k4": -0.0014},
@@ -375,18 +365,6 @@ def test_labels_that_repeat_are_not_written(tmp_path: Path) -> None:
         write_metashape(read_well(read_metashape, path), path)
 
 
-def test_the_sample_of_metashape_comes_back_byte_by_byte() -> None:
-    """From the centre of the earth to a local system and back, as an import and an export do."""
-    path = sample("metashape", "geograypher", "camera.xml")
-    project = read_well(read_metashape, path)
-    ground = local_ground(project)
-    assert ground is not None
-    local = in_local_ground(project, ground)
-    assert abs(local.photos[0].position[2]) < 3000.0
-    back = from_local_ground(local, ground, project.control_crs)
-    assert write_metashape(back, path)["camera.xml"] == path.read_bytes()
-
-
 def test_terms_without_a_place_are_refused() -> None:
     found = format_named("blocks")
     assert found.write is not None
@@ -400,9 +378,6 @@ def test_terms_without_a_place_are_refused() -> None:
 def test_formats_that_are_written_say_how() -> None:
     for found in FORMATS:
         assert (found.write is None) == (found.conventions is None), found.name
-
-
-MICMAC = (("Saisies-MMV1", "Ori-Ground_mm3d"), ("Ori-MMV1",))
 
 
 def _as_micmac(project: ExchangedProject) -> ExchangedProject:
@@ -421,13 +396,6 @@ def _as_micmac(project: ExchangedProject) -> ExchangedProject:
         for n, photo in enumerate(project.photos)
     ]
     return replace(project, cameras=tuple(exported), photos=tuple(photos))
-
-
-@pytest.mark.parametrize("names", MICMAC)
-def test_the_samples_of_micmac_come_back_byte_by_byte(names: tuple[str, ...]) -> None:
-    folder = sample("micmac", "MMVII-TestDir", "Input", *names)
-    files = write_micmac(_as_micmac(read_well(read_micmac, folder)), folder)
-    assert files == {path.name: path.read_bytes() for path in folder.glob("*.xml")}
 
 
 def test_a_copy_of_micmac_changes_the_numbers_alone() -> None:

@@ -29,6 +29,7 @@ TOP = [
         "points",
         "antennas",
         "stations",
+        "rigs",
         "theodolites",
         "down_weighted",
         "singular",

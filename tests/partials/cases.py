@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from bundle.same_lens import with_two_frames
+from scipy.spatial.transform import Rotation
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
@@ -28,6 +29,7 @@ from orip.geometry.essential import TwoPhotos
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
+from orip.geometry.relative_pose import relative_poses_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -99,6 +101,7 @@ def all_cases() -> list[Case]:
     return [
         *_perspective(), *_equidistant(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(),
+        *_relative_poses(),
         *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
 
@@ -193,6 +196,23 @@ def _shown_rotations() -> Iterator[Case]:
             return angles_from_rotation(rotation_about_axes(x) @ rotation) - angles_from_rotation(rotation)
 
         yield Case(full_name(rotation_partials), f"photo {photo}", np.zeros(3), angles, partials[photo])
+
+
+def _relative_poses() -> Iterator[Case]:
+    """Return the cases of a rig: base, and rotation about the first camera's axes, by the poses of both photos."""
+    centres, angles = np.array([[3.0, -2.0, 1.5], [3.4, -1.1, 1.2]]), np.array([[1.5, 0.2, -0.4], [1.3, 0.9, 0.6]])
+    rotations = rotation_from_angles(angles)
+    found = relative_poses_with_partials(centres[:1], rotations[:1], centres[1:], rotations[1:])
+
+    def moved(x: np.ndarray) -> np.ndarray:
+        poses = x.reshape(2, 6)
+        at, turned = centres + poses[:, :3], rotation_about_axes(poses[:, 3:]) @ rotations
+        now = relative_poses_with_partials(at[:1], turned[:1], at[1:], turned[1:])
+        turn = now.rotation[0] @ found.rotation[0].T
+        return np.concatenate([now.base[0], Rotation.from_matrix(turn).as_rotvec()])
+
+    partials = np.hstack([found.by_first[0], found.by_second[0]])
+    yield Case(full_name(relative_poses_with_partials), "", np.zeros(12), moved, partials)
 
 
 def _frame() -> GroundFrame:

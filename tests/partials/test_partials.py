@@ -122,6 +122,7 @@ GIVES_NONE = {
     "orip.bundle.point_consensus.with_steady_weights": "moves of points",
     "orip.bundle.results.ground._project_cofactors": "cofactors",
     "orip.bundle.results.ground.photo_correlations": "correlations",
+    "orip.bundle.results.rigs._deviations_of_mean": "standard deviations, with relative_poses_with_partials",
     "orip.bundle.results.ground._rotation_deviations": "standard deviations",
     "orip.bundle.problem._pattern": "places of unknowns",
     "orip.bundle.problem.BlockProblem._stored": "the rows of all kinds of observation, unchanged",

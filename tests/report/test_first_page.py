@@ -17,8 +17,8 @@ from orip.records.project.report_details import ReportDetails
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.block_plan import footprints, photos_over
 from orip.report.page import report_page
-from orip.report.photo_residuals import residual_histograms
 from orip.report.photo_scale import photo_scale
+from orip.report.photos.residuals import residual_histograms
 from orip.report.report_input import ReportInput
 from orip.report.vertical import Vertical, side_of_block, vertical
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from orip.adjustment.factorisation.band_panels import add_product, times
 from orip.arrays import FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
@@ -110,14 +111,10 @@ class BandMatrix:
 
     def times(self, vectors: FloatArray) -> FloatArray:
         """Return the matrix times vectors (m, k)."""
-        banded, width = self.arrangement.banded, self.arrangement.width
+        banded = self.arrangement.banded
         ordered = vectors[self.arrangement.columns]
         result = np.zeros_like(ordered)
-        for below in range(min(width + 1, banded)):
-            column = self.band[: banded - below, below, None]
-            result[below:banded] += column * ordered[: banded - below]
-            if below:
-                result[: banded - below] += column * ordered[below:banded]
+        result[:banded] = times(self.band, ordered[:banded])
         lower = np.tril(self.border, banded)
         result[banded:] += lower @ ordered
         result += np.tril(self.border, banded - 1).T @ ordered[banded:]
@@ -125,11 +122,9 @@ class BandMatrix:
 
     def subtract_product(self, left: FloatArray, right: FloatArray) -> None:
         """Subtract L R^T, a symmetric matrix of factors (m, k), where the matrix has its band and border."""
-        banded, width = self.arrangement.banded, self.arrangement.width
+        banded = self.arrangement.banded
         left, right = left[self.arrangement.columns], right[self.arrangement.columns]
-        for below in range(min(width + 1, banded)):
-            product = np.einsum("ij,ij->i", left[below:banded], right[: banded - below])
-            self.band[: banded - below, below] -= product
+        add_product(self.band, left[:banded], -right[:banded])
         self.border[:] -= left[banded:] @ right.T
 
     def toarray(self) -> FloatArray:

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix
+from orip.adjustment.factorisation.band_panels import add_product
 from orip.adjustment.factorisation.cholesky import LOST_ALL
 from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
-
-_PANEL = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +26,7 @@ class BandFactor:
     Parameters
     ----------
     arrangement : Arrangement
-    band : array (banded, width + 1)
-        L of the band.
+    band : TwoEndedFactor
     spread : array (banded, k)
         A^-1 B^T, with the band A and the k rows of the border B, without those that are not determined.
     corner : array (k, k)
@@ -40,7 +39,7 @@ class BandFactor:
     """
 
     arrangement: Arrangement
-    band: FloatArray
+    band: TwoEndedFactor
     spread: FloatArray
     corner: FloatArray
     at_border: NDArray[np.int64]
@@ -54,14 +53,14 @@ class BandFactor:
         ordered[self.at_border] = 0.0
         in_band = ordered[: self.arrangement.banded]
         rest = of_border - self.spread.T @ in_band
-        return np.concatenate([_solved(self.band, in_band, "N"), solve_triangular(self.corner, rest, lower=True)])
+        return np.concatenate([self.band.reduce(in_band), solve_triangular(self.corner, rest, lower=True)])
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
         banded = self.arrangement.banded
         of_border = solve_triangular(self.corner, reduced_right[banded:], lower=True, trans="T")
         ordered = np.zeros((len(self.removed), *reduced_right.shape[1:]))
-        ordered[:banded] = _solved(self.band, reduced_right[:banded], "T") - self.spread @ of_border
+        ordered[:banded] = self.band.back_substitute(reduced_right[:banded]) - self.spread @ of_border
         ordered[self.at_border] = of_border
         solution = ordered[self.arrangement.places]
         return np.where(self._taking_part(solution), solution, 0.0)
@@ -71,7 +70,8 @@ class BandFactor:
         banded, size = self.arrangement.banded, len(self.removed)
         corner = cho_solve((self.corner, True), np.eye(len(self.corner)))
         cross = -self.spread @ corner
-        band = _selected_inverse(self.band, -cross, self.spread)
+        band = self.band.inverse()
+        add_product(band, self.spread, -cross)
         rows = np.zeros((len(corner), size))
         rows[:, :banded] = cross.T
         rows[:, self.at_border] = corner
@@ -147,23 +147,22 @@ def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, sh
     if shift:
         band = band.copy()
         band[:, 0] += shift
-    lower, info = lapack.dpbtrf(band.T, lower=1)
-    if info != 0:
+    lower = factorise_from_both_ends(band)
+    if lower is None:
         return None
-    lower = np.asarray(lower).T
     at_border = banded + np.flatnonzero(~left_out[banded:])
     rows = border[at_border - banded]
-    half = _solved(lower, rows[:, :banded].T, "N")
+    half = lower.reduce(rows[:, :banded].T)
     corner = np.tril(rows[:, at_border])
     corner += np.tril(corner, -1).T + shift * np.eye(len(corner)) - half.T @ half
     corner, info = lapack.dpotrf(corner, lower=1, clean=1) if len(corner) else (corner, 0)
     if info != 0:
         return None
-    pivots = np.concatenate([lower[:, 0], np.ones(len(matrix) - banded)])
+    pivots = np.concatenate([lower.diagonal, np.ones(len(matrix) - banded)])
     pivots[at_border] = np.diag(corner)
     digits = np.where(left_out, lost[arrangement.columns], -2.0 * np.log10(pivots))
     return BandFactor(
-        arrangement, lower, _solved(lower, half, "T"), np.asarray(corner), at_border, digits[arrangement.places],
+        arrangement, lower, lower.back_substitute(half), np.asarray(corner), at_border, digits[arrangement.places],
         removed.copy(),
     )  # fmt: skip
 
@@ -176,55 +175,3 @@ def _without(matrix: BandMatrix, left_out: NDArray[np.bool_]) -> tuple[FloatArra
     band = np.where(padded[:banded, None] * np.lib.stride_tricks.sliding_window_view(padded, width + 1), matrix.band, 0)
     band[left_out[:banded], 0] = 1.0
     return band, np.where(kept, matrix.border, 0.0)
-
-
-def _solved(band: FloatArray, right: FloatArray, trans: str) -> FloatArray:
-    """Return L^-1 right, or L^-T right for "T", with the factor L of a band."""
-    if not right.size:
-        return right
-    found, _ = lapack.dtbtrs(band.T, right, uplo="L", trans=trans)
-    return np.asarray(found).reshape(right.shape)
-
-
-def _selected_inverse(band: FloatArray, spread_corner: FloatArray, spread: FloatArray) -> FloatArray:
-    """Return the inverse of the whole within the band: Takahashi's recursion (1973), panel by panel from the end.
-
-    Below a panel with L = (D; E) the inverse is Z G with G = -E D^-1 and the part Z known already, and the panel's own
-    is D^-T D^-1 + G^T Z G. `spread_corner` (banded, k) @ `spread`.T is what the border adds.
-    """
-    banded, width = len(band), band.shape[1] - 1
-    result = np.zeros_like(band)
-    known = np.zeros((0, 0))
-    for start in range((banded - 1) // _PANEL * _PANEL, -1, -_PANEL):
-        count = min(_PANEL, banded - start)
-        rows = count + min(width, banded - start - count)
-        panel = _panel(band, start, count, rows)
-        inverse = solve_triangular(panel[:count], np.eye(count), lower=True)
-        multiplier = -panel[count:] @ inverse
-        below = known[: rows - count, : rows - count] @ multiplier
-        own = inverse.T @ inverse + multiplier.T @ below
-        grown = np.empty((rows, rows))
-        grown[:count, :count], grown[count:, :count], grown[:count, count:] = own, below, below.T
-        grown[count:, count:] = known[: rows - count, : rows - count]
-        known = grown
-        added = spread[start : start + rows] @ spread_corner[start : start + count].T
-        _put_panel(result, start, grown[:, :count] + added)
-    return result
-
-
-def _panel(band: FloatArray, start: int, count: int, rows: int) -> FloatArray:
-    """Return rows from `start` of the `count` columns from there, as a full matrix (rows, count)."""
-    width = band.shape[1] - 1
-    panel = np.zeros((rows, count))
-    for column in range(count):
-        length = min(width + 1, rows - column)
-        panel[column : column + length, column] = band[start + column, :length]
-    return panel
-
-
-def _put_panel(band: FloatArray, start: int, panel: FloatArray) -> None:
-    width = band.shape[1] - 1
-    rows, count = panel.shape
-    for column in range(count):
-        length = min(width + 1, rows - column)
-        band[start + column, :length] = panel[column : column + length, column]

@@ -159,7 +159,8 @@ def factorise_blocks(
 def times_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return H v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
     by_block = vectors.reshape(len(half), 3, *vectors.shape[1:])
-    return np.asarray(np.einsum("bij,bj...->bi...", half, by_block).reshape(vectors.shape))
+    product = np.einsum("bij,bj->bi", half, by_block) if vectors.ndim == 1 else half @ by_block
+    return np.asarray(product.reshape(vectors.shape))
 
 
 def times_transposed_half(half: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -37,7 +37,18 @@ typedef struct {
     /* unknowns of cameras: how many, which partials, which places in the reduced system; photo_places: -1 is a constant */
     const int32_t *camera_unknowns, *camera_elements, *camera_places, *photo_places;
     int64_t groups, blocks, longest;
+    /* groups that a thread takes at a time: share_start[s] ...; room: numbers that the largest share needs */
+    const int32_t *share_start;
+    int64_t shares, room;
 } Pattern;
+
+/* Groups, or rows, from the first one to that before the end. */
+typedef struct {
+    int64_t first, end;
+} Share;
+
+/* Photo points that a thread takes at a time where groups do not matter. */
+#define ROWS_OF_SHARE 4096
 
 /* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
 static const int photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};

@@ -6,13 +6,16 @@
 #include "points.h"
 #include "substitution.h"
 
+/* Each works on a share. What is added to sums of all is formed first, and added by a function of its own. */
 typedef struct {
-    void (*residuals)(const Block *b, double *residual, uint8_t *in_front);
-    void (*points)(const Block *b, const Pattern *p, const PointNormals *n);
-    void (*normals)(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room);
-    void (*precision)(const Block *b, const Pattern *p, const Precision *c, int32_t *numbers, double *room);
-    void (*forward)(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room);
-    void (*backward)(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room);
+    void (*residuals)(const Block *b, Share share, double *residual, uint8_t *in_front);
+    void (*points)(const Block *b, const Pattern *p, Share share, const PointNormals *n);
+    void (*normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room);
+    void (*add_normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room);
+    void (*precision)(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers, double *room);
+    void (*forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
+    void (*add_forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
+    void (*backward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
 } Loops;
 
 extern const Loops plain_loops;

@@ -3,4 +3,5 @@
 #include "loops.h"
 #include "residuals.h"
 
-const Loops plain_loops = {residual_loop, points_loop, normals_loop, precision_loop, forward_loop, backward_loop};
+const Loops plain_loops = {residual_loop, points_loop, normals_loop, add_normals, precision_loop, forward_loop, add_forward,
+                           backward_loop};

@@ -281,12 +281,13 @@ INLINE void mirror(const Reduced *m)
             m->band[i * m->stride + j] = m->band[j * m->stride + i];
 }
 
-static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int32_t *numbers, double *room)
+/* Form the sums of each group of a share, one after the other in `room`. */
+static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
     Ahead a;
     Local local = {.first = numbers, .place = numbers + p->longest};
     begin_ahead(&a);
-    for (int64_t group = 0; group < p->groups; group++) {
+    for (int64_t group = share.first; group < share.end; group++) {
         Sums s;
         local_unknowns(b, p, group, &local);
         place_sums(room, local.size, &s);
@@ -332,9 +333,22 @@ static void normals_loop(const Block *b, const Pattern *p, const Normals *n, int
             multiply(H, given, g);
             eliminate_point(&s, local.size, H, g);
         }
-        scatter(&s, &local, n, numbers + 2 * p->longest);
+        room += numbers_of_sums(local.size);
     }
-    if (n->reduced.stride == n->reduced.size && n->reduced.banded == n->reduced.size)
+}
+
+/* Add the sums of a share's groups to the reduced system; with the last ones it is complete. */
+static void add_normals(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
+{
+    Local local = {.first = numbers, .place = numbers + p->longest};
+    for (int64_t group = share.first; group < share.end; group++) {
+        Sums s;
+        local_unknowns(b, p, group, &local);
+        place_sums(room, local.size, &s);
+        scatter(&s, &local, n, numbers + 2 * p->longest);
+        room += numbers_of_sums(local.size);
+    }
+    if (share.end == p->groups && n->reduced.stride == n->reduced.size && n->reduced.banded == n->reduced.size)
         mirror(&n->reduced);
 }
 

@@ -6,8 +6,9 @@ built, the stored matrix of `orip.adjustment.sparse_rows` does the same more slo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.threads import at_once, available_threads
 
 try:
     from orip.bundle.compiled import _observation_loop as compiled
@@ -37,6 +39,9 @@ _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
 """As MOST_VECTORS of substitution.h."""
+
+_RAYS_OF_A_THREAD = 5000
+"""Photo points for which a thread pays: a loop goes through them in one to two milliseconds."""
 
 
 class Contributions(NamedTuple):
@@ -89,7 +94,7 @@ class PhotoPointLoop:
         """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
         residual = np.empty(self.points.xy.size)
         in_front = np.empty(len(self.points.xy), dtype=np.uint8)
-        compiled.residuals(*self._observations(state), residual, in_front)
+        self._compute(compiled.residuals, *self._observations(state), residual, in_front)
         return residual, np.repeat(in_front.astype(bool), 2)
 
     def block_normals(
@@ -99,7 +104,7 @@ class PhotoPointLoop:
         found = BlockNormals(*(np.ascontiguousarray(array) for array in others))
         factor = root_weights / self.points.rows.error
         places = self._places(_whole(layout.reduced))
-        compiled.points(*self._observations(state), *places, factor, misclosure, *found)
+        self._compute(compiled.points, *self._observations(state), *places, factor, misclosure, *found)
         return found
 
     def eliminate(
@@ -132,8 +137,8 @@ class PhotoPointLoop:
         half, pivots = np.empty((b, 3, 3)), np.empty((b, 3))
         removed = np.empty((b, 3), dtype=np.uint8)
         factor = root_weights / self.points.rows.error
-        compiled.eliminate(
-            *self._observations(state), *self._places(arrangement), factor, misclosure,
+        self._compute(
+            compiled.eliminate, *self._observations(state), *self._places(arrangement), factor, misclosure,
             np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
             half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
             *_measures(matrix),
@@ -151,8 +156,8 @@ class PhotoPointLoop:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
         arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
-        compiled.precision(
-            *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
+        self._compute(
+            compiled.precision, *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
             1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
@@ -161,18 +166,20 @@ class PhotoPointLoop:
         """Return (H N_pr)^T points (k, m) for vectors (k, 3 b)."""
         found = np.zeros((len(points), coupling.size))
         for part in _parts(len(points)):
-            compiled.forward(
-                *self._coupling(coupling), found[part], np.array(points[part], order="C"), float(len(found[part]))
-            )
+            self._compute(
+                compiled.forward, *self._coupling(coupling), found[part], np.array(points[part], order="C"),
+                float(len(found[part])),
+            )  # fmt: skip
         return found
 
     def backward(self, coupling: StreamedCoupling, reduced: FloatArray) -> FloatArray:
         """Return H N_pr reduced (k, 3 b) for vectors (k, m)."""
         found = np.empty((len(reduced), 3 * len(coupling.half)))
         for part in _parts(len(reduced)):
-            compiled.backward(
-                *self._coupling(coupling), np.array(reduced[part], order="C"), found[part], float(len(found[part]))
-            )
+            self._compute(
+                compiled.backward, *self._coupling(coupling), np.array(reduced[part], order="C"), found[part],
+                float(len(found[part])),
+            )  # fmt: skip
         return found
 
     def staying(self) -> NDArray[np.int64]:
@@ -192,6 +199,12 @@ class PhotoPointLoop:
         is_unknown = first < largest
         return number[is_unknown], first[is_unknown].astype(np.int64)
 
+    def _compute(self, loop: Callable[..., None], *arguments: object) -> None:
+        """Let a loop go through the block, with as many threads as that pays for."""
+        threads = max(1, min(available_threads(), len(self.block) // _RAYS_OF_A_THREAD))
+        call = partial(loop, self.layout, compiled.turns(float(threads)), *arguments)
+        at_once([call] * threads)
+
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
         turned = state.turned_by_angles.any()
@@ -200,7 +213,7 @@ class PhotoPointLoop:
             state.rotation_basis() if turned else np.empty(0), state.points, cameras.polynomials, cameras.factors,
             points.xy, points.rows.error,
         )  # fmt: skip
-        return (self.layout, *(np.ascontiguousarray(array) for array in arrays))
+        return tuple(np.ascontiguousarray(array) for array in arrays)
 
     def _places(self, arrangement: Arrangement) -> tuple[IntArray, IntArray]:
         # CONSTANT is -1, the last index: a constant has no place

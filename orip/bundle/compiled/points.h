@@ -11,17 +11,18 @@ typedef struct {
     double *blocks, *right, *squares;
 } PointNormals;
 
-static void points_loop(const Block *b, const Pattern *p, const PointNormals *n)
+static void points_loop(const Block *b, const Pattern *p, Share share, const PointNormals *n)
 {
+    const int64_t end = p->start[p->group_start[share.end]];
     Ray ray;
     Linearised found;
     int32_t cameras[LANES], rows[LANES];
-    int64_t place = 0;
+    int64_t place = p->group_start[share.first];
     memset(&ray, 0, sizeof ray);
     for (int lane = 0; lane < LANES; lane++)
         cameras[lane] = -1;
-    for (int64_t k = 0; k < p->start[p->blocks]; k += LANES) {
-        const int64_t rest = p->start[p->blocks] - k;
+    for (int64_t k = p->start[place]; k < end; k += LANES) {
+        const int64_t rest = end - k;
         const int count = rest < LANES ? (int)rest : LANES;
         for (int lane = 0; lane < LANES; lane++)
             rows[lane] = p->order[k + (lane < count ? lane : 0)];

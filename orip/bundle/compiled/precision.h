@@ -120,13 +120,14 @@ INLINE double leverage_of(const Part *part, const Places *at, const double *row,
     return sum;
 }
 
-static void precision_loop(const Block *b, const Pattern *p, const Precision *c, int32_t *numbers, double *room)
+static void precision_loop(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers,
+                           double *room)
 {
     Ahead a, again;
     Local local = {.first = numbers, .place = numbers + p->longest};
     begin_ahead(&a);
     begin_ahead(&again);
-    for (int64_t group = 0; group < p->groups; group++) {
+    for (int64_t group = share.first; group < share.end; group++) {
         Part part;
         local_unknowns(b, p, group, &local);
         take_part(&c->inverse, &local, room, &part);

@@ -1,11 +1,11 @@
-/* Residuals of all photo points. */
+/* Residuals of photo points. */
 
 #ifndef ORIP_RESIDUALS_H
 #define ORIP_RESIDUALS_H
 
 #include "block.h"
 
-static void residual_loop(const Block *b, double *residual, uint8_t *in_front)
+static void residual_loop(const Block *b, Share share, double *residual, uint8_t *in_front)
 {
     Ray ray;
     Linearised found;
@@ -13,8 +13,8 @@ static void residual_loop(const Block *b, double *residual, uint8_t *in_front)
     memset(&ray, 0, sizeof ray);
     for (int lane = 0; lane < LANES; lane++)
         cameras[lane] = -1;
-    for (int64_t row = 0; row < b->count; row += LANES) {
-        const int count = b->count - row < LANES ? (int)(b->count - row) : LANES;
+    for (int64_t row = share.first; row < share.end; row += LANES) {
+        const int count = share.end - row < LANES ? (int)(share.end - row) : LANES;
         for (int lane = 0; lane < LANES; lane++)
             rows[lane] = (int32_t)(row + (lane < count ? lane : 0));
         linearise(b, rows, 0, &ray, cameras, &found);

@@ -21,17 +21,23 @@ INLINE void of_ground_point(const Ahead *a, int lane, double (*of_point)[3])
             of_point[c][i] = LANE(a->of_point[c][i], lane);
 }
 
-/* points = H N_pr reduced, or with `transposed` reduced += (H N_pr)^T points; photo points are linearised once for all
- * vectors. */
-INLINE void coupling_loop(const Block *b, const Pattern *p, const Coupling *c, int transposed, int32_t *numbers, double *room)
+static int64_t numbers_of_vectors(int64_t size, int64_t vectors)
+{
+    return vectors * stride_of(size);
+}
+
+/* points = H N_pr reduced, or with `transposed` the sums (H N_pr)^T points of each group of a share, one after the other
+ * in `room`; photo points are linearised once for all vectors. */
+INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const Coupling *c, int transposed, int32_t *numbers,
+                          double *room)
 {
     Ahead a;
     Local local = {.first = numbers, .place = numbers + p->longest};
     begin_ahead(&a);
-    for (int64_t group = 0; group < p->groups; group++) {
+    for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
         const int64_t stride = stride_of(local.size);
-        memset(room, 0, sizeof(double) * (size_t)(c->vectors * stride));
+        memset(room, 0, sizeof(double) * (size_t)numbers_of_vectors(local.size, c->vectors));
         for (int64_t v = 0; !transposed && v < c->vectors; v++)
             for (int64_t u = 0; u < local.size; u++)
                 room[v * stride + u] = local.place[u] < 0 ? 0.0 : c->reduced[v * c->size + local.place[u]];
@@ -68,21 +74,34 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, const Coupling *c, i
             for (int64_t v = 0; !transposed && v < c->vectors; v++)
                 multiply(H, point[v], of_block + 3 * v * p->blocks);
         }
-        for (int64_t v = 0; transposed && v < c->vectors; v++)
-            for (int64_t u = 0; u < local.size; u++)
-                if (local.place[u] >= 0)
-                    c->reduced[v * c->size + local.place[u]] += room[v * stride + u];
+        if (transposed)
+            room += numbers_of_vectors(local.size, c->vectors);
     }
 }
 
-static void forward_loop(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room)
+static void forward_loop(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
 {
-    coupling_loop(b, p, c, 1, numbers, room);
+    coupling_loop(b, p, share, c, 1, numbers, room);
 }
 
-static void backward_loop(const Block *b, const Pattern *p, const Coupling *c, int32_t *numbers, double *room)
+/* Add the sums of a share's groups to the vectors of the reduced system. */
+static void add_forward(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
 {
-    coupling_loop(b, p, c, 0, numbers, room);
+    Local local = {.first = numbers, .place = numbers + p->longest};
+    for (int64_t group = share.first; group < share.end; group++) {
+        local_unknowns(b, p, group, &local);
+        const int64_t stride = stride_of(local.size);
+        for (int64_t v = 0; v < c->vectors; v++)
+            for (int64_t u = 0; u < local.size; u++)
+                if (local.place[u] >= 0)
+                    c->reduced[v * c->size + local.place[u]] += room[v * stride + u];
+        room += numbers_of_vectors(local.size, c->vectors);
+    }
+}
+
+static void backward_loop(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
+{
+    coupling_loop(b, p, share, c, 0, numbers, room);
 }
 
 #endif

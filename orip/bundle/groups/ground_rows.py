@@ -10,8 +10,9 @@ from scipy.sparse import csr_array
 from orip.adjustment.residual_sums import RowsUnderTest
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem
-from orip.bundle.solve import SolvedBlock, threads_that_pay
+from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.threads import limited_threads
 
 
 def rows_under_test(
@@ -50,7 +51,7 @@ def _inverse_of(solved: SolvedBlock, columns: IntArray) -> Callable[[FloatArray]
     """Return what multiplies right-hand sides (c, j) by the cofactors of some unknowns (c,), in ascending order."""
 
     def solve(right: FloatArray) -> FloatArray:
-        with threads_that_pay(solved.problem):
+        with limited_threads(None):
             return solved.normals.solve_at(columns, right)
 
     return solve

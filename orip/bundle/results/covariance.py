@@ -15,8 +15,9 @@ from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.ground import rotation_partials, undetermined_points
-from orip.bundle.solve import SolvedBlock, threads_that_pay
+from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
+from orip.threads import limited_threads
 from orip.units import DEGREES_PER_RADIAN
 
 _AT_ONCE = 60
@@ -102,13 +103,18 @@ def covariance(solved: SolvedBlock, rows: Sequence[Figures], columns: Sequence[F
 
 def cofactor_columns(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return columns (m + 3 b, k) of the cofactor matrix of all unknowns; zero for `CONSTANT`."""
-    state, unknowns, datum = solved.state, solved.problem.unknowns, solved.problem.datum
     right = np.zeros((solved.problem.layout.size, len(columns)))
     taken = np.flatnonzero(columns != CONSTANT)
     right[columns[taken], taken] = 1.0
+    return cofactors_times(solved, right)
+
+
+def cofactors_times(solved: SolvedBlock, right: FloatArray) -> FloatArray:
+    """Return the product (m + 3 b, k) of the cofactor matrix of all unknowns and a matrix of the same shape."""
+    state, unknowns, datum = solved.state, solved.problem.unknowns, solved.problem.datum
     if datum is not None:
         right = datum.transposed(right, state, unknowns)
-    with threads_that_pay(solved.problem):
+    with limited_threads(None):
         found = solved.normals.solve(right)
     return found if datum is None else datum.transformed(found, state, unknowns)
 

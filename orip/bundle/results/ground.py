@@ -18,7 +18,7 @@ from orip.units import DEGREES_PER_RADIAN
 UNDETERMINED = np.inf
 """Standard deviation of what depends on an unknown that was removed."""
 
-_LEVEL_PHI = 0.001
+LEVEL_PHI = 0.001
 """Below this cosine of phi the deviations of omega and kappa mean nothing; those about the ground axes are given."""
 
 
@@ -80,7 +80,7 @@ def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:
     axes = ground.axes_at(ground.to_project(state.centres))
     angles = angles_from_rotation(axes @ state.rotations)
     by_angles = state.turned_by_angles
-    level = ~by_angles & (np.abs(np.cos(angles[:, 1])) < _LEVEL_PHI)
+    level = ~by_angles & (np.abs(np.cos(angles[:, 1])) < LEVEL_PHI)
     partials = axes.copy()
     partials[~level] = angle_rates_from_axes_rotation(angles[~level]) @ axes[~level]
     partials[by_angles] = np.eye(3)

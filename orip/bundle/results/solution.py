@@ -17,6 +17,7 @@ from orip.bundle.results.ground import (
     point_correlations,
 )
 from orip.bundle.results.lost_rays import lost_control, lost_photos
+from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
@@ -89,6 +90,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
         antennas=_antennas(solved),
+        rigs=rig_estimates(solved),
         exposures=_exposures(block),
         singular=_singular(solved),
         correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),

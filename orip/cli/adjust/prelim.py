@@ -17,9 +17,9 @@ from orip.cli.adjust.prelim_output import (
     tell_chain,
     without_absolute,
 )
-from orip.cli.adjust.progress import limited_threads
 from orip.cli.options import BundleOption, Invocation, command, group_of_commands, without_command
 from orip.errors import NotSolvableError, UsageError
+from orip.threads import limited_threads
 
 if TYPE_CHECKING:
     from orip.workflow.adjust.prelim_steps import PrelimInput, SimilaritySteps
@@ -72,7 +72,7 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     from orip.files.listings.preliminary_steps import relative_orientation_lines, relative_overview, relative_remarks
     from orip.workflow.adjust.prelim_steps import relative_orientations
 
-    with limited_threads(invocation.terminal):
+    with limited_threads(invocation.terminal.threads):
         found = relative_orientations(_given(invocation, bundle), model)
     if invocation.terminal.json:
         invocation.terminal.document("relative", relative_document(found))
@@ -91,7 +91,7 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOp
     """
     from orip.workflow.adjust.prelim_steps import bridges
 
-    with limited_threads(invocation.terminal):
+    with limited_threads(invocation.terminal.threads):
         found = bridges(_given(invocation, bundle), model)
     _show_similarities(invocation, found, alone=model is not None, nothing="bridge: no row has two models")
 
@@ -107,7 +107,7 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOpt
     if rows and len(set(rows)) != 2:
         message = f"two different rows are connected, not {' '.join(map(str, rows))}: orip prelim connect ROW ROW"
         raise UsageError(message)
-    with limited_threads(invocation.terminal):
+    with limited_threads(invocation.terminal.threads):
         pair = (rows[0], rows[1]) if rows else None
         found = connections(_given(invocation, bundle), pair)
     _show_similarities(invocation, found, alone=pair is not None, nothing="connect: there is one row of models")
@@ -124,7 +124,7 @@ def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> Non
     from orip.workflow.adjust.prelim_steps import values_of
 
     terminal = invocation.terminal
-    with limited_threads(terminal):
+    with limited_threads(terminal.threads):
         given = _given(invocation, bundle)
         values = values_of(given)
     if terminal.json:
@@ -146,7 +146,7 @@ def show_command(invocation: Invocation, after: After = "absolute", bundle: Bund
     from orip.files.listings.preliminary_steps import model_coordinate_lines
     from orip.workflow.adjust.prelim_steps import model_coordinates
 
-    with limited_threads(invocation.terminal):
+    with limited_threads(invocation.terminal.threads):
         given = _given(invocation, bundle)
         found = model_coordinates(given, after)
     if invocation.terminal.json:
@@ -173,7 +173,7 @@ def _chain(invocation: Invocation, bundle: str | None) -> None:
     from orip.workflow.adjust.prelim import keep_values, prelim
     from orip.workflow.project.commit import carry_out
 
-    with limited_threads(invocation.terminal):
+    with limited_threads(invocation.terminal.threads):
         given = _bundle(invocation, bundle)
         outcome = carry_out(given.state, partial(keep_values, prelim(given))).outcome
     tell_chain(invocation.terminal, outcome)

@@ -71,15 +71,6 @@ def stopping(terminal: Terminal) -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, before)
 
 
-@contextmanager
-def limited_threads(terminal: Terminal) -> Iterator[None]:
-    """Limit the threads of linear algebra: small systems are slower with more; one gives reproducible last bits."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=terminal.threads):
-        yield
-
-
 def tell_preliminary_values(terminal: Terminal, values: PreliminaryValues) -> None:
     """Say that preliminary values were missing, and what was found of them."""
     oriented = sum(photo.rotation is not None for photo in values.photos)

@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from orip.cli.adjust.progress import limited_threads
 from orip.cli.completion import of_results
 from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import UsageError
+from orip.threads import limited_threads
 
 What = Annotated[
     Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance"],
@@ -74,7 +74,7 @@ def _write_covariance(invocation: Invocation, names: Sequence[str], output: Path
     from orip.workflow.project.bundle_state import read_bundle
 
     path, terminal = require_format(output), invocation.terminal
-    with limited_threads(terminal):
+    with limited_threads(terminal.threads):
         matrix = covariance_matrix(read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions"), names)
     write_covariance(matrix, invocation.folder / path)
     if terminal.json:

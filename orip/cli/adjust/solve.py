@@ -5,9 +5,10 @@ from __future__ import annotations
 import typer
 
 from orip.cli.adjust.method import MethodOptions
-from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.options import BundleArgument, Invocation, command
+from orip.threads import limited_threads
 
 
 def register(app: typer.Typer) -> None:
@@ -34,7 +35,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         method, terminal = options.method(), invocation.terminal
-        with limited_threads(terminal):
+        with limited_threads(terminal.threads):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
             solved = commit(solve(given, solve_watcher(terminal), method, options.check or ()))
         tell_solution(terminal, solved)

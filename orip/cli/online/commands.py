@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orip.cli.options import BundleArgument, Invocation, command
+from orip.threads import limited_threads
 
 if TYPE_CHECKING:
     from orip.workflow.online.served import ServedSession
@@ -58,14 +59,12 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.drive.listening import listening_address
 
         address = None if listen is None else listening_address(listen, ", which is where programs can measure")
-        from threadpoolctl import threadpool_limits
-
         from orip.cli.online.serving import page_of, serve_programs
         from orip.workflow.online.replies import shown
         from orip.workflow.online.served import ServedSession
         from orip.workflow.online.session import OnlineSession
 
-        with threadpool_limits(invocation.terminal.threads, user_api="blas"):
+        with limited_threads(invocation.terminal.threads):
             session = OnlineSession(invocation.folder, bundle)
             invocation.terminal.warn(session.warnings)
             served = ServedSession(session, invocation.folder)
@@ -112,8 +111,6 @@ def _put(invocation: Invocation, reply: dict[str, Any]) -> None:
 
 def _play(invocation: Invocation) -> None:
     """Play the simulated session: what is found out, as it is found out."""
-    from threadpoolctl import threadpool_limits
-
     from orip.online.answers import words_of
     from orip.online.measuring import Measuring
     from orip.online.online_block import OnlineBlock
@@ -121,7 +118,7 @@ def _play(invocation: Invocation) -> None:
     from orip.online.summary import summary
 
     say = invocation.terminal.say
-    with threadpool_limits(1, user_api="blas"):
+    with limited_threads(None):
         session = simulated_session(_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS)
         photos = _STRIPS * _PHOTOS_A_STRIP
         say(f"{len(session.measurements)} measurements in {photos} photos; wrong are:")

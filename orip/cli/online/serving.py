@@ -36,12 +36,11 @@ def page_of(invocation: Invocation, session: ServedSession) -> Iterator[None]:
 @contextmanager
 def answered_online(invocation: Invocation, bundle: str | None) -> Iterator[Callable[..., None]]:
     """Answer what is digitised meanwhile: each point that is written is handed to the function that is yielded."""
-    from threadpoolctl import threadpool_limits
-
+    from orip.threads import limited_threads
     from orip.workflow.online.served import ServedSession
     from orip.workflow.online.session import OnlineSession
 
-    with threadpool_limits(invocation.terminal.threads, user_api="blas"):
+    with limited_threads(invocation.terminal.threads):
         session = ServedSession(OnlineSession(invocation.folder, bundle), invocation.folder)
 
         def written(photo: str, point: str, xy: tuple[float, float] | None) -> None:

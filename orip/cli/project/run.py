@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orip.cli.adjust.method import MethodOptions
-from orip.cli.adjust.progress import AllPhotos, exit_code, limited_threads, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.completion import bundles
 from orip.cli.drive.commands import tell_no_table, tell_table
@@ -17,6 +17,7 @@ from orip.cli.observations import measure
 from orip.cli.options import Invocation, command
 from orip.cli.project import init
 from orip.cli.terminal import Terminal
+from orip.threads import limited_threads
 
 if TYPE_CHECKING:
     from orip.workflow.records.reconcile import Prefer
@@ -77,7 +78,7 @@ def run_project(
         tabled=partial(tell_table, terminal),
         not_tabled=partial(tell_no_table, terminal),
     )
-    with limited_threads(terminal):
+    with limited_threads(terminal.threads):
         state = read_checked_project(folder, *INITIALISED_FROM)
         outcomes = run(state, prefer, watcher, settings or EVERYTHING)
     if report and outcomes:

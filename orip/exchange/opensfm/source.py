@@ -146,13 +146,13 @@ def _project(
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
         stations, reference = _stations(places, photos), StationReference(places.crs)
-    precision = 1.0
+    precision: float | None = None
     if files.settings is not None:
         faults = faults_of(files.settings)
         larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
         precision = feature_precision(files.settings, faults, larger)
         complaints += faults.complaints
-    if precision > 1.0:
+    if precision is not None and precision > 1.0:
         notes.append(
             f"Features were found in smaller images: their a-priori error is one pixel there, {precision:.1f} px."
         )

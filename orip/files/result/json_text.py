@@ -70,6 +70,7 @@ def _document(solution: Solution, points: object, residuals_file: str) -> dict[s
         "points": points,
         "antennas": _antennas(solution),
         "stations": _stations(solution),
+        "rigs": _rigs(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
@@ -176,6 +177,17 @@ def _antennas(solution: Solution) -> dict[str, dict[str, object]]:
         holder = of_strips.setdefault(row.strip, {}) if row.strip else own
         holder[row.name] = _estimate(row.value, row.sd)
     return {name: {**own, "strips": strips[name]} for name, own in found.items()}
+
+
+def _rigs(solution: Solution) -> list[dict[str, object]]:
+    """Return the relative orientation of each two cameras that move together."""
+    found: dict[tuple[str, str], dict[str, object]] = {}
+    for row in solution.rigs:
+        rig = found.setdefault(
+            (row.first, row.second), {"first": row.first, "second": row.second, "instants": row.instants}
+        )
+        rig[row.name] = {**_estimate(row.value, row.sd), "scatter": _number(row.scatter)}
+    return list(found.values())
 
 
 def _stations(solution: Solution) -> dict[str, dict[str, object]]:

@@ -210,6 +210,35 @@ class AntennaEstimate:
 
 
 @dataclass(frozen=True, slots=True)
+class RigEstimate:
+    """A figure of the relative orientation of two cameras that move together.
+
+    Parameters
+    ----------
+    first, second : str
+        Cameras.
+    instants : int
+        At which both took a photo.
+    name : str
+        BX, BY, BZ: projection centre of the second camera in the system of the first, ground unit; OMEGA, PHI, KAPPA:
+        rotation of the second camera against the first, degrees.
+    value, sd : float
+        Mean over the instants, and its standard deviation from the cofactors; NaN where all photos are constant. Where
+        PHI is ±90 degrees, that of rotations about the axes of the first camera.
+    scatter : float
+        Standard deviation of one instant as the instants differ; of rotations about the axes of the first camera.
+    """
+
+    first: str
+    second: str
+    instants: int
+    name: str
+    value: float
+    sd: float
+    scatter: float
+
+
+@dataclass(frozen=True, slots=True)
 class ZeroDirection:
     """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
 
@@ -284,6 +313,7 @@ class Solution:
     zero_directions: tuple[ZeroDirection, ...] = ()
     antennas: tuple[AntennaEstimate, ...] = ()
     exposures: tuple[Exposure, ...] = ()
+    rigs: tuple[RigEstimate, ...] = ()
     verdict: str = ""
     projections: tuple[Projection, ...] = ()
     groups: tuple[GroupTest, ...] = ()

@@ -172,7 +172,7 @@ class TypedNames:
 
 
 class WaitingHint:
-    """Says, once for each kind of visit, what is waited for and where the operator can do it."""
+    """Says before each visit what is waited for; the first time for each kind, also where the operator can do it."""
 
     def __init__(self, tell: Tell, url: str) -> None:
         self._tell, self._url, self._said = tell, url, set[tuple[bool, bool]]()
@@ -180,9 +180,13 @@ class WaitingHint:
     def __call__(self, visit: Visit) -> None:
         """Say it."""
         kind = visit.locks, visit.is_new
-        if kind in self._said:
-            return
-        self._said.add(kind)
+        if kind not in self._said:
+            self._said.add(kind)
+            self._tell_where(visit)
+        for sought in visit.sought:
+            self._tell(f"{'waiting':<10} {sought.what.lower()} {sought.name} of {sought.owner}")
+
+    def _tell_where(self, visit: Visit) -> None:
         left = "locks or unlocks a plate" if visit.locks else "skips"
         enter = "ENTER keeps"
         if visit.is_new:

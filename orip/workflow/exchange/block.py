@@ -10,6 +10,7 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.control_datum import ControlDatum
 from orip.conversion.ground import in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.names import photo_names, point_names, unique_names
@@ -17,6 +18,7 @@ from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_r
 from orip.errors import Complaint, InputError
 from orip.records.exchanged import ExchangedProject
 from orip.wording import counted
+from orip.workflow.exchange.moved import datum_of_control, moved_block, said_of_datum
 
 _CAMERA = "CAMERA"
 
@@ -73,6 +75,8 @@ class ImportedBlock:
     found : Reprojection
     notes : tuple of str
         What was lost or assumed, a sentence each.
+    datum : ControlDatum or None
+        How photos and points were moved to the control points; None: they stand as in the source.
     """
 
     project: ExchangedProject
@@ -82,6 +86,7 @@ class ImportedBlock:
     pixels: FloatArray
     found: Reprojection
     notes: tuple[str, ...]
+    datum: ControlDatum | None = None
 
     @property
     def camera_of_ray(self) -> IntArray:
@@ -121,12 +126,16 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     found, is_declared = fitting_reading(project, cameras, pixels)
     if not found.fits_coarsely:
         raise InputError.single(_misfit(found), shown)
+    datum = datum_of_control(project, cameras, pixels, found)
+    if datum is not None:
+        project, found = moved_block(project, found, datum)
     said = said_of_reading(found, is_declared=is_declared)
     coarse = [] if found.fits else [_coarse(found)]
     notes = [
         *project.notes,
         *coarse,
         *([] if said is None else [f"{said[0].upper()}{said[1:]}."]),
+        *([] if datum is None else said_of_datum(datum, project.ground_unit)),
         *_said_of_cameras(cameras),
     ]
     return ImportedBlock(
@@ -137,6 +146,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
         pixels,
         found,
         tuple(notes),
+        datum,
     )
 
 

@@ -19,6 +19,7 @@ from orip.files.project.text import project_document, project_text
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
+from orip.records.project.antenna import Antenna
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
 from orip.wording import counted
@@ -30,6 +31,13 @@ README_FILE = "README.md"
 _LONGEST_TITLE = 20
 _MOST_ITERATIONS = 100
 """Positions of some metres hold a small block so weakly that its steps stay short; others need no more than before."""
+
+_ANTENNA = "GNSS"
+_HEIGHT_STEP, _NO_STEP = 200.0, 0.001
+"""A-priori errors of the common error of positions, ground units: of heights with another origin, and of X and Y."""
+
+_PIXEL, _WORST_PIXELS = 1.0, 10.0
+"""A-priori errors of measurements, pixels, between which residuals decide."""
 
 _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
@@ -81,7 +89,7 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
     notes: list[str] = []
     control = _control(block, notes)
     kept = _rays_kept(block, control, notes)
-    definition = _definition(block, source, block.project.precision if precision is None else precision, control, kept)
+    definition = _definition(block, source, _precision(block, notes) if precision is None else precision, control, kept)
     texts = {f"{BUNDLE}.MEA": _measurements(block, source, kept.rows)}
     texts[f"{BUNDLE}.PRE"] = _preliminary(block, control, kept.rows)
     base = definition.control_files
@@ -106,6 +114,8 @@ def _definition(
         BUNDLE,
         Precision(precision, "px"),
         max_iterations=_MOST_ITERATIONS,
+        # a block that stands at its control is near its minimum; weights taken at the start would only lead it away
+        early_weights="scaled" if block.datum is None else "full",
         datum="free" if is_free else "control",
         repeated_points="both" if kept.has_repetitions else "replace",
     )
@@ -122,7 +132,31 @@ def _definition(
         cameras=tuple(converted.camera for converted in block.cameras),
         photos=tuple(_photos(block)),
         bundles=(bundle,),
+        antennas=_antennas(block),
     )
+
+
+def _precision(block: ImportedBlock, notes: list[str]) -> float:
+    """Return the a-priori error of measurements; where no file says it that of the residuals, and a pixel at least."""
+    if block.project.precision is not None:
+        return block.project.precision
+    rays = block.project.rays
+    found = block.found.measurement_error(rays.photo, rays.point)
+    if not _PIXEL < found < _WORST_PIXELS:
+        return _PIXEL
+    rounded = float(f"{found:.2g}")
+    notes.append(
+        f"No file says how precise the measurements are: their a-priori error is {rounded:g} px, as the residuals of "
+        "the import say (--precision)."
+    )
+    return rounded
+
+
+def _antennas(block: ImportedBlock) -> tuple[Antenna, ...]:
+    """Return the antenna whose heights have another origin than the control points; X and Y are held."""
+    if block.datum is None or not block.datum.height_step:
+        return ()
+    return (Antenna(_ANTENNA, shift="session", shift_error=(_NO_STEP, _NO_STEP, _HEIGHT_STEP)),)
 
 
 def _title(title: str) -> str:

@@ -102,21 +102,24 @@ def test_an_operator_with_commands_beside_orip_digitise(tmp_path):
         guard.start()
         try:
             said = ""
-            while "waiting for the operator" not in said:
-                line = session.stderr.readline()
-                assert line, said
-                said += line
-            assert "'orip drive foot right'" in said
-            for x, y in ((-18, -12), (18, -12), (18, 12), (-18, 12)):
+
+            def hear(words):
+                nonlocal said
+                line = ""
+                while words not in line:
+                    line = session.stderr.readline()
+                    assert line, said  # the session has ended
+                    said += line
+
+            for mark, (x, y) in enumerate(((-18, -12), (18, -12), (18, 12), (-18, 12)), 1):
+                # What is pressed before the session waits does not count.
+                hear(f"waiting    fiducial {mark} of C35")
                 with Raw(port) as panel:
                     assert panel.ask(f"DRIVE PLATE UPPER {x} {y}").startswith("OK ")
                     assert panel.ask("CLEAR").startswith("ERR 110 hosted by ")
                 assert orip(folder, "drive", "foot", "right", *link_to(port)).code == 0
-                line = ""
-                while "digitised" not in line:
-                    line = session.stderr.readline()
-                    assert line, said  # the session has ended
-                    said += line
+                hear(f"digitised  fiducial {mark} of C35")
+            assert "'orip drive foot right'" in said
             assert orip(folder, "drive", "key", "ENTER", *link_to(port)).code == 0
             rest = session.communicate(timeout=60)[1]
         finally:

@@ -30,6 +30,7 @@ from orip.records.results.solution import (
     InteriorSummary,
     IterationPass,
     Residuals,
+    RigEstimate,
     SingularUnknown,
     Solution,
 )
@@ -95,6 +96,7 @@ def rich_solution(bundle="MAIN"):
         photo_rotation_sd_about_axes=(True, False, True),
         singular=(SingularUnknown("POINT", "a", "Z", INF), SingularUnknown("CAMERA", "OLYMPUS", "A7", 13.5)),
         correlations=(Correlation("OLYMPUS.C", "P1.Z0", -0.987654321),),
+        rigs=(RigEstimate("OLYMPUS", "kamera 2", 3, "BX", -0.1, NAN, 1e-3),),
         blunders=(Blunder(1, "photo", "P1", "a", "xy", 0.25, 0.01, 25.0, 3.29),),
         diagnosis=(Diagnosis("weak-scale", "P1", "zwei\nZeilen \u2028 und '\"\x00", "measure a distance"),),
         check_points=(CheckPoint("A", 0.01, NAN, -0.02),),

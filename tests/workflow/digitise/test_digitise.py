@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from support.sample_projects import sample
 from workflow.commands import initialise, measure, write_drive_table
-from workflow.digitising_bench import LOG, Bench, codes, did
+from workflow.digitise.digitising_bench import LOG, Bench, codes, did
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, film_project, first_project, replace_in
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.sample_projects import sample
 from workflow.commands import initialise, measure
-from workflow.digitising_bench import Bench, codes, did
+from workflow.digitise.digitising_bench import Bench, codes, did
 from workflow.small_projects import replace_in
 
 from orip.errors import UsageError

@@ -27,6 +27,7 @@ from orip.records.results.solution import (
     IterationPass,
     Remark,
     Residuals,
+    RigEstimate,
     SingularUnknown,
     Solution,
     Status,
@@ -110,6 +111,16 @@ ITEM_LISTS: dict[str, tuple[type[Any], StoreTable]] = {
     "antennas": (
         AntennaEstimate,
         _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
+    ),
+    "rigs": (
+        RigEstimate,
+        _list_of_solution(
+            "rig_estimate",
+            *_texts("first", "second"),
+            integer("instants"),
+            text("name"),
+            *_reals("value", "sd", "scatter"),
+        ),
     ),
     "exposures": (Exposure, _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time"))),
     "remarks": (Remark, _list_of_solution("remark", *_texts("text"))),

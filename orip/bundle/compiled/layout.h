@@ -1,0 +1,209 @@
+/* The layout of a block: its index arrays, copied and checked once, and how its groups are shared out among threads. */
+
+#ifndef ORIP_LAYOUT_H
+#define ORIP_LAYOUT_H
+
+#include "../../array_arguments.h"
+
+#include "loops.h"
+
+/* The index arrays of a block, from which a layout is made. */
+enum {
+    KIND, OF_SET, FORM, OF_CAMERA, OF_PHOTO, OF_POINT,
+    ORDER, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, LAYOUT_END
+};
+#define LAYOUT "iibiii" "iiiiii" "ii"
+#define LAYOUT_NAME "orip.bundle.compiled.layout"
+
+/* Numbers that the groups of a share need together, if there are several of them: 256 KB. */
+#define NUMBERS_OF_SHARE (1 << 15)
+
+/* Unknowns of the reduced system, or of a group; products of two such sizes still are numbers of 64 bits. */
+#define LARGEST_SYSTEM (INT64_C(1) << 28)
+
+/* Copies of index arrays, which were checked when they were made and cannot be changed from outside: what a loop is
+ * called with need not be checked index by index. */
+typedef struct {
+    Block block;
+    Pattern pattern;
+    int64_t points;
+    int32_t *share_start;
+} Layout;
+
+/* Whether the sizes of the index arrays belong together. */
+static int do_indices_fit(const Arguments *a)
+{
+    const int64_t cameras = length_of(a, FORM), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
+    const int64_t groups = length_of(a, GROUP_START) - 1;
+    return count <= INT32_MAX && cameras + photos <= INT32_MAX && groups >= 0 && groups < INT32_MAX
+        && has(a, KIND, cameras) && has(a, OF_SET, 2 * MOST_ADDITIONAL * cameras) && has(a, OF_POINT, count)
+        && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_UNKNOWNS, cameras)
+        && has(a, CAMERA_ELEMENTS, MOST_CAMERA_UNKNOWNS * cameras);
+}
+
+/* Whether no index of a layout leads elsewhere; `a` has the arrays that it was copied from, for their lengths. */
+static int are_indices_sound(const Arguments *a, const Block *b, const Pattern *p)
+{
+    const int64_t in_order = length_of(a, ORDER), runs = length_of(a, RUNS);
+    return are_within(b->products, length_of(a, OF_SET), 0, POLYNOMIALS * POLYNOMIALS)
+        && are_within(b->camera_of_photo, b->photo_count, 0, b->camera_count)
+        && are_within(b->photo, b->count, 0, b->photo_count) && are_within(b->point, b->count, 0, INT32_MAX)
+        && are_starts(p->start, p->blocks, in_order) && are_starts(p->group_start, p->groups, p->blocks)
+        && are_starts(p->runs_start, p->groups, runs) && are_within(p->order, in_order, 0, b->count)
+        && are_within(p->block, p->blocks, 0, p->blocks)
+        && are_within(p->runs, runs, 0, b->camera_count + b->photo_count)
+        && are_within(p->camera_unknowns, b->camera_count, 0, MOST_CAMERA_UNKNOWNS + 1)
+        && are_within(p->camera_elements, length_of(a, CAMERA_ELEMENTS), 0, ELEMENTS);
+}
+
+/* Copy the next index array into a layout; the bytes of the flags come last, so that all numbers are aligned. */
+static const void *copied(const Arguments *a, int array, char **room)
+{
+    const Py_buffer *view = &a->views[array];
+    char *to = *room;
+    if (view->len)
+        memcpy(to, view->buf, (size_t)view->len);
+    *room += view->len;
+    return to;
+}
+
+static Layout *copy_of_indices(const Arguments *a)
+{
+    size_t size = sizeof(Layout) + sizeof(int32_t) * (size_t)length_of(a, GROUP_START);
+    for (int array = 0; array < LAYOUT_END; array++)
+        size += (size_t)a->views[array].len;
+    Layout *l = PyMem_Calloc(1, size);
+    if (!l)
+        return NULL;
+    Block *b = &l->block;
+    Pattern *p = &l->pattern;
+    char *room = (char *)(l + 1);
+    l->share_start = (int32_t *)room;
+    room += sizeof(int32_t) * (size_t)length_of(a, GROUP_START);
+    b->kind = copied(a, KIND, &room), b->products = copied(a, OF_SET, &room);
+    b->camera_of_photo = copied(a, OF_CAMERA, &room), b->photo = copied(a, OF_PHOTO, &room);
+    b->point = copied(a, OF_POINT, &room);
+    p->order = copied(a, ORDER, &room), p->start = copied(a, START, &room), p->block = copied(a, BLOCK, &room);
+    p->group_start = copied(a, GROUP_START, &room), p->runs_start = copied(a, RUNS_START, &room);
+    p->runs = copied(a, RUNS, &room), p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room);
+    p->camera_elements = copied(a, CAMERA_ELEMENTS, &room);
+    b->form = copied(a, FORM, &room);
+    b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, FORM);
+    b->photo_count = length_of(a, OF_CAMERA);
+    p->blocks = length_of(a, BLOCK), p->groups = length_of(a, GROUP_START) - 1;
+    return l;
+}
+
+/* Whether each photo point of a group has its photo and its camera among the runs of the group, cameras first. */
+static int has_runs_of_all(const Block *b, const Pattern *p, int32_t *seen)
+{
+    for (int64_t group = 0; group < p->groups; group++) {
+        const int32_t mark = (int32_t)group + 1;
+        int is_photo = 0;
+        for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++) {
+            if (is_photo && p->runs[r] < b->camera_count)
+                return 0;
+            is_photo = p->runs[r] >= b->camera_count;
+            seen[p->runs[r]] = mark;
+        }
+        for (int32_t k = p->start[p->group_start[group]]; k < p->start[p->group_start[group + 1]]; k++) {
+            const int32_t photo = b->photo[p->order[k]];
+            if (seen[b->camera_count + photo] != mark || seen[b->camera_of_photo[photo]] != mark)
+                return 0;
+        }
+    }
+    return 1;
+}
+
+static int is_pattern_sound(const Block *b, const Pattern *p)
+{
+    int32_t *seen = PyMem_Calloc((size_t)(b->camera_count + b->photo_count + 1), sizeof(int32_t));
+    const int sound = seen && has_runs_of_all(b, p, seen);
+    if (!seen)
+        PyErr_NoMemory();
+    PyMem_Free(seen);
+    return sound;
+}
+
+/* The unknowns of a group. A run of constants alone has a place among the first ones, too. */
+static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group)
+{
+    const int64_t runs = p->runs_start[group + 1] - p->runs_start[group];
+    int64_t size = 0;
+    for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
+        size += p->runs[r] < b->camera_count ? p->camera_unknowns[p->runs[r]] : PHOTO_UNKNOWNS;
+    return size > runs ? size : runs;
+}
+
+static int64_t longest_group(const Block *b, const Pattern *p)
+{
+    int64_t longest = 0;
+    for (int64_t group = 0; group < p->groups; group++) {
+        const int64_t size = size_of_group(b, p, group);
+        longest = size > longest ? size : longest;
+    }
+    return longest;
+}
+
+/* Numbers that the sums of a group need, or the part of the inverse, or vectors. */
+static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group)
+{
+    const int64_t size = size_of_group(b, p, group), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
+    return rows * stride_of(size);
+}
+
+/* Cut the groups into shares of about the same room, which stays in a processor's cache. */
+static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
+{
+    int64_t numbers = 0;
+    p->share_start = share_start;
+    for (int64_t group = 0; group < p->groups; group++) {
+        const int64_t of_group = numbers_of_group(b, p, group);
+        if (!group || numbers + of_group > NUMBERS_OF_SHARE) {
+            share_start[p->shares++] = (int32_t)group;
+            numbers = 0;
+        }
+        numbers += of_group;
+        p->room = numbers > p->room ? numbers : p->room;
+    }
+    share_start[p->shares] = (int32_t)p->groups;
+}
+
+/* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
+static int is_layout_sound(const Arguments *a, Layout *l)
+{
+    if (!are_indices_sound(a, &l->block, &l->pattern) || !is_pattern_sound(&l->block, &l->pattern))
+        return 0;
+    for (int64_t k = 0; k < l->block.count; k++)
+        l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
+    l->pattern.longest = longest_group(&l->block, &l->pattern);
+    if (l->pattern.longest > LARGEST_SYSTEM)
+        return 0;
+    cut_into_shares(&l->block, &l->pattern, l->share_start);
+    return 1;
+}
+
+static void free_layout(PyObject *capsule)
+{
+    PyMem_Free(PyCapsule_GetPointer(capsule, LAYOUT_NAME));
+}
+
+static PyObject *layout(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, LAYOUT, 0))
+        return NULL;
+    if (!do_indices_fit(&a))
+        return refused(&a);
+    Layout *l = copy_of_indices(&a);
+    const int sound = l && is_layout_sound(&a, l);
+    release(&a);
+    if (!l)
+        return PyErr_NoMemory();
+    PyObject *found = sound ? PyCapsule_New(l, LAYOUT_NAME, free_layout) : NULL;
+    if (!found)
+        PyMem_Free(l);
+    return found || PyErr_Occurred() ? found : refused(&a);
+}
+
+#endif

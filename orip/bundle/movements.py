@@ -1,0 +1,127 @@
+"""Small movements of a whole block: three shifts, three rotations about its centre, and a change of scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.state import BlockState, entries_at
+from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Movements:
+    """The change G (u, d) of all unknowns under d movements of a whole block; rows of points are not stored.
+
+    A movement changes a point by a linear function of its homogeneous coordinates.
+
+    Parameters
+    ----------
+    size : float
+        Of the block: the unit of shifts.
+    homogeneous : array (n, 4)
+        1, and the coordinates of the points about the centre.
+    by_homogeneous : array (3, d, 4)
+        Change of each coordinate of a point by its homogeneous coordinates.
+    points : array (n, 3) of int
+        Unknowns of the points; `CONSTANT` where there is none.
+    columns : array (k,) of int
+        All other unknowns that move.
+    rows : array (k, d)
+        Their rows.
+    unknowns : int
+        u.
+    """
+
+    size: float
+    homogeneous: FloatArray
+    by_homogeneous: FloatArray
+    points: IntArray
+    columns: IntArray
+    rows: FloatArray
+    unknowns: int
+
+    def combined(self, combinations: FloatArray) -> Movements:
+        """Return combinations (d, e) of the movements."""
+        by_homogeneous = np.einsum("adh,de->aeh", self.by_homogeneous, combinations)
+        return replace(self, by_homogeneous=by_homogeneous, rows=self.rows @ combinations)
+
+    def dense(self) -> FloatArray:
+        """Return G (u, d)."""
+        return self.times(np.eye(self.rows.shape[1]))
+
+    def times(self, amounts: FloatArray) -> FloatArray:
+        """Return G x (u,) or (u, k) for amounts of the movements (d,) or (d, k)."""
+        result = np.zeros((self.unknowns, *amounts.shape[1:]))
+        result[self.columns] = self.rows @ amounts
+        of_points = np.stack([self.homogeneous @ (table.T @ amounts) for table in self.by_homogeneous], axis=1)
+        free = self.points != CONSTANT
+        every = free.all()
+        result[self.points if every else self.points[free]] = of_points if every else of_points[free]
+        return result
+
+    def transposed_at(self, points: IntArray, vectors: FloatArray) -> FloatArray:
+        """Return G^T v (d,) or (d, k) for vectors (u,) or (u, k), over the unknowns of some points alone."""
+        homogeneous, of_points = self.homogeneous[points], entries_at(vectors, self.points[points])
+        found = (table @ (homogeneous.T @ of_points[:, place]) for place, table in enumerate(self.by_homogeneous))
+        return np.asarray(sum(found))
+
+    def squares_at(self, points: IntArray) -> FloatArray:
+        """Return G^T G (d, d) over the unknowns of some points alone."""
+        homogeneous, free = self.homogeneous[points], self.points[points] != CONSTANT
+        products = [homogeneous.T @ homogeneous] * 3
+        if not free.all():
+            products = [homogeneous.T @ (free[:, [place]] * homogeneous) for place in range(3)]
+        found = (table @ product @ table.T for table, product in zip(self.by_homogeneous, products, strict=True))
+        return np.asarray(sum(found))
+
+
+def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
+    """Return the seven movements of a block at a state; shifts are in units of its size."""
+    known = _known_points(state)
+    centre = known.mean(axis=0)
+    size = float(np.sqrt(np.mean((known - centre) ** 2)) or 1.0)
+    homogeneous = np.ones((len(state.points), 4))
+    # points whose rays do not meet may have no coordinates
+    homogeneous[:, 1:] = np.where(np.isfinite(state.points), state.points, centre) - centre
+    constant = _positions(np.zeros((1, 3)), size)[0]
+    linear = _positions(np.eye(3), size) - constant
+    by_homogeneous = np.moveaxis(np.concatenate([constant[None], linear]), 0, 2)
+
+    turns = np.broadcast_to(np.eye(3), state.rotations.shape).copy()
+    by_angles = state.turned_by_angles
+    if by_angles.any():
+        turns[by_angles] = angle_rates_from_axes_rotation(state.angles()[by_angles])
+    rotations = np.zeros((len(turns), 3, 7))
+    rotations[:, :, 3:6] = turns
+    zero_directions = np.zeros((len(unknowns.theodolites), 7))
+    # azimuths run clockwise, rotations about Z the other way
+    zero_directions[:, 5] = -1.0
+    rows = (_positions(state.centres - centre, size), rotations, zero_directions)
+    columns = (unknowns.photos[:, :3], unknowns.photos[:, 3:], unknowns.theodolites)
+    places = np.concatenate([table.ravel() for table in columns])
+    values = np.concatenate([table.reshape(-1, 7) for table in rows])
+    free = places != CONSTANT
+    return Movements(
+        size, homogeneous, by_homogeneous, unknowns.points, places[free], values[free], unknowns.layout.size
+    )
+
+
+def _known_points(state: BlockState) -> FloatArray:
+    """Return the points (k, 3) that have coordinates."""
+    known = np.asarray(np.isfinite(state.points).all(axis=1))
+    if known.all() and len(state.points):
+        return state.points
+    return state.points[known] if known.any() else np.zeros((1, 3))
+
+
+def _positions(offset: FloatArray, size: float) -> FloatArray:
+    """Return the changes (n, 3, 7) of positions (n, 3) about the centre."""
+    result = np.empty((*offset.shape, 7))
+    result[:, :, :3] = size * np.eye(3)
+    result[:, :, 3:6] = -cross_matrix(offset)
+    result[:, :, 6] = offset
+    return result

@@ -1,0 +1,130 @@
+"""An imported block moved to its control points, and what is said of that."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.conversion.cameras import ConvertedCamera, directions_of_pixels
+from orip.conversion.control_datum import ControlDatum, ControlRays, ObservedCentres, control_datum
+from orip.conversion.reprojection import Reprojection
+from orip.records.exchanged import ExchangedProject
+
+
+def datum_of_control(
+    project: ExchangedProject, cameras: Sequence[ConvertedCamera], pixels: FloatArray, found: Reprojection
+) -> ControlDatum | None:
+    """Return how the block has to be moved to its control; None where it may stay, or where that is not known.
+
+    Parameters
+    ----------
+    project : ExchangedProject
+        With control and stations in its own system.
+    cameras : sequence of ConvertedCamera
+    pixels : array (k, 2)
+        Of the rays, as orip counts them.
+    found : Reprojection
+    """
+    if project.control_crs or not project.control:
+        return None
+    rays = _control_rays(project, cameras, pixels, found)
+    centres = found.centres[np.isfinite(found.centres).all(axis=1)]
+    known = project.points.coordinates[np.isfinite(project.points.coordinates).all(axis=1)]
+    if not len(centres) or not len(known):
+        return None
+    distance = float(np.median(np.linalg.norm(known - np.median(centres, axis=0), axis=1)))
+    return control_datum(rays, _observed_centres(project, found), distance)
+
+
+def _control_rays(
+    project: ExchangedProject, cameras: Sequence[ConvertedCamera], pixels: FloatArray, found: Reprojection
+) -> ControlRays:
+    """Return the rays to points with three known coordinates that are not check points."""
+    full = {
+        point.name: point.coordinates
+        for point in project.control
+        if None not in point.coordinates and not any(error is not None and error < 0.0 for error in point.errors)
+    }
+    targets = np.full((len(project.points.names), 3), np.nan)
+    for place, (name, is_track) in enumerate(zip(project.points.names, project.points.is_track.tolist(), strict=True)):
+        if name in full and not is_track:
+            targets[place] = full[name]
+    rays = project.rays
+    rows = np.flatnonzero(np.isfinite(targets[rays.point]).all(axis=1) & rays.is_active)
+    tangents = np.full((len(rows), 2), np.nan)
+    camera_of_ray = np.array([photo.camera for photo in project.photos], dtype=np.int64)[rays.photo[rows]]
+    for number, converted in enumerate(cameras):
+        own = camera_of_ray == number
+        if own.any():
+            tangents[own] = directions_of_pixels(converted.camera, pixels[rows[own]])
+    vectors = np.column_stack([tangents, np.full(len(rows), -1.0)])
+    ground = np.einsum("nij,nj->ni", found.rotations[rays.photo[rows]], vectors)
+    sound = np.isfinite(ground).all(axis=1) & np.isfinite(found.centres[rays.photo[rows]]).all(axis=1)
+    rows, ground = rows[sound], ground[sound]
+    return ControlRays(
+        found.centres[rays.photo[rows]],
+        ground / np.linalg.norm(ground, axis=1, keepdims=True),
+        np.unique(rays.point[rows], return_inverse=True)[1].astype(np.int64),
+        targets[rays.point[rows]],
+    )
+
+
+def _observed_centres(project: ExchangedProject, found: Reprojection) -> ObservedCentres:
+    """Return the projection centres with an observed position that has weight."""
+    place = {photo.name: row for row, photo in enumerate(project.photos)}
+    used = [
+        station
+        for station in project.stations
+        if not project.station_reference.crs
+        and station.has_position
+        and min(station.position_error) > 0.0
+        and station.photo in place
+        and np.isfinite(found.centres[place[station.photo]]).all()
+    ]
+    return ObservedCentres(
+        found.centres[[place[station.photo] for station in used]].reshape(-1, 3),
+        np.array([station.position for station in used], dtype=np.float64).reshape(-1, 3),
+        np.array([station.position_error for station in used], dtype=np.float64).reshape(-1, 3),
+    )
+
+
+def moved_block(
+    project: ExchangedProject, found: Reprojection, datum: ControlDatum
+) -> tuple[ExchangedProject, Reprojection]:
+    """Return a project whose points, and the reprojection whose photos, are in the system of the control points."""
+    similarity = datum.similarity
+    points = replace(project.points, coordinates=similarity.apply(project.points.coordinates))
+    return (
+        replace(project, points=points),
+        replace(found, rotations=similarity.rotation @ found.rotations, centres=similarity.apply(found.centres)),
+    )
+
+
+def said_of_datum(datum: ControlDatum, unit: str) -> list[str]:
+    """Return sentences about how the block was moved, and about heights in two systems."""
+    before, after, turned = (_degrees(angle) for angle in (datum.misfit_before, datum.misfit_after, datum.turned))
+    moved = (
+        f"The block was not where its control points are: the rays to them were {before} off (RMS). Photos and points "
+        f"were moved by {datum.moved:.3g} {unit} (median), turned by {turned} and scaled by "
+        f"{datum.similarity.scale:.4g}; {after} remain."
+    )
+    if not datum.height_step:
+        return [moved]
+    way = "higher" if datum.height_step > 0.0 else "lower"
+    return [
+        moved,
+        (
+            f"The observed positions of the photos are {abs(datum.height_step):.3g} {unit} {way} than the control "
+            f"points say (standard deviation {datum.height_step_sd:.2g} {unit}), and fit otherwise: these heights "
+            "have different origins (ellipsoid, geoid, take-off point, altitude of a telephone). The control points "
+            "count; the common error of the positions is an unknown, [[antenna]] in orip.toml. If the heights of the "
+            "control points are the wrong ones, correct them in the source and import it again."
+        ),
+    ]
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.2g}°"

@@ -1,0 +1,121 @@
+"""However many threads share the work, every result is the same to the last bit."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from aerial_blocks import aerial_block
+from bundle.test_banded_block import BLOCK as BANDED
+from bundle.test_photo_loop import two_cameras_with_sets
+from support.wrong_calls import recorded
+
+from orip import threads
+from orip.adjustment.factorisation import two_ends
+from orip.bundle.compiled import photo_loop
+from orip.bundle.solve import solve_block
+from orip.records.block import Block
+from orip.threads import at_once, available_threads, limited_threads
+
+THREADS = (1, 2, 4, 16)
+
+
+def free_network() -> Block:
+    return replace(BANDED, definition=replace(BANDED.definition, datum="free"), control_points=())
+
+
+BLOCKS = {
+    "band": lambda: BANDED,
+    "full matrix": lambda: aerial_block(20, 60),
+    "free network": free_network,
+    "sets": two_cameras_with_sets,
+}
+
+
+def digest_of(block: Block) -> str:
+    """Return the digest of all that an adjustment finds."""
+    solved = solve_block(block, lambda _: None, lambda: False)
+    state, found = solved.state, solved.cofactors
+    every = np.arange(solved.problem.layout.reduced)
+    arrays = (
+        state.cameras, state.centres, state.rotations, state.points, solved.equations.residual, found.blocks,
+        found.leverage, found.reduced.diagonal() if len(every) > 1000 else found.reduced[every, every],
+    )  # fmt: skip
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_results_do_not_depend_on_the_number_of_threads(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    block = BLOCKS[name]()
+    # even these small blocks are shared out
+    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
+    monkeypatch.setattr(two_ends, "_WORK_OF_A_THREAD", 0.0)
+    shared: list[int] = []
+    for module in (photo_loop, two_ends):
+        monkeypatch.setattr(module, "at_once", lambda tasks: shared.append(len(tasks)) or at_once(tasks))
+    digests = []
+    for count in THREADS:
+        with limited_threads(count):
+            digests.append(digest_of(block))
+    assert digests == digests[:1] * len(THREADS)
+    assert max(shared, default=16) == 16 or not photo_loop.is_compiled()
+
+
+def test_the_limit_is_that_of_the_block_then_of_the_variable_then_the_processors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv(threads.VARIABLE, "3,2")
+    assert available_threads() == 3
+    with limited_threads(5):
+        assert available_threads() == 5
+        with limited_threads(None):
+            assert available_threads() == 5
+    for nothing in ("", "0", "many"):
+        monkeypatch.setenv(threads.VARIABLE, nothing)
+        assert 1 <= available_threads() <= (os.cpu_count() or 1)
+
+
+def test_tasks_run_at_the_same_time_and_the_first_error_is_raised() -> None:
+    together = threading.Barrier(3, timeout=10.0)
+
+    def arrive(number: int) -> int:
+        together.wait()
+        return number
+
+    assert at_once([lambda number=number: arrive(number) for number in range(3)]) == [0, 1, 2]
+
+    def fail() -> int:
+        message = "no memory"
+        raise MemoryError(message)
+
+    with pytest.raises(MemoryError, match="no memory"):
+        at_once([lambda: 1, fail])
+    assert threading.active_count() == 1 or all("ThreadPool" not in one.name for one in threading.enumerate())
+
+
+@pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
+def test_a_thread_that_comes_late_repeats_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once as many threads as the turns are made for have left, they serve for another call."""
+    block = two_cameras_with_sets()
+    call = recorded(photo_loop.compiled, lambda: digest_of(block), monkeypatch)["residuals"]
+    turns = photo_loop.compiled.turns(2.0)
+    written = []
+    for _ in range(4):
+        residual, in_front = np.full_like(call[-2], np.nan), call[-1].copy()
+        photo_loop.compiled.residuals(call[0], turns, *call[2:-2], residual, in_front)
+        written.append(bool(np.isfinite(residual).all()))
+    assert written == [True, False, True, False]
+
+
+@pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
+@pytest.mark.parametrize("threads", [0.0, 257.0, 1.5, np.nan, -1.0])
+def test_turns_of_no_sound_number_of_threads_are_refused(threads: float) -> None:
+    with pytest.raises(ValueError, match=r"number|belong"):
+        photo_loop.compiled.turns(threads)
