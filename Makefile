@@ -125,7 +125,7 @@ docs-links: $(READY)
 
 BENCH_PHOTOS := 50 500
 # also: solve:2000, threads:500, large; BAL is left out where its data are not
-BENCH_CASES := penta rings BAL Zurich threads:500
+BENCH_CASES := penta rings BAL Zurich threads:500 variants:500
 BENCH_ARGS :=
 BENCH_PYTHON := .venv-bench/bin/python
 BENCH_PACKAGES := pycolmap==4.2.1 scipy
@@ -164,7 +164,8 @@ fi
 endef
 
 # .venv is made again from nothing when it is missing, broken, left half-made, or made for another folder (its programs
-# name the folder they are in); otherwise, and when it is somebody's own, it is only completed.
+# name the folder they are in); otherwise, and when it is somebody's own, it is only completed. Packages are fetched while
+# the extensions are compiled.
 $(RUNS):
 	@set -e; \
 	if [ -e $(UNFINISHED) ] || ! $(BIN)/python -m pip --version >/dev/null 2>&1 \
@@ -185,32 +186,44 @@ $(RUNS):
 	  : >$(UNFINISHED); \
 	fi; \
 	rm -f $(RUNS) $(READY); \
-	$(pip_install) -e . || { $(not_installed); }; \
+	$(BIN)/python -c "$$print_packages"; \
+	$(pip_install) -r $(VENV)/build-packages || { $(not_installed); }; \
+	$(pip_install) -r $(VENV)/run-packages & packages=$$!; \
+	trap 'kill $$packages 2>/dev/null || :' EXIT; trap 'exit 130' HUP INT TERM; \
+	$(pip_install) --no-build-isolation --no-deps -e . || { $(not_installed); }; \
+	wait $$packages || { $(not_installed); }; \
 	$(state) >$(RUNS); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) has what orip needs.'
 
-# not `-e .[dev]`, which would compile the extensions a second time
+# not `-e .[dev]`, which would compile the extensions a second time; the bytecode of all packages is made on all cores
 $(READY): $(RUNS)
 	@set -e; \
 	echo 'Completing $(VENV) with what the tests and checks need ...'; \
 	: >$(UNFINISHED); \
 	rm -f $(READY); \
-	$(BIN)/python -c "$$print_dev_packages" >$(VENV)/dev-packages; \
+	$(BIN)/python -c "$$print_packages"; \
 	$(pip_install) -r $(VENV)/dev-packages || { $(not_installed); }; \
+	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || :; \
 	$(state) >$(READY); \
 	rm -f $(UNFINISHED); \
 	echo '$(VENV) is complete.'
 
-pip_install := $(BIN)/python -m pip install -qq --disable-pip-version-check --no-input
+# Bytecode is left to Python, which makes that of the modules that are imported.
+pip_install := $(BIN)/python -m pip install -qq --disable-pip-version-check --no-input --no-compile
 define not_installed
 echo 'The packages that orip needs could not be installed: see above; without a network, is a package registry set for pip?' >&2; exit 1
 endef
-define print_dev_packages
+define print_packages
 import tomllib
-print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["dev"], sep="\n")
+from pathlib import Path
+text = tomllib.loads(Path("pyproject.toml").read_text(encoding="utf-8"))
+build, project = text["build-system"]["requires"], text["project"]
+lists = {"build": build, "run": project["dependencies"], "dev": project["optional-dependencies"]["dev"]}
+for name, packages in lists.items():
+    Path("$(VENV)", f"{name}-packages").write_text("\n".join(packages) + "\n", encoding="utf-8")
 endef
-export print_dev_packages
+export print_packages
 
 ifneq ($(call state_found,$(RUNS)),$(state_wanted))
 $(RUNS): always

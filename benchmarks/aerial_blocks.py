@@ -12,6 +12,7 @@ from __future__ import annotations
 import resource
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -79,6 +80,22 @@ def seeded_block(
             for index in control
         ),
     )
+
+
+VARIANTS = ("free", "EBNER", "GRUEN", "fisheye")
+
+
+def variant_of(block: Block, variant: str) -> Block:
+    """Return a block as a free network, with a set of additional parameters, or with a fisheye camera.
+
+    The photo coordinates stay those of the plain camera: how long an iteration takes does not depend on them.
+    """
+    if variant == "free":
+        return replace(block, definition=replace(block.definition, datum="free"), control_points=())
+    camera = block.cameras[0]
+    fisheye = variant == "fisheye"
+    varied = replace(camera, projection="equidistant") if fisheye else replace(camera, additional_set=variant)
+    return replace(block, cameras=(varied,))
 
 
 def _flown(photos: int, random: np.random.Generator) -> np.ndarray:

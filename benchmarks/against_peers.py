@@ -6,8 +6,9 @@
 
 Cases: a number of photos; penta and rings, blocks without a narrow band; BAL, a real problem with a camera for each
 photo; Zurich, the sample project from texts to results; solve:N, a project of N photos on the disk; threads:N, two
-threads against one; large, 5000 photos and 500 000 points. The environment has pycolmap and SciPy. What counts is the
-smallest of the repetitions.
+threads against one; variants:N, free network, sets of additional parameters and fisheye against the same block with
+control and a plain camera; large, 5000 photos and 500 000 points. The environment has pycolmap and SciPy. What counts
+is the smallest of the repetitions.
 
 Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
 in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
@@ -25,6 +26,7 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from aerial_blocks import VARIANTS
 from bal import COST_TOLERANCE, LADYBUG, MINIMUM_COST
 from figures import Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
 from startup import help_cpu, zurich
@@ -53,6 +55,11 @@ def run_orip(case: str, points: int | None = None, threads: int = 1) -> Figures:
     environment = {name: str(threads) for name in ONE_THREAD}
     command = (sys.executable, str(HERE / "orip_adjustment.py"), case, "--threads", str(threads), *more)
     return run(*command, threads=environment)
+
+
+def run_variant(photos: str, variant: str) -> Figures:
+    """Run orip's adjustment of a variant of an aerial block."""
+    return run(sys.executable, str(HERE / "orip_adjustment.py"), photos, "--variant", variant)
 
 
 def best(runs: list[Figures]) -> Figures:
@@ -107,6 +114,13 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
         runs = [(run_orip(size), run_orip(size, threads=2)) for _ in range(given.repetitions)]
         one, two = zip(*runs, strict=True)
         return {"orip": best(list(one)), "two threads": best(list(two))}
+    if kind == "variants":
+        names = ("orip", *VARIANTS)
+        runs = [
+            [run_orip(size) if name == "orip" else run_variant(size, name) for name in names]
+            for _ in range(given.repetitions)
+        ]
+        return {name: best(list(of_name)) for name, of_name in zip(names, zip(*runs, strict=True), strict=True)}
     if kind == "large":
         return {"orip": best([run_orip(*_LARGE) for _ in range(given.repetitions)])}
     return compared(case, given.peer, given.repetitions)

@@ -116,7 +116,19 @@ def _against_itself(found: Results) -> Iterator[Requirement]:
         if case.startswith("threads:"):
             ratio = programs["two threads"]["minimum_wall"] / programs["orip"]["minimum_wall"]
             what = f"{_title(case.partition(':')[2])}: time of two threads to that of one"
-            yield Requirement(what, ratio, 1.1, 1.0, more=False)
+            yield Requirement(what, ratio, 0.65, 0.55, more=False)
+        if case.startswith("variants:"):
+            yield from _of_variants(_title(case.partition(":")[2]), programs)
+
+
+def _of_variants(title: str, programs: dict[str, Figures]) -> Iterator[Requirement]:
+    plain = programs["orip"]
+    for name, figures in programs.items():
+        if name != "orip":
+            what = f"{title}, {name}: time of an iteration to that of the plain camera with control"
+            yield Requirement(what, _iteration(figures) / _iteration(plain), 1.5, 1.2, more=False)
+            what = f"{title}, {name}: time of covariances to that"
+            yield Requirement(what, figures["precision"] / plain["precision"], 1.5, 1.2, more=False)
 
 
 def differing(found: Results) -> list[str]:

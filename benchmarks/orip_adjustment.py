@@ -17,7 +17,7 @@ import resource
 import time
 
 import numpy as np
-from aerial_blocks import POINTS_A_PHOTO
+from aerial_blocks import POINTS_A_PHOTO, VARIANTS, aerial_block, variant_of
 from peer_problem import block_of, pixel_mm
 
 from orip.adjustment.iteration import Adjustment, adjust
@@ -28,9 +28,9 @@ from orip.bundle.state import BlockState
 from orip.threads import limited_threads
 
 
-def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
+def adjustment(case: str, points_a_photo: int, variant: str | None) -> dict[str, float | str]:
     """Return the figures of one adjustment."""
-    block = block_of(case, points_a_photo)
+    block = block_of(case, points_a_photo) if variant is None else variant_of(aerial_block(int(case)), variant)
     clock = [_now()]
     problem, state, settings = pose_problem(block), starting_state(block), iteration_settings(block.definition)
     clock.append(_now())
@@ -42,6 +42,8 @@ def adjustment(case: str, points_a_photo: int) -> dict[str, float | str]:
         computed = equations.residual[equations.active]
         clock.append(_now())
         precise = cofactors(equations, adjusted.normals)
+        if problem.datum is not None:
+            precise = problem.datum.transformed_cofactors(precise, adjusted.normals, adjusted.state, problem.unknowns)
         clock.append(_now())
     (setup, minimum, _, precision) = np.diff(np.array(clock), axis=0)
     size = block.photo_points.error[0, 0] / pixel_mm(case)
@@ -88,9 +90,10 @@ def main() -> None:
     parser.add_argument("case", help="number of photos, or BAL")
     parser.add_argument("--points", type=int, default=POINTS_A_PHOTO, help="points a photo")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--variant", choices=VARIANTS, help="of an aerial block, with weighted control")
     given = parser.parse_args()
     with limited_threads(given.threads):
-        print(json.dumps(adjustment(given.case, given.points)))
+        print(json.dumps(adjustment(given.case, given.points, given.variant)))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,8 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
-from typing import TypeVar
+from threading import Thread
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -45,16 +46,55 @@ def limited_threads(limit: int | None) -> Iterator[None]:
 def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:
     """Return what tasks return that are done at the same time, the first one by the calling thread.
 
-    The threads end with their tasks: a process that forks later has none.
+    The threads end with their tasks: a process that forks later has none. Where the system allows no further thread,
+    the calling one does all. Of several errors the first one is raised.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
-    if len(tasks) == 1:
-        return [tasks[0]()]
-    with ThreadPoolExecutor(len(tasks) - 1) as pool:
-        others = [pool.submit(copy_context().run, task) for task in tasks[1:]]
+    helpers = [_Helper(task) for task in tasks[1:]]
+    waiting = [helper for helper in helpers if not helper.has_begun()]
+    try:
         first = tasks[0]()
-        return [first, *(other.result() for other in others)]
+        for helper in waiting:
+            helper.run()
+    finally:
+        for helper in helpers:
+            helper.end()
+    return [first, *(helper.result() for helper in helpers)]
+
+
+class _Helper(Thread, Generic[T]):
+    """A thread that does a task with the settings of the thread that made it."""
+
+    def __init__(self, task: Callable[[], T]) -> None:
+        super().__init__(daemon=True)
+        self._task, self._context = task, copy_context()
+        self._found: list[T] = []
+        self._error: BaseException | None = None
+
+    def has_begun(self) -> bool:
+        """Begin, and return whether the system has a thread for it."""
+        try:
+            self.start()
+        except RuntimeError:
+            return False
+        return True
+
+    def run(self) -> None:
+        """Do the task."""
+        try:
+            self._found.append(self._context.run(self._task))
+        except BaseException as error:  # noqa: BLE001  # it is raised where the result is asked for
+            self._error = error
+
+    def end(self) -> None:
+        """Wait for the end of the task, if it has begun."""
+        if self.ident is not None:
+            self.join()
+
+    def result(self) -> T:
+        """Return what the task returned, or raise its error."""
+        if self._error is not None:
+            raise self._error
+        return self._found[0]
 
 
 def _processors() -> int:

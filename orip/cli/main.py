@@ -81,7 +81,10 @@ def _print_version(wanted: bool) -> None:
 def before_command(
     context: typer.Context,
     folder: Annotated[
-        Path, typer.Option("--project", "-C", metavar="DIR", help="The project folder: work as if started there.")
+        Path,
+        typer.Option(
+            "--project", "-C", metavar="DIR", help="The project folder: work as if started there (file names too)."
+        ),
     ] = Path(),
     quiet: Quiet = False,
     verbose: Verbose = False,

@@ -11,6 +11,9 @@ from orip.records.results.solution import Solution
 from orip.report.numbers import MISSING, probability, significant
 from orip.report.table import PageColumn, PageTable
 
+_NOTHING = 1e-6
+"""Of the standard deviation of a mean: what rounding leaves of a mean that is zero."""
+
 _NOTE = (
     "p: probability of so much or more by chance if the a-priori errors are right; marked are groups where it is too "
     "small for the number of groups tested. Mean: of the residuals, adjusted minus observed. Common error: what all "
@@ -57,7 +60,7 @@ def _p(value: float) -> str:
 
 
 def _with_sd(value: float, sd: float) -> str:
-    text = significant(value, 2)
+    text = significant(0.0 if abs(value) < _NOTHING * sd else value, 2)
     return text if text == MISSING else f"{text} ± {significant(sd, 2)}"
 
 

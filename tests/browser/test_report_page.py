@@ -5,6 +5,9 @@ Needs the packages chromium and chromium-driver of the system and `pip install '
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+from pathlib import Path
+
 import pytest
 from browser.chromium import chromium, needs_chromium  # skips the module where there is no selenium
 from report.sample_pages import SAMPLES, sample
@@ -190,3 +193,25 @@ def test_it_prints_all_rows_of_its_tables(browser, opened):
         assert set(buttons) == {"contents"}, "a head with boxes of buttons is not repeated on the next page"
     finally:
         browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_axe_finds_nothing_that_keeps_people_out(browser, shown, width):
+    """The rules of axe-core for WCAG 2, on the whole page with the block drawn and everything unfolded."""
+    axe = find_spec("axe_core_python")
+    if axe is None:
+        pytest.skip("needs axe-core: pip install 'orip[browser]'")
+    (folder,) = axe.submodule_search_locations
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    )
+    try:
+        shown("small_frame_block")
+        browser.execute_script("document.querySelectorAll('details').forEach(found => found.open = true)")
+        browser.execute_script(Path(folder, "axe.min.js").read_text(encoding="utf-8"))
+        browser.set_script_timeout(240)
+        found = browser.execute_async_script("axe.run().then(arguments[0])")
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert len(found["passes"]) > 20
+    assert [(rule["id"], [node["html"][:200] for node in rule["nodes"]]) for rule in found["violations"]] == []

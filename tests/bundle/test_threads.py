@@ -97,7 +97,22 @@ def test_tasks_run_at_the_same_time_and_the_first_error_is_raised() -> None:
 
     with pytest.raises(MemoryError, match="no memory"):
         at_once([lambda: 1, fail])
-    assert threading.active_count() == 1 or all("ThreadPool" not in one.name for one in threading.enumerate())
+    assert not any(isinstance(one, threads._Helper) for one in threading.enumerate())
+
+
+def test_without_further_threads_the_calling_one_does_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_thread: threading.Thread) -> None:
+        message = "can't start new thread"
+        raise RuntimeError(message)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    assert at_once([lambda number=number: number for number in range(4)]) == [0, 1, 2, 3]
+    monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
+    block = two_cameras_with_sets()
+    with limited_threads(4):
+        found = digest_of(block)
+    with limited_threads(1):
+        assert digest_of(block) == found
 
 
 @pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -51,6 +52,34 @@ def test_quiet_verbose_and_color(project: Path, monkeypatch: pytest.MonkeyPatch)
     assert "\x1b[1mstatus" in orip(project, "--color", "always", "run").err
     monkeypatch.setenv("NO_COLOR", "1")
     assert "\x1b[1mstatus" in orip(project, "run", "--color", "always").err, "asked for on the command line"
+
+
+def test_files_are_named_as_from_inside_the_project(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    folder = Path(os.path.relpath(project))
+    assert orip(folder, "run", "-q").code == 0
+    for words, file in (
+        ("report", "made.html"),
+        ("export-toml", "made.toml"),
+        ("results residuals", "made.csv"),
+        ("results covariance", "made.npz"),
+        ("observations todo", "made.txt"),
+    ):
+        said = orip(folder, *words.split(), "--output", file)
+        assert said.code == 0, said.err
+        assert (project / file).is_file()
+    assert not list(elsewhere.iterdir())
+
+
+@pytest.mark.parametrize("command", ["run", "init", "measure", "solve", "report", "status", "check"])
+def test_a_folder_without_a_project(tmp_path: Path, command: str) -> None:
+    said = orip(tmp_path, command)
+    assert said.code != 0
+    assert "go to the project's folder, name it with -C DIR, or begin with a sample" in said.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)

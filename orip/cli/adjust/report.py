@@ -46,6 +46,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         given = read_bundle(invocation.folder, bundle, *REPORTED_FROM, "solutions")
+        output = invocation.folder / output if output is not None else None
         page = output.with_suffix(".html") if output is not None and pdf else output
         written = commit(report(given, page)).outcome
         terminal = invocation.terminal

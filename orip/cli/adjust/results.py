@@ -58,7 +58,7 @@ def register(app: typer.Typer) -> None:
             raise UsageError(message)
         solution = read_bundle(invocation.folder, bundle, "solutions").adjusted
         if output is not None:
-            write_residuals(solution, output)
+            write_residuals(solution, invocation.folder / output)
             invocation.terminal.say(f"wrote    {output}: {len(solution.residuals.kind)} residuals")
             return
         shown = results(solution, what, names or ())

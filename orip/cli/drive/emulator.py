@@ -67,6 +67,7 @@ def emulate_command(
     if rate is not None and speed is None:
         message = "--rate says how often --speed moves the stages; give --speed too"
         raise UsageError(message)
+    kept_in = None if state is None else invocation.folder / state
     pace = None if speed is None else Pace(speed, rate or PLATE_UPDATES_HZ)
     terminal = invocation.terminal
 
@@ -82,7 +83,7 @@ def emulate_command(
     if allow_remote:
         terminal.warn([_REMOTE])
     ended = emulate(
-        EmulatorSettings(listen, state, pace, allow_remote, stages_of_words(stages)), listening, terminal.error
+        EmulatorSettings(listen, kept_in, pace, allow_remote, stages_of_words(stages)), listening, terminal.error
     )
     kept = "" if state is None else f"; its state is in {state}"
     terminal.say(f"the emulated plate processor has ended ({ended}){kept}", "green")

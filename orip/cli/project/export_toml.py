@@ -31,7 +31,8 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.state import read_project
         from orip.workflow.records.export_toml import export_toml
 
-        outcome = commit(export_toml(read_project(invocation.folder, "definitions"), output, force=force)).outcome
+        path = invocation.folder / output if output is not None else None
+        outcome = commit(export_toml(read_project(invocation.folder, "definitions"), path, force=force)).outcome
         terminal, shown = invocation.terminal, outcome.project.shown
         terminal.warn(outcome.warnings)
         if outcome.path is not None and outcome.changed:

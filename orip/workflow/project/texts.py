@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from orip.errors import Complaint, InputError
+from orip.errors import Complaint, InputError, NoProjectError
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.stations_text import read_stations
 from orip.files.control.text import CONTROL_EXTENSIONS, read_control
@@ -128,6 +128,8 @@ def open_checked_project(folder: Path) -> ProjectFolder:
     """
     try:
         return open_project(folder)
+    except NoProjectError:
+        raise
     except InputError as error:
         others = _faults_in_folder(folder) if (folder / PROJECT_FILE).is_file() else ()
         raise InputError([*error.complaints, *others]) from None
