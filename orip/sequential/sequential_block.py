@@ -29,9 +29,6 @@ _AT_ONCE = 256
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
-_FEW_UNKNOWNS = 150
-"""Reduced unknowns, those of 25 photos, of which a triangle is built in milliseconds."""
-
 _MOST_DOWNDATES = 1000
 """Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
 
@@ -91,11 +88,6 @@ class SequentialBlock(Generic[Key]):
         """
         if key in self._included:
             raise KeyError(key)
-        leftovers = self._taken_in(key, rows)
-        self._refresh_if_singular()
-        return leftovers
-
-    def _taken_in(self, key: Key, rows: ObservationRows) -> FloatArray:
         self._equations += len(rows.right)
         if rows.point is None:
             self._included[key] = rows
@@ -140,15 +132,6 @@ class SequentialBlock(Generic[Key]):
         else:
             self._of_points[rows.point].remove(key)
             self._point_changed(rows.point)
-        self._refresh_if_singular()
-
-    def _refresh_if_singular(self) -> None:
-        """Build a small triangle again in which something is not determined.
-
-        What is rounding there, and what is not, shows in all equations together and not in one after the other.
-        """
-        if self.triangle.size <= _FEW_UNKNOWNS and not self.triangle.is_regular:
-            self.rebuild(())
 
     def replace(self, key: Key, rows: ObservationRows) -> None:
         """Replace the equations of an observation: measured again, or linearised again."""
@@ -163,7 +146,6 @@ class SequentialBlock(Generic[Key]):
             self._replace((before.reduced,), (rows.reduced,))
         else:
             self._point_changed(rows.point)
-        self._refresh_if_singular()
 
     def replace_all(self, rows: Mapping[Key, ObservationRows]) -> None:
         """Replace the equations of some observations that are in, of the same points: those of a photo that has moved.
@@ -237,7 +219,7 @@ class SequentialBlock(Generic[Key]):
         all_of_it = point is not None and bool(point.reduced)
         saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
         points, downdates = self._points.copy(), self._downdates
-        self._taken_in(key, rows)
+        self.include(key, rows)
         standing = self.standing(key)
         del self._included[key]
         self._equations -= len(rows.right)
