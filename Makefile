@@ -124,8 +124,8 @@ docs-links: $(READY)
 	$(build_docs) linkcheck docs $(DOCS)-links
 
 BENCH_PHOTOS := 50 500
-# also: solve:2000, threads:500, large; BAL is left out where its data are not
-BENCH_CASES := penta rings BAL Zurich threads:500 variants:500
+# also: solve:20000 (an hour), threads:500, large; BAL is left out where its data are not
+BENCH_CASES := penta rings BAL Zurich threads:500 variants:500 solve:500 solve:2000
 BENCH_ARGS :=
 BENCH_PYTHON := .venv-bench/bin/python
 BENCH_PACKAGES := pycolmap==4.2.1 scipy

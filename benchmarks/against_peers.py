@@ -29,7 +29,7 @@ from pathlib import Path
 from aerial_blocks import VARIANTS
 from bal import COST_TOLERANCE, LADYBUG, MINIMUM_COST
 from figures import Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
-from startup import help_cpu, zurich
+from startup import help_cpu, status_cpu, zurich
 from wide_blocks import BLOCKS
 
 HERE = Path(__file__).parent
@@ -106,7 +106,8 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
     kind, _, size = case.partition(":")
     if kind == "Zurich":
         wall, cpu = (min(times) for times in zip(*(zurich() for _ in range(given.repetitions)), strict=True))
-        return {"orip": {"run": wall, "run_cpu": cpu, "help": help_cpu()}}
+        answers = {name: min(asked() for _ in range(given.repetitions)) for name, asked in _ANSWERS.items()}
+        return {"orip": {"run": wall, "run_cpu": cpu, **answers}}
     if kind == "solve":
         whole = (sys.executable, str(HERE / "whole_solve.py"), size)
         return {"orip": best([run(*whole) for _ in range(given.repetitions)])}
@@ -124,6 +125,9 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
     if kind == "large":
         return {"orip": best([run_orip(*_LARGE) for _ in range(given.repetitions)])}
     return compared(case, given.peer, given.repetitions)
+
+
+_ANSWERS = {"help": help_cpu, "status": status_cpu}
 
 
 def cases(words: list[str]) -> list[str]:

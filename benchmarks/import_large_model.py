@@ -1,8 +1,8 @@
 """Import of a simulated block of 2000 photos and 1.2 million rays: time and memory.
 
-    python benchmarks/import_large_model.py [bin|txt|opensfm] [PHOTOS]
+    python benchmarks/import_large_model.py [bin|txt|opensfm|bal] [PHOTOS]
 
-It is a model of COLMAP, binary or text, or a reconstruction of OpenSfM with its tracks.
+It is a model of COLMAP, binary or text, a reconstruction of OpenSfM with its tracks, or a problem file of BAL.
 
 Photos look down from 100 m in strips; each shows 600 of the points below it. A quarter of the keypoints has no point.
 """
@@ -71,18 +71,22 @@ def simulated_model(photos: int, seed: int = 1) -> ColmapModel:
 
 def main() -> None:
     """Simulate a model, import it, and print time and memory."""
-    form = next((word for word in sys.argv[1:] if word in ("txt", "opensfm")), "bin")
+    form = next((word for word in sys.argv[1:] if word in ("txt", "opensfm", "bal")), "bin")
     photos = next((int(word) for word in sys.argv[1:] if word.isdigit()), 2000)
     with tempfile.TemporaryDirectory() as name:
         source = Path(name) / "model"
         source.mkdir()
         _in_child(lambda: _write(source, simulated_model(photos), form))
-        _in_child(lambda: _import(source, Path(name) / "project"))
+        only = source / "problem.txt" if form == "bal" else source
+        _in_child(lambda: _import(only, Path(name) / "project"))
 
 
 def _write(folder: Path, model: ColmapModel, form: str) -> None:
     if form == "opensfm":
         _write_opensfm(folder, model)
+        return
+    if form == "bal":
+        _write_bal(folder / "problem.txt", model)
         return
     for name, data in model_files(model, "txt" if form == "txt" else "bin").items():
         (folder / name).write_bytes(data)
@@ -107,13 +111,30 @@ def _write_opensfm(folder: Path, model: ColmapModel) -> None:
     (folder / "tracks.csv").write_text("\n".join(lines) + "\n")
 
 
+def _write_bal(path: Path, model: ColmapModel) -> None:
+    """Write a camera for each photo; its axes are those of orip, so that photos that look down are not turned."""
+    lines = []
+    for image in model.images:
+        shown = np.flatnonzero(image.points >= 0)
+        places = (image.keypoints[shown] - [COLUMNS / 2, ROWS / 2]) * [1.0, -1.0]
+        rows = zip((image.points[shown] - 1).tolist(), places.tolist(), strict=True)
+        lines += [f"{image.id - 1} {point} {x!r} {y!r}" for point, (x, y) in rows]
+    head = f"{len(model.images)} {len(model.points.ids)} {len(lines)}"
+    for image in model.images:
+        *_, x, y, z = image.pose
+        lines += [repr(float(value)) for value in (0.0, 0.0, 0.0, x, -y, -z, FOCAL, 0.0, 0.0)]
+    lines += [repr(value) for value in model.points.coordinates.ravel().tolist()]
+    path.write_text("\n".join([head, *lines]) + "\n")
+
+
 def _import(source: Path, target: Path) -> None:
     begun = time.process_time()
     from orip.workflow.exchange.block import ExchangeSettings
     from orip.workflow.exchange.imported import read_source, write_project
     from orip.workflow.exchange.texts import summary_lines
 
-    imported = read_source(None, source, ExchangeSettings())
+    frame = (COLUMNS, ROWS) if source.is_file() else None
+    imported = read_source(None, source, ExchangeSettings(frame))
     read = time.process_time()
     write_project(imported, target)
     done = time.process_time()

@@ -1,4 +1,4 @@
-"""How fast orip answers: CPU time of `orip --help`, and wall and CPU time of the Zurich City Hall project.
+"""How fast orip answers: CPU time of `orip --help` and `orip status`, and times of the Zurich City Hall project.
 
     python benchmarks/startup.py
 
@@ -21,7 +21,7 @@ ZURICH = Path(__file__).parents[1] / "sample_projects" / "zurich_city_hall"
 
 def orip(*arguments: str) -> None:
     """Run a command of orip; its output is of no interest."""
-    subprocess.run([sys.executable, "-m", "orip.cli.main", *arguments], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-m", "orip", *arguments], check=True, capture_output=True)
 
 
 def children_cpu() -> float:
@@ -30,11 +30,21 @@ def children_cpu() -> float:
     return used.ru_utime + used.ru_stime
 
 
+def cpu_of(*arguments: str) -> float:
+    """Return the CPU seconds of a command."""
+    before = children_cpu()
+    orip(*arguments)
+    return children_cpu() - before
+
+
 def help_cpu() -> float:
     """Return the CPU seconds of `orip --help`."""
-    before = children_cpu()
-    orip("--help")
-    return children_cpu() - before
+    return cpu_of("--help")
+
+
+def status_cpu() -> float:
+    """Return the CPU seconds of `orip status` in the folder of Zurich City Hall."""
+    return cpu_of("-C", str(ZURICH), "status")
 
 
 def zurich() -> tuple[float, float]:
@@ -49,6 +59,7 @@ def zurich() -> tuple[float, float]:
 def main() -> None:
     """Measure and print."""
     print(f"orip --help          {min(help_cpu() for _ in range(TIMES)):.3f} s CPU")
+    print(f"orip status          {min(status_cpu() for _ in range(TIMES)):.3f} s CPU")
     wall, cpu = (min(times) for times in zip(*(zurich() for _ in range(TIMES)), strict=True))
     print(f"Zurich City Hall run {wall:.3f} s wall, {cpu:.3f} s CPU")
 

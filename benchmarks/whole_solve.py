@@ -2,9 +2,11 @@
 
     python whole_solve.py 500
     python whole_solve.py 2000 --keep /var/tmp/block
+    python whole_solve.py 20000 --most-memory 16      photos with 250 points each, 5 million in all: takes an hour
 
 The aerial block as orip.toml, .MEA and .PNT: photo coordinates in millimetres, weighted control, no values for points.
-Prints one line of JSON: seconds (CPU and on the clock) and peak memory of each command, one thread each.
+Prints one line of JSON: seconds (CPU and on the clock) and peak memory of each command, one thread each; and how many
+MB of files they leave.
 """
 
 from __future__ import annotations
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -20,13 +23,17 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from aerial_blocks import aerial_block
+from aerial_blocks import POINTS_A_PHOTO, aerial_block
 
 from orip.files.project.toml_text import toml_table
 from orip.records.block import Block
 from orip.records.project.photo import PHOTO_PARAMETERS
 
 COMMANDS = ("init", "measure", "solve")
+_LARGE = 5000
+"""Photos from which each has fewer points, so that what is counted are photos."""
+
+_POINTS_OF_LARGE = 250
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
@@ -62,18 +69,19 @@ def _tables(block: Block) -> Iterator[str]:
 def _measured(block: Block) -> Iterator[str]:
     """Yield the lines of the measurement log, photo after photo."""
     points = block.photo_points
-    for row, photo in enumerate(block.photos):
+    order = np.argsort(points.photo, kind="stable")
+    ends = np.cumsum(np.bincount(points.photo, minlength=len(block.photos)))
+    for photo, rows in zip(block.photos, np.split(order, ends[:-1]), strict=True):
         yield f"POINTS {block.definition.name} {photo.name}"
-        for place in np.flatnonzero(points.photo == row):
-            x, y = points.xy[place]
-            yield f"{block.point_names[points.point[place]]} {x:.5f} {y:.5f}"
+        for point, (x, y) in zip(points.point[rows].tolist(), points.xy[rows].tolist(), strict=True):
+            yield f"{block.point_names[point]} {x:.5f} {y:.5f}"
 
 
 def command_figures(folder: Path, command: str) -> dict[str, float]:
     """Return CPU seconds, seconds on the clock and peak memory (MB) of a command in a project."""
     start = time.perf_counter()
     with (folder / f"{command}.log").open("wb") as log:
-        words = [sys.executable, "-m", "orip.cli.main", "-C", str(folder), command]
+        words = [sys.executable, "-m", "orip", "-C", str(folder), command]
         output = [(os.POSIX_SPAWN_DUP2, log.fileno(), place) for place in (1, 2)]
         child = os.posix_spawn(sys.executable, words, {**os.environ, **_ONE_THREAD}, file_actions=output)
         _, status, used = os.wait4(child, 0)
@@ -86,16 +94,27 @@ def command_figures(folder: Path, command: str) -> dict[str, float]:
     }
 
 
+def size_of_outputs(folder: Path) -> float:
+    """Return the size (MB) of what commands have written in a folder: all but the given texts."""
+    given = {"orip.toml", "BENCH.MEA", "BENCH.PNT"}
+    return sum(path.stat().st_size for path in folder.iterdir() if path.name not in given) / 1e6
+
+
 def main() -> None:
     """Write the project, run the commands and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("photos", type=int)
     parser.add_argument("--keep", type=Path, help="a folder for the project, which stays")
     parser.add_argument("--write", type=Path, help="write the project to a folder, and nothing else")
+    parser.add_argument("--most-memory", type=float, help="GB that a command may use")
     given = parser.parse_args()
+    if given.most_memory:
+        limit = round(given.most_memory * 2**30)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     if given.write:
         given.write.mkdir(parents=True, exist_ok=True)
-        write_project(aerial_block(given.photos), given.write)
+        points = _POINTS_OF_LARGE if given.photos > _LARGE else POINTS_A_PHOTO
+        write_project(aerial_block(given.photos, points), given.write)
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
@@ -105,6 +124,7 @@ def main() -> None:
         found = {}
         for command in COMMANDS:
             found |= command_figures(folder, command)
+        found["outputs"] = size_of_outputs(folder)
     print(json.dumps(found))
 
 

@@ -323,7 +323,7 @@ def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: Block
     key_place = {key: place for place, key in enumerate(keys)}
     point_place = {name: place for place, name in enumerate(point_names)}
     photo = coded(observations.photos).numbers(lambda name: key_place.get(record_key(name), -1))
-    point = coded(observations.points).numbers(lambda name: point_place.get(name, -1))
+    point = coded(observations.points).places(point_place)
     xy = np.empty_like(observations.measured)
     default = np.empty_like(observations.measured)
     precision = inputs.definition.measurement_precision

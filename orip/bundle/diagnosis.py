@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
+from orip.arrays import IntArray
 from orip.bundle.antenna_diagnosis import antenna_diagnosis, cause_of_antenna
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.datum import free_movements
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem
+from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -259,15 +261,14 @@ def _correlated(solved: SolvedBlock) -> Iterator[Diagnosis]:
     unknowns = solved.problem.unknowns
     first = first_of_lens(solved.block.cameras)
     for row, (camera, columns) in enumerate(zip(solved.block.cameras, unknowns.cameras, strict=True)):
-        for a, b, r in _strong_pairs(solved, CAMERA_PARAMETERS, columns.tolist()):
+        for _, a, b, r in _strong_pairs(solved, CAMERA_PARAMETERS, columns[None]):
             if first[row] != row and not {a, b} & set(OWN_PARAMETERS):
                 continue  # said of the first camera with this lens
             text = f"{a} and {b} of camera {camera.name} correlate by {r:.3f}"
             yield Diagnosis("correlation", f"camera {camera.name}", text, "judge them together, or hold one constant")
     found: dict[tuple[str, str], list[tuple[float, str]]] = {}
-    for photo, columns in zip(solved.block.photos, unknowns.photos, strict=True):
-        for a, b, r in _strong_pairs(solved, PHOTO_PARAMETERS, columns.tolist()):
-            found.setdefault((a, b), []).append((abs(r), photo.name))
+    for row, a, b, r in _strong_pairs(solved, PHOTO_PARAMETERS, unknowns.photos):
+        found.setdefault((a, b), []).append((abs(r), solved.block.photos[row].name))
     for (a, b), photos in found.items():
         largest, name = max(photos)
         text = f"{a} and {b} correlate above {STRONG_CORRELATION} in {_photos(len(photos))}, by {largest:.4f} in {name}"
@@ -280,21 +281,16 @@ def _photos(count: int) -> str:
 
 
 def _strong_pairs(
-    solved: SolvedBlock, kinds: Sequence[str], columns: Sequence[int]
-) -> Iterator[tuple[str, str, float]]:
-    removed, cofactor = solved.normals.removed, solved.cofactors.reduced
-    used = [
-        (kind, column)
-        for kind, column in zip(kinds, columns, strict=True)
-        if column != CONSTANT and not removed[column] and cofactor[column, column] > 0.0
-    ]
-    own = np.array([column for _, column in used], dtype=np.int64)
-    if not len(own):
-        return
-    block = cofactor[own[:, None], own[None, :]]
-    r = block / np.sqrt(np.diag(block)[:, None] * np.diag(block))
-    for place, row in np.argwhere(np.tril(np.abs(r), -1) > STRONG_CORRELATION).tolist():
-        yield used[row][0], used[place][0], float(r[place, row])
+    solved: SolvedBlock, kinds: Sequence[str], columns: IntArray
+) -> Iterator[tuple[int, str, str, float]]:
+    """Yield record, the two unknowns and correlation of what correlates strongly in n records with `columns` (n, k)."""
+    cofactor = reduced_cofactors(solved, columns)
+    variance = np.einsum("nii->ni", cofactor)
+    used = (columns != CONSTANT) & ~solved.normals.removed[columns] & (variance > 0.0)
+    variance = np.where(used, variance, np.inf)
+    r = cofactor / np.sqrt(variance[:, :, None] * variance[:, None, :])
+    for record, place, other in np.argwhere(np.tril(np.abs(r), -1) > STRONG_CORRELATION).tolist():
+        yield record, kinds[other], kinds[place], float(r[record, place, other])
 
 
 def _another_block(solved: SolvedBlock) -> Iterator[Diagnosis]:

@@ -24,7 +24,7 @@ class Movements:
         Of the block: the unit of shifts.
     homogeneous : array (n, 4)
         1, and the coordinates of the points about the centre.
-    by_homogeneous : array (3, d, 4)
+    coefficients : array (3, d, 4)
         Change of each coordinate of a point by its homogeneous coordinates.
     points : array (n, 3) of int
         Unknowns of the points; `CONSTANT` where there is none.
@@ -38,7 +38,7 @@ class Movements:
 
     size: float
     homogeneous: FloatArray
-    by_homogeneous: FloatArray
+    coefficients: FloatArray
     points: IntArray
     columns: IntArray
     rows: FloatArray
@@ -46,8 +46,8 @@ class Movements:
 
     def combined(self, combinations: FloatArray) -> Movements:
         """Return combinations (d, e) of the movements."""
-        by_homogeneous = np.einsum("adh,de->aeh", self.by_homogeneous, combinations)
-        return replace(self, by_homogeneous=by_homogeneous, rows=self.rows @ combinations)
+        coefficients = np.einsum("adh,de->aeh", self.coefficients, combinations)
+        return replace(self, coefficients=coefficients, rows=self.rows @ combinations)
 
     def dense(self) -> FloatArray:
         """Return G (u, d)."""
@@ -57,7 +57,7 @@ class Movements:
         """Return G x (u,) or (u, k) for amounts of the movements (d,) or (d, k)."""
         result = np.zeros((self.unknowns, *amounts.shape[1:]))
         result[self.columns] = self.rows @ amounts
-        of_points = np.stack([self.homogeneous @ (table.T @ amounts) for table in self.by_homogeneous], axis=1)
+        of_points = np.stack([self.homogeneous @ (table.T @ amounts) for table in self.coefficients], axis=1)
         free = self.points != CONSTANT
         every = free.all()
         result[self.points if every else self.points[free]] = of_points if every else of_points[free]
@@ -66,7 +66,7 @@ class Movements:
     def transposed_at(self, points: IntArray, vectors: FloatArray) -> FloatArray:
         """Return G^T v (d,) or (d, k) for vectors (u,) or (u, k), over the unknowns of some points alone."""
         homogeneous, of_points = self.homogeneous[points], entries_at(vectors, self.points[points])
-        found = (table @ (homogeneous.T @ of_points[:, place]) for place, table in enumerate(self.by_homogeneous))
+        found = (table @ (homogeneous.T @ of_points[:, place]) for place, table in enumerate(self.coefficients))
         return np.asarray(sum(found))
 
     def squares_at(self, points: IntArray) -> FloatArray:
@@ -75,7 +75,7 @@ class Movements:
         products = [homogeneous.T @ homogeneous] * 3
         if not free.all():
             products = [homogeneous.T @ (free[:, [place]] * homogeneous) for place in range(3)]
-        found = (table @ product @ table.T for table, product in zip(self.by_homogeneous, products, strict=True))
+        found = (table @ product @ table.T for table, product in zip(self.coefficients, products, strict=True))
         return np.asarray(sum(found))
 
 
@@ -89,7 +89,7 @@ def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     homogeneous[:, 1:] = np.where(np.isfinite(state.points), state.points, centre) - centre
     constant = _positions(np.zeros((1, 3)), size)[0]
     linear = _positions(np.eye(3), size) - constant
-    by_homogeneous = np.moveaxis(np.concatenate([constant[None], linear]), 0, 2)
+    coefficients = np.moveaxis(np.concatenate([constant[None], linear]), 0, 2)
 
     turns = np.broadcast_to(np.eye(3), state.rotations.shape).copy()
     by_angles = state.turned_by_angles
@@ -105,9 +105,7 @@ def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     places = np.concatenate([table.ravel() for table in columns])
     values = np.concatenate([table.reshape(-1, 7) for table in rows])
     free = places != CONSTANT
-    return Movements(
-        size, homogeneous, by_homogeneous, unknowns.points, places[free], values[free], unknowns.layout.size
-    )
+    return Movements(size, homogeneous, coefficients, unknowns.points, places[free], values[free], unknowns.layout.size)
 
 
 def _known_points(state: BlockState) -> FloatArray:

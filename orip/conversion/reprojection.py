@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
 from orip.conversion.poses import described_reading, orip_poses, other_readings
 from orip.geometry.perspective import is_in_front
@@ -109,11 +109,12 @@ class Reprojection:
         `photo` and `point` (k,) are those of each ray. NaN where no measurement checks another.
         """
         known = np.isfinite(self.residuals).all(axis=1)
-        rays = np.bincount(point[known])
+        rays = np.bincount(point[known], minlength=1)
         used = known & (rays[np.where(known, point, 0)] >= 2)
         points, photos = len(np.unique(point[used])), len(np.unique(photo[used]))
         redundancy = 2 * int(used.sum()) - 3 * points - 6 * photos
-        squares = float(np.sum(self.residuals[used] ** 2))
+        with np.errstate(over="ignore"):
+            squares = float(np.sum(self.residuals[used] ** 2))
         return float(np.sqrt(squares / redundancy)) if redundancy > 0 else np.nan
 
     def mean_of_points(self, point: IntArray) -> float:
@@ -192,8 +193,7 @@ def reprojection(
     # tangents tell nothing of what a fisheye shows beside and behind it
     fisheye = np.array([converted.camera.projection == "equidistant" for converted in cameras], dtype=bool)
     behind[known & ~in_front & ~fisheye[camera]] = True
-    for number, converted in enumerate(cameras):
-        rows = np.flatnonzero(in_front & (camera == number))
+    for converted, rows in zip(cameras, rows_of_groups(np.where(in_front, camera, -1), len(cameras)), strict=True):
         residuals[rows] = pixels_of_directions(converted.camera, tangents[rows]) - measured[rows]
     return Reprojection(reading, rotations, centres, residuals, behind)
 
@@ -258,9 +258,8 @@ def _some_rays(project: ExchangedProject) -> IntArray:
 def _ray_directions(cameras: Sequence[ConvertedCamera], camera: IntArray, pixels: FloatArray) -> FloatArray:
     """Return tangents (n, 2), y up, of pixels (n, 2)."""
     found = np.full((len(pixels), 2), np.nan)
-    for number, converted in enumerate(cameras):
-        rows = camera == number
-        if rows.any():
+    for converted, rows in zip(cameras, rows_of_groups(camera, len(cameras)), strict=True):
+        if rows.size:
             found[rows] = directions_of_pixels(converted.camera, pixels[rows])
     return found
 

@@ -214,7 +214,6 @@ class _Replay:
         if (setting.measurement_precision.unit == "px") != in_pixels:
             # off a scan without orientation the size of its pixels is that of an upright photo
             precision = precision * (size or (1.0, 1.0)) if not in_pixels else precision / (size or (1.0, 1.0))
-        lines = dict(zip(record.names, record.lines.tolist(), strict=True))
         does = _WHAT_COUNTS[setting.repeated_points]
         for name, difference in self.points.differences(record_key(bundle), record_key(photo.name), points):
             if (np.abs(difference) > _SAME_POINT * precision).any():
@@ -223,7 +222,8 @@ class _Replay:
                     f"point {name} of photo {photo.name} was measured before, {np.linalg.norm(difference):.3g} {unit} "
                     f"from here; {does}; check that it is the same point"
                 )
-                self.findings.warn(TextPlace(record.place.path, lines[name]), "measured-again-elsewhere", text)
+                line = int(record.lines[record.names.index(name)])
+                self.findings.warn(TextPlace(record.place.path, line), "measured-again-elsewhere", text)
 
     def _mounting_in_force(self, photo: Photo) -> int:
         if photo.template is not None:

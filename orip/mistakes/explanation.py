@@ -77,7 +77,7 @@ def explain_misfit(
     """
     given = fit_of_adjustment(solved)
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
-        return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
+        return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
     if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
@@ -87,7 +87,7 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    return _shown_by_itself(solution, solved, readjuster)[:_MOST_WARNINGS]
+    return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 
 
 def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
@@ -99,18 +99,20 @@ def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
 
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
     """Return what is wrong in a block that fits with other orientations than the given ones, where these all differ."""
-    found = _shown_by_itself(solution_of(solved), solved, readjuster)
+    found = _shown_by_itself(solution_of(solved), solved, fit_of_adjustment(solved), readjuster)
     return found or misgiven_as_a_whole(compared_with_adjusted(solved, readjuster.block))
 
 
-def _shown_by_itself(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+def _shown_by_itself(
+    solution: Solution, solved: SolvedBlock, given: Fit, readjuster: Readjuster
+) -> list[ProjectWarning]:
     """Return what a solution shows without another hypothesis; of single observations only where the others fit."""
-    block, given = readjuster.block, fit_of_adjustment(solved)
+    block = readjuster.block
     found = [
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
         *errors_too_large(block, solution),
-        *_or_mirrored(moved_photos(block, solved), solved, readjuster),
+        *_or_mirrored(moved_photos(block, solved, given), solved, readjuster),
     ]
     control = contradicting_control(block, solution)
     if control and _fits_without(control, given, readjuster):

@@ -6,12 +6,11 @@ different names, and the answers are taken by their numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, repeat
 from typing import TypeVar, final, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, IntArray
 from orip.records.names import record_key
@@ -75,6 +74,10 @@ class CodedNames(Sequence[str]):
         """Return the number (n,) that a function gives the name of each row."""
         return np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes]
 
+    def places(self, place: Mapping[str, int]) -> IntArray:
+        """Return the place (n,) of the name of each row; -1 where it has none."""
+        return np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))[self.codes]
+
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
         """Return for which rows (n,) a condition on the name holds."""
         return np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))[self.codes]
@@ -95,11 +98,15 @@ def coded(names: Sequence[str]) -> CodedNames:
 
 def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
     """Return several columns of names as one."""
-    columns = [coded(part) for part in parts]
-    number = {name: place for place, name in enumerate(dict.fromkeys(chain.from_iterable(c.distinct for c in columns)))}
-    codes: list[NDArray[np.int64]] = [np.zeros(0, dtype=np.int64)]
-    codes += [column.numbers(number.__getitem__) for column in columns]
-    return CodedNames(tuple(number), np.concatenate(codes))
+    columns = [column for column in map(coded, parts) if len(column)]
+    if len(columns) < 2:
+        return columns[0] if columns else CodedNames((), np.zeros(0, dtype=np.int64))
+    first, *others = columns
+    # the first column has mostly nearly all names: they keep their numbers
+    number = dict(zip(first.distinct, range(len(first.distinct)), strict=True))
+    for name in chain.from_iterable(column.distinct for column in others):
+        number.setdefault(name, len(number))
+    return CodedNames(tuple(number), np.concatenate([first.codes, *(column.places(number) for column in others)]))
 
 
 def repeated(name: str, count: int) -> CodedNames:

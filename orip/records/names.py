@@ -44,9 +44,13 @@ def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
 
 def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Return groups of different point names that differ only in case or leading zeros."""
+    distinct = tuple(dict.fromkeys(names))
+    keys = [name.upper().lstrip("0") for name in distinct]
+    if len(set(keys)) == len(keys):  # nearly always, and blocks have a million names
+        return []
     groups: dict[str, list[str]] = defaultdict(list)
-    for name in dict.fromkeys(names):
-        groups[name.upper().lstrip("0")].append(name)
+    for name, key in zip(distinct, keys, strict=True):
+        groups[key].append(name)
     return [tuple(group) for group in groups.values() if len(group) > 1]
 
 

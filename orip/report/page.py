@@ -54,9 +54,16 @@ def report_page(given: ReportInput) -> str:
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
+    from orip.report.compiled_templates import CompiledTemplates
+
     loader = PackageLoader("orip.report", "page")
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        bytecode_cache=CompiledTemplates(),
     )
     environment.filters.update(significant=significant, fixed=fixed, probability=probability)
     environment.globals["included"] = lambda name: Markup(loader.get_source(environment, name)[0])

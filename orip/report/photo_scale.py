@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.geometry.rotation import rotation_from_angles
 from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.report.report_input import ReportInput
-from orip.units import DEGREES_PER_RADIAN
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,18 +48,10 @@ class PhotoScale:
 def photo_scale(given: ReportInput) -> PhotoScale:
     """Return the scales of all photos of a solution."""
     solution = given.solution
-    values = solution.photos.values
-    axes = -rotation_from_angles(values[:, 3:] / DEGREES_PER_RADIAN)[:, :, 2]
-    depth = np.full(len(values), np.nan)
-    for row, points in enumerate(given.seen_points):
-        along = (solution.points.values[points] - values[row, :3]) @ axes[row]
-        if np.isfinite(along).any():
-            depth[row] = np.nanmedian(along)
-    depth[~(depth > 0.0)] = np.nan
     cameras = _adjusted(solution)
     c = np.array([_principal_distance(given, cameras, name) for name in solution.photos.names])
     pixel = np.array([pixel_of_photo(given, name) for name in solution.photos.names])
-    return PhotoScale(depth, c, pixel, axes)
+    return PhotoScale(given.depths, c, pixel, given.axes)
 
 
 def pixel_of_photo(given: ReportInput, name: str) -> float:

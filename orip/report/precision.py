@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,7 +52,6 @@ def point_table(solution: Solution) -> PageTable:
     points, unit = solution.points, solution.ground_unit
     rows = _least_precise(points, MOST_POINTS)
     decimals = decimals_for(points.sd)
-    residual = _largest_standard_residual(solution)
     columns = [
         PageColumn("Point", [points.names[row] for row in rows], words=True),
         PageColumn("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
@@ -61,8 +61,8 @@ def point_table(solution: Solution) -> PageTable:
         columns.append(_values(points, rows, axis, (name, unit), decimals))
     for axis, name in enumerate("XYZ"):
         columns.append(_deviations(points, rows, axis, (name, unit), decimals))
-    largest = [fixed(residual.get(points.names[row], np.nan), 1) for row in rows]
-    columns.append(PageColumn("Largest standard residual", largest))
+    largest = _largest_standard_residuals(solution, [points.names[row] for row in rows])
+    columns.append(PageColumn("Largest standard residual", [fixed(size, 1) for size in largest]))
     return PageTable("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
 
 
@@ -149,14 +149,17 @@ def _least_precise(estimates: Estimates, most: int) -> list[int]:
     return sorted(np.argsort(-largest, kind="stable")[:most].tolist())
 
 
-def _largest_standard_residual(solution: Solution) -> dict[str, float]:
-    residuals = solution.residuals
-    points = coded(list(map(point_of_measurement, coded(residuals.point).distinct)))
-    point = points.codes[coded(residuals.point).codes]
+def _largest_standard_residuals(solution: Solution, names: Sequence[str]) -> list[float]:
+    """Return the largest standard residual of each of these points; NaN for one without residuals."""
+    residuals, place = solution.residuals, {name: row for row, name in enumerate(names)}
+    point = coded(residuals.point)
+    further = (name for name in point.distinct if name not in place and name.endswith(")"))  # measured twice in a photo
+    place |= {name: place.get(point_of_measurement(name), -1) for name in further}
+    row = point.places(place)
     value = np.where(np.isnan(residuals.weight_factor), -1.0, np.nan_to_num(residuals.standard_residual, nan=-1.0))
-    largest = np.full(len(points.distinct), -1.0)
-    np.maximum.at(largest, point, value)
-    return {name: size for name, size in zip(points.distinct, largest.tolist(), strict=True) if size >= 0.0}
+    largest = np.full(len(names), -1.0)
+    np.maximum.at(largest, row[row >= 0], value[row >= 0])
+    return [size if size >= 0.0 else np.nan for size in largest.tolist()]
 
 
 def _spread(estimates: Estimates, axis: int, name: str, unit: str) -> Spread | None:

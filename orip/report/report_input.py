@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from orip.arrays import IntArray
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.rotation import rotation_from_angles
 from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
@@ -17,6 +18,7 @@ from orip.records.project.photo import Photo, Template
 from orip.records.project.report_details import ReportDetails
 from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
+from orip.units import DEGREES_PER_RADIAN
 
 
 @dataclass(frozen=True)
@@ -53,13 +55,31 @@ class ReportInput:
     test_level: float | None = None
 
     @cached_property
+    def axes(self) -> FloatArray:
+        """Return the directions (photos, 3) in which the photos look, ground coordinates."""
+        return -rotation_from_angles(self.solution.photos.values[:, 3:] / DEGREES_PER_RADIAN)[:, :, 2]
+
+    @cached_property
+    def depths(self) -> FloatArray:
+        """Return the median distance (photos,) of each photo's points along its axis, ground unit; NaN if not known."""
+        points, values = self.solution.points.values, self.solution.photos.values
+        depth = np.full(len(values), np.nan)
+        for row, seen in enumerate(self.seen_points):
+            along = (points[seen] - values[row, :3]) @ self.axes[row]
+            along = along[np.isfinite(along)]
+            if along.size:
+                depth[row] = np.median(along)
+        depth[~(depth > 0.0)] = np.nan
+        return depth
+
+    @cached_property
     def seen_points(self) -> tuple[IntArray, ...]:
         """Return the rows of the points that each photo of the solution has, in the order of the points."""
         residuals, photos, points = self.solution.residuals, self.solution.photos.names, self.solution.points.names
         photo_row = {name: row for row, name in enumerate(photos)}
         point_row = {name: row for row, name in enumerate(points)}
-        photo = coded(residuals.photo).numbers(lambda name: photo_row.get(name, -1))
-        point = coded(residuals.point).numbers(lambda name: point_row.get(name, -1))
+        photo = coded(residuals.photo).places(photo_row)
+        point = coded(residuals.point).places(point_row)
         of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (photo >= 0) & (point >= 0)
         both = np.sort(photo[of_photos] * len(points) + point[of_photos])
         both = both[np.diff(both, prepend=-1) > 0]

@@ -5,6 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from markupsafe import Markup, escape
+
+_BETWEEN = "\0"
+
 
 @dataclass(frozen=True, slots=True)
 class PageColumn:
@@ -53,13 +57,21 @@ class PageTable:
     emphasised: frozenset[int] = frozenset()
 
     @property
-    def rows(self) -> list[tuple[tuple[PageColumn, str], ...]]:
-        """Return the rows, each as its columns and cells."""
-        return [
-            tuple(zip(self.columns, cells, strict=True))
-            for cells in zip(*(column.cells for column in self.columns), strict=True)
-        ]
+    def body(self) -> Markup:
+        """Return the rows as HTML; the first cell of each is its heading."""
+        first, *others = self.columns
+        starts = ['<tr class="emphasised">' if row in self.emphasised else "<tr>" for row in range(len(self))]
+        cells = [_cells(first, "th", ' scope="row"'), *(_cells(column, "td") for column in others)]
+        return Markup("".join(["".join((*row, "</tr>\n")) for row in zip(starts, *cells, strict=True)]))
 
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.columns[0].cells)
+
+
+def _cells(column: PageColumn, tag: str, attributes: str = "") -> list[str]:
+    """Return the cells of a column as elements."""
+    opening = f'<{tag}{attributes} class="words">' if column.words else f"<{tag}{attributes}>"
+    # one call for all cells, parted by a character that no text has
+    texts = str(escape(_BETWEEN.join(column.cells))).split(_BETWEEN) if column.cells else []
+    return [f"{opening}{text}</{tag}>" for text in texts]

@@ -178,8 +178,9 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
 
 
 def _with_rays(solution: Solution, number: int) -> list[str]:
-    rows = zip(solution.points.names, solution.point_rays, solution.point_kinds, strict=True)
-    return [name for name, rays, kind in rows if rays == number and kind != "control"]
+    names, kinds = solution.points.names, solution.point_kinds
+    rows = np.flatnonzero(np.array(solution.point_rays, dtype=np.int64) == number).tolist()
+    return [names[row] for row in rows if kinds[row] != "control"]
 
 
 def _unchecked(solution: Solution) -> list[Spot]:
@@ -187,7 +188,7 @@ def _unchecked(solution: Solution) -> list[Spot]:
     few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
     residuals = solution.residuals
     open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
-    open_rows &= coded(residuals.point).where(lambda point: point not in few)
+    open_rows &= ~coded(residuals.point).where(few.__contains__)
     numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
     rows = np.flatnonzero((numbers < UNCHECKED) & open_rows)
     rows = rows[np.argsort(numbers[rows], kind="stable")]
@@ -195,10 +196,12 @@ def _unchecked(solution: Solution) -> list[Spot]:
     for row in rows.tolist():
         kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
         where = f"point {point}" if kind == "photo" else f"control point {point}"
+        if where in spots:
+            continue
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
         remedy = "measure it in a further photo" if kind == "photo" else "add control near it"
-        spots.setdefault(where, Spot(where, what, remedy))
+        spots[where] = Spot(where, what, remedy)
     return list(spots.values())
 
 

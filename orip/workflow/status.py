@@ -10,7 +10,7 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
-from orip.workflow.adjust.solve import solve_step
+from orip.workflow.adjust.solve_step import solve_step
 from orip.workflow.drive.loaded_table import download_step
 from orip.workflow.drive.table import DRIVEN_FROM, drive_step
 from orip.workflow.observations.measure import measure_step

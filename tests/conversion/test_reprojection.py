@@ -124,5 +124,7 @@ def test_the_error_of_measurements_follows_from_the_residuals_of_an_adjustment()
     # 240 coordinates, 90 + 24 unknowns
     assert found.measurement_error(photo, point) == pytest.approx(0.5 * np.sqrt(240 / 126))
     few = point < 3
+    none = point < 0
+    assert np.isnan(replace(found, residuals=residuals[none]).measurement_error(photo[none], point[none]))
     small = replace(found, residuals=residuals[few])
     assert np.isnan(small.measurement_error(photo[few], point[few]))

@@ -10,7 +10,7 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, sample, written
 
-from orip.conversion.cameras import convert_camera, lens_pixels, pixels_of_directions
+from orip.conversion.cameras import convert_camera, export_camera, lens_pixels, pixels_of_directions
 from orip.conversion.lenses.table import image_of_directions
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
 from orip.geometry.rotation import rotation_from_angles
@@ -205,3 +205,21 @@ def test_an_imported_drone_of_metashape_is_exact_without_being_asked() -> None:
     assert np.abs(seen - imported.pixels).max() < 1e-6  # asked are 0.01 px
     assert np.abs(pixels[inside] - imported.pixels).max() > 0.005
     assert any("measurements are corrected by that" in note for note in imported.notes)
+
+
+def test_an_adjusted_camera_returns_with_the_shear_that_orip_does_not_hold() -> None:
+    """What the import fits and the export fits back cancel, seen in the measurements before their correction."""
+    lens = read_well(read_metashape, sample("metashape", "geograypher", "camera.xml")).cameras[0]
+    imported = convert_camera(lens, "K1", accepts_any_fit=True)
+    values = np.array(imported.camera.parameters)
+    values[0] *= 1.01
+    values[1:3] += 0.02, -0.03
+    values[3:] *= 1.05
+    adjusted = replace(imported.camera, parameters=tuple(values.tolist()))
+    returned = export_camera(adjusted, lens.name, lens.lens, lens.lens_axes, lens.ray_axes, accepts_any_fit=True).camera
+    assert returned.parameters["b2"] == pytest.approx(1.01 * 1.05 * lens.parameters["b2"], rel=0.01)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.65, 0.65, 15), np.linspace(-0.5, 0.5, 15)))
+    raw = imported.pixels(image_of_directions(returned, np.column_stack([x, -y])))
+    off = imported.corrected_pixels(raw) - pixels_of_directions(adjusted, np.column_stack([x, y]))
+    # the correction is that of the imported camera: 0.02 px, of which a change of five per cent leaves a thousandth
+    assert np.abs(off).max() < 0.002

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
-from mistakes.data.drone import drone
+from mistakes.data.drone import drone, in_lines, moved
 from mistakes.data.mistakes import DATA_MISTAKES
 from mistakes.data.simulated_projects import scale_bar_project, two_camera_project
 from mistakes.data.study import BEGIN, END, row, said_of
@@ -54,3 +55,14 @@ def test_of_the_projects_without_mistakes_nothing_is_said(tmp_path: Path, projec
     assert status.startswith("status   converged")
     # of a free network is said where its origin is; nothing else
     assert not [line for line in said.err.splitlines() if re.match("error: |warning: (?!no ground |crs )", line)]
+
+
+def test_positions_that_are_all_shifted_are_named_with_the_shift(tmp_path: Path) -> None:
+    project = drone(tmp_path / "shifted")
+    in_lines(project / "DRONE.STA", lambda words: moved(words, np.array([0.04, -0.03, 0.25])))
+    said = orip(project, "run", "--no-report").err
+    size = r"(\S+) ± (\S+)"
+    found = re.search(f"^status .* exposure stations are all off by X {size}, Y {size}, Z {size} m", said, re.MULTILINE)
+    assert found is not None, said
+    x, sd_x, y, sd_y, z, sd_z = map(float, found.groups())
+    assert (abs(x - 0.04) < 4.0 * sd_x, abs(y + 0.03) < 4.0 * sd_y, abs(z - 0.25) < 4.0 * sd_z) == (True,) * 3

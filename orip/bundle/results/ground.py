@@ -61,8 +61,8 @@ def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
             deviations(solved, solved.problem.unknowns.photos[:, 3:]),
         ]
     )
-    for photo in np.flatnonzero(~state.turned_by_angles):
-        sd[photo, 3:] = _rotation_deviations(solved, int(photo), shown[photo])
+    turned = np.flatnonzero(~state.turned_by_angles)
+    sd[turned, 3:] = _rotation_deviations(solved, turned, shown[turned])
     sd[:, 3:] *= DEGREES_PER_RADIAN
     row_of = {record_key(photo.name): row for row, photo in enumerate(solved.block.photos)}
     for element in solved.block.constant_elements:
@@ -97,11 +97,11 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
 
 
-def _rotation_deviations(solved: SolvedBlock, photo: int, shown: FloatArray) -> FloatArray:
-    """Return deviations (3,) of what is shown of a photo's small rotations: `shown` (3, 3) are its partials."""
-    rotation = solved.problem.unknowns.photos[photo, 3:]
-    cofactor = solved.cofactors.reduced[np.ix_(rotation, rotation)]
-    variance = np.diag(shown @ cofactor @ shown.T)
+def _rotation_deviations(solved: SolvedBlock, photos: IntArray, shown: FloatArray) -> FloatArray:
+    """Return deviations (n, 3) of what is shown of photos' small rotations: `shown` (n, 3, 3) are their partials."""
+    rotation = solved.problem.unknowns.photos[photos, 3:]
+    cofactor = solved.cofactors.reduced[rotation[:, :, None], rotation[:, None, :]]
+    variance = np.einsum("nii->ni", shown @ cofactor @ shown.transpose(0, 2, 1))
     removed = solved.normals.removed[rotation]
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
@@ -121,7 +121,7 @@ def photo_correlations(solved: SolvedBlock) -> FloatArray:
     partials = np.zeros((len(columns), 6, 6))
     partials[:, :3, :3] = solved.block.ground.project_with_partials(centres).by_local
     partials[:, 3:, 3:], _ = rotation_partials(solved)
-    covariance = partials @ _reduced_cofactors(solved, columns) @ partials.transpose(0, 2, 1)
+    covariance = partials @ reduced_cofactors(solved, columns) @ partials.transpose(0, 2, 1)
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
     removed = _removed(solved, columns)
     place = _place_deviations(solved, columns[:, :3], centres, removed[:, :3])
@@ -186,11 +186,11 @@ def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     eliminated = last >= first_of_blocks
     result[eliminated] = solved.cofactors.blocks[(last[eliminated] - first_of_blocks) // 3]
     reduced = (last != CONSTANT) & ~eliminated
-    result[reduced] = _reduced_cofactors(solved, columns[reduced])
+    result[reduced] = reduced_cofactors(solved, columns[reduced])
     return result
 
 
-def _reduced_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
+def reduced_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return the cofactors (n, k, k) of unknowns of the reduced system at `columns` (n, k); zero for constants."""
     unknown = columns != CONSTANT
     if not unknown.any():

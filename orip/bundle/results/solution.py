@@ -132,7 +132,7 @@ def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
 
 def _point_kinds(block: Block) -> tuple[PointKind, ...]:
     kinds: dict[str, PointKind] = {point.name: point.kind for point in block.control_points}
-    return tuple(kinds.get(name, "tie") for name in block.point_names)
+    return tuple([kinds.get(name, "tie") for name in block.point_names])
 
 
 def _residuals(solved: SolvedBlock) -> Residuals:

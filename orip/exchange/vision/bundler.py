@@ -6,13 +6,17 @@ photos. A camera of bundle.out whose f is 0 was not oriented.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.number_rows import sound_rows
 from orip.exchange.sources.text import text_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
@@ -59,15 +63,12 @@ def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     if found != wanted:
         faults.complain(f"{found} lines, and {wanted} would follow from the counts; the file is incomplete", 1)
         return Parsed(None, tuple(faults.complaints))
+    filled = [number for number, line in enumerate(lines) if line.strip()]
+    numbers = _numbers(lines, filled[1 + measurements :], faults)
     rays, collected = CollectedRays(), CollectedPoints()
-    filled = [(number, line) for number, line in enumerate(lines, start=1) if line.strip()]
-    numbers = [_last_number(line, number, faults) for number, line in filled[1 + measurements :]]
-    first_of_points = _NUMBERS_OF_CAMERA * cameras
-    for point in range(points):
-        start = first_of_points + _NUMBERS_OF_POINT * point
-        collected.add(str(point), numbers[start : start + 3], is_track=True)
-    for number, line in filled[1 : 1 + measurements]:
-        _add_ray(line, number, (cameras, points), rays, faults)
+    places = iter(numbers[_NUMBERS_OF_CAMERA * cameras :])
+    collected.add_tracks({str(n): place for n, place in enumerate(zip(places, places, places, strict=True))})
+    _add_rays(lines, filled[1 : 1 + measurements], (cameras, points), rays, faults)
     cameras_found = [numbers[_NUMBERS_OF_CAMERA * n : _NUMBERS_OF_CAMERA * (n + 1)] for n in range(cameras)]
     photos = [
         ExchangedPhoto(f"photo{n}", n, tuple(values[:3]), tuple(values[3:6]), key=n)
@@ -77,9 +78,24 @@ def read_bal(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return _parsed(lenses, photos, collected, rays, BAL, (), faults)
 
 
-def _last_number(line: str, number: int, faults: Faults) -> float:
-    values = faults.decimals(line, 1, "a parameter of a camera or a coordinate", number)
-    return float("nan") if values is None else values[0]
+def _numbers(lines: Sequence[str], places: Sequence[int], faults: Faults) -> list[float]:
+    """Return the numbers of lines that have one each: parameters of cameras, and coordinates."""
+    sound = sound_rows([lines[place] for place in places], 1)
+    if sound is not None:
+        return list(map(float, sound[:, 0]))
+    what = "a parameter of a camera or a coordinate"
+    return [(faults.decimals(lines[place], 1, what, place + 1) or (math.nan,))[0] for place in places]
+
+
+def _add_rays(
+    lines: Sequence[str], places: Sequence[int], counts: tuple[int, int], rays: CollectedRays, faults: Faults
+) -> None:
+    sound = sound_rows([lines[place] for place in places], _NUMBERS_OF_RAY, 2)
+    if sound is not None and (sound[:, :2] < counts).all():
+        rays.extend(sound[:, 0].astype(np.int64), sound[:, 1].astype(np.int64), sound[:, 2:])
+        return
+    for place in places:
+        _add_ray(lines[place], place + 1, counts, rays, faults)
 
 
 def _add_ray(line: str, number: int, counts: tuple[int, int], rays: CollectedRays, faults: Faults) -> None:

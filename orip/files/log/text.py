@@ -10,7 +10,9 @@ one. An edit ends the block above it.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 
 from orip.errors import Complaint
@@ -25,10 +27,18 @@ from orip.progress import stage
 from orip.records.names import RESERVED_NAMES
 from orip.records.observations.measurement import LogRecord
 
-_NOT_PLAIN_NAMES = KEYWORDS | RESERVED_NAMES
-_COMMENT_STARTS = "!#"
-_LINES_AT_A_TIME = 10_000
-"""After which to tell how far reading is."""
+_LINES_AT_A_TIME = 1000
+"""Most lines of a run, after which to tell how far reading is."""
+
+_NOT_PLAIN = "|".join(map(re.escape, sorted(KEYWORDS | RESERVED_NAMES)))
+_NUMBER = r"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
+_RUN = re.compile(
+    rf"(?:[ \t]*+(?![!#]|(?i:{_NOT_PLAIN})[ \t])[!-~]++[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]*+\n)"
+    rf"{{1,{_LINES_AT_A_TIME}}}+",
+    re.ASCII,
+)
+"""Lines of a name and two ordinary numbers. Nearly all lines of a large log are such lines: they are read together, and
+without the fields with columns that messages need."""
 
 
 def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
@@ -57,13 +67,22 @@ class _Log:
         self.skips = False
 
     def read(self, lines: Sequence[str]) -> None:
+        text = "\n".join((*lines, ""))
         with stage(f"reading {Path(self.shown).name}", len(lines)) as advance:
-            for number, line in enumerate(lines, start=1):
-                fields = line.split()
-                if fields and not (self.block and len(fields) == 3 and _take_plain(self.block, fields, line, number)):
+            number = place = refused = 0
+            while number < len(lines):
+                run = _RUN.match(text, place) if self.block and number >= refused else None
+                if self.block and run:
+                    end = number + text.count("\n", place, run.end())
+                    if _take_run(self.block, run.group(), number + 1):
+                        number, place = end, run.end()
+                        advance(number)
+                        continue
+                    refused = end
+                line = lines[number]
+                number, place = number + 1, place + len(line) + 1
+                if line and not line.isspace():
                     self._read_line(line, number)
-                if not number % _LINES_AT_A_TIME:
-                    advance(number)
         self._close_block()
         self.complaints.sort(key=lambda complaint: complaint.line or 0)
 
@@ -121,29 +140,18 @@ class _Log:
             self.complaints.append(Complaint(message, self.shown, block.line))
 
 
-def _take_plain(block: MeasurementBlock, fields: list[str], line: str, number: int) -> bool:
-    """Take a line of a name and two ordinary numbers into the block; False if it needs a closer look.
-
-    Nearly all lines of a large log are such lines: this saves them the fields with columns that messages need.
-    """
-    name, x_text, y_text = fields
-    try:
-        x, y = float(x_text), float(y_text)
-    except ValueError:
+def _take_run(block: MeasurementBlock, run: str, first: int) -> bool:
+    """Take a run of lines, the first of which has this number, into the block; False if they need a closer look."""
+    fields = run.split()
+    names = dict(zip(fields[::3], count(first)))
+    if 3 * len(names) != len(fields) or not names.keys().isdisjoint(block.name_lines):
         return False
-    # float() also takes nan, 1_000 and digits of other scripts
-    is_ordinary = (
-        abs(x) <= LARGEST_NUMBER
-        and abs(y) <= LARGEST_NUMBER
-        and line.isascii()
-        and "_" not in x_text
-        and "_" not in y_text
-    )
-    is_new_name = name not in block.name_lines and name.upper() not in _NOT_PLAIN_NAMES
-    if not (is_ordinary and is_new_name) or name[0] in _COMMENT_STARTS or not name.isprintable():
+    measured = [0.0] * (2 * len(names))
+    measured[::2], measured[1::2] = map(float, fields[1::3]), map(float, fields[2::3])
+    if max(map(abs, measured)) > LARGEST_NUMBER:
         return False
-    block.name_lines[name] = number
-    block.measured += (x, y)
+    block.name_lines.update(names)
+    block.measured += measured
     return True
 
 

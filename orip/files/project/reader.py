@@ -14,7 +14,7 @@ from orip.files.project import checks as project_checks
 from orip.files.project.records import project_definition
 from orip.files.project.source import ProjectSource, project_source
 from orip.files.project.toml_faults import Fault
-from orip.files.project.toml_lines import TomlLines
+from orip.files.project.toml_lines import KeyPath, TomlLines
 from orip.files.project.toml_syntax import syntax_complaint
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.parsed import Parsed
@@ -22,6 +22,29 @@ from orip.files.text.shown import printable
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
 from orip.records.project.stages import plan_stages
+
+
+class RecordLines(Mapping[tuple[str, str], int]):
+    """Lines of records, looked for in the text when one is asked for.
+
+    Parameters
+    ----------
+    places : mapping
+        Keys and indices that lead to each record.
+    lines : TomlLines
+    """
+
+    def __init__(self, places: Mapping[tuple[str, str], KeyPath], lines: TomlLines) -> None:
+        self._places, self._lines = places, lines
+
+    def __getitem__(self, record: tuple[str, str]) -> int:
+        return self._lines.line_of(self._places[record])
+
+    def __iter__(self) -> Iterator[tuple[str, str]]:
+        return iter(self._places)
+
+    def __len__(self) -> int:
+        return len(self._places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +89,7 @@ def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | N
     if complaints or source.project is None:
         return Parsed(None, tuple(sorted(complaints, key=lambda complaint: complaint.line or 0)), warnings)
     definition = project_definition(source, source.project)
-    record_lines = _record_lines(source, lines)
+    record_lines = RecordLines(_record_places(source), lines)
     warnings += tuple(_stage_warnings(definition, record_lines, shown))
     return Parsed(ProjectText(definition, record_lines), (), warnings)
 
@@ -111,15 +134,15 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     yield from project_checks.check_models(source, references, line_of)
 
 
-def _record_lines(source: ProjectSource, lines: TomlLines) -> dict[tuple[str, str], int]:
-    found = {("project", ""): lines.line_of(("project",))}
+def _record_places(source: ProjectSource) -> dict[tuple[str, str], KeyPath]:
+    found: dict[tuple[str, str], KeyPath] = {("project", ""): ("project",)}
     bundles = {record.place: record_key(record.name) for record in source.names.get("bundle", [])}
     for section, records in source.names.items():
         for record in records:
             name = record_key(record.name)
             if section == "model":
                 name = f"{bundles[record.place[:2]]} {name}"
-            found[section, name] = lines.line_of(record.place)
+            found[section, name] = record.place
     return found
 
 

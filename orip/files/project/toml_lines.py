@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, e.g. ``("camera", 0, "fiducials", 2, "x")``."""
@@ -42,7 +43,12 @@ class TomlLines:
     """
 
     def __init__(self, text: str) -> None:
-        self._lines: dict[KeyPath, int] = _Scan(text).lines
+        self._text = text
+
+    @cached_property
+    def _lines(self) -> dict[KeyPath, int]:
+        # when a line is first asked for: a text without faults is not scanned
+        return _Scan(self._text).lines
 
     def line_of(self, path: Sequence[str | int]) -> int:
         """Return the line of a value, or of the nearest table around it in the text; 1 at least."""

@@ -232,8 +232,9 @@ class _Points:
             yield "{}"
             return
         one = margin + INDENT
-        entries = [f'"{axis}": {{"value": %s, "sd": %s}}' for axis in "XYZ"] + ['"rays": %d', '"kind": "%s"']
+        entries = [f'"{axis}": {{"value": %s, "sd": %s}}' for axis in "XYZ"] + ['"rays": %s', '"kind": "%s"']
         form = f"\n{one}%s: {{" + ",".join(f"\n{one}{INDENT}{entry}" for entry in entries) + f"\n{one}}}"
+        between = form.split("%s")
         yield "{"
         for start in range(0, len(points.names), POINTS_PER_PIECE):
             part = slice(start, start + POINTS_PER_PIECE)
@@ -245,9 +246,27 @@ class _Points:
                     _number_texts(points.sd[part, k], f'"{SINGULAR}"'),
                 )
             ]
-            rows = zip(map(_compact, points.names[part]), *figures, rays[part], kinds[part], strict=True)
-            yield ("," if start else "") + ",".join([form % row for row in rows])
+            columns = [
+                list(map(_compact, points.names[part])),
+                *figures,
+                list(map(str, rays[part])),
+                kinds[part],
+            ]
+            yield ("," if start else "") + _woven(between, columns)
         yield f"\n{margin}}}"
+
+
+def _woven(between: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
+    """Return the rows of columns of texts, separated by commas, with one more text around and between their cells."""
+    count, width = len(columns[0]), 2 * len(columns) + 1
+    texts = ["," + between[0], *between[1:]]
+    cells = [""] * (width * count)
+    for place, text in enumerate(texts):
+        cells[2 * place :: width] = [text] * count
+    for place, column in enumerate(columns):
+        cells[2 * place + 1 :: width] = column
+    cells[0] = between[0]
+    return "".join(cells)
 
 
 def _number_texts(values: FloatArray, infinite: str) -> list[str]:

@@ -19,10 +19,10 @@ from orip.files.stores.table import StoreColumn
 from orip.records.coded_names import CodedNames, coded
 
 _LEVEL = 1
-_SAMPLE = 1 << 14
+_SAMPLE = 1 << 12
 """Bytes by which it is judged whether a part compresses."""
 
-_GAIN = 0.9
+_GAIN = 0.7
 _HEAD = struct.Struct("<?Q")
 _TYPES = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("<i8")}
 

@@ -12,6 +12,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.length_units import LENGTH_UNITS
 from orip.records.block import Block
+from orip.records.coded_names import coded
 from orip.records.observations.control import ControlDistance
 from orip.records.results.solution import Solution
 
@@ -39,7 +40,7 @@ def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWar
         With down-weighting.
     """
     rows = solution.residuals
-    is_distance = np.array([kind.endswith("distance") for kind in rows.kind])
+    is_distance = coded(rows.kind).where(lambda kind: kind.endswith("distance"))
     wrong = is_distance & (rows.standard_residual > _DOUBTED)
     if not wrong.any():
         return []

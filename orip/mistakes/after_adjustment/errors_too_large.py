@@ -13,6 +13,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 
 _TOO_GOOD = 0.2
@@ -71,14 +72,14 @@ def _control(solution: Solution) -> Iterator[ProjectWarning]:
 
 def _factor(solution: Solution, kind: str) -> float | None:
     """Return the standard error of unit weight of a kind of observation where it is far below 1, else None."""
-    from scipy.special import gammainc  # takes its time; few adjustments need it
-
     rows = solution.residuals
-    used = (np.array(rows.kind) == kind) & (rows.weight_factor >= 1.0)
+    used = coded(rows.kind).where(kind.__eq__) & (rows.weight_factor >= 1.0)
     redundancy = float(np.sum(rows.redundancy_number[used]))
     square_sum = float(np.sum(rows.standard_residual[used] ** 2))
     if redundancy < _FEWEST or square_sum >= _TOO_GOOD**2 * redundancy:
         return None
+    from scipy.special import gammainc  # takes its time; few adjustments need it
+
     if gammainc(redundancy / 2.0, square_sum / 2.0) > _UNLIKELY:
         return None
     return float(np.sqrt(square_sum / redundancy)) or None

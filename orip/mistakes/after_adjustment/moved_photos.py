@@ -6,12 +6,12 @@ import numpy as np
 
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
+from orip.mistakes.fit_comparison import Fit, is_good
 from orip.mistakes.given_orientations import compared_orientations, misgiven_orientations
 from orip.records.block import Block
 
 
-def moved_photos(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
+def moved_photos(block: Block, solved: SolvedBlock, fit: Fit) -> list[ProjectWarning]:
     """Return a warning for each photo given far from where the adjustment puts it; none if the adjustment fits badly.
 
     Parameters
@@ -19,9 +19,13 @@ def moved_photos(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     block : Block
         As gathered.
     solved : SolvedBlock
+    fit : Fit
+        Of the adjustment.
     """
-    if not np.isfinite(block.photo_orientation).any() or not is_good(fit_of_adjustment(solved)):
+    if not np.isfinite(block.photo_orientation).any() or not is_good(fit):
         return []
-    state, place = solved.state, solved.block.point_index()
-    points = state.points[[place[name] for name in block.point_names]]
+    state, points = solved.state, solved.state.points
+    if solved.block.point_names != block.point_names:
+        place = solved.block.point_index()
+        points = points[[place[name] for name in block.point_names]]
     return misgiven_orientations(compared_orientations(block, state.centres, state.rotations, points))

@@ -24,16 +24,18 @@ def photos_under_two_names(block: Block) -> list[ProjectWarning]:
     points = block.photo_points
     order = np.argsort(points.point, kind="stable")
     point, photo, xy, error = points.point[order], points.photo[order], points.xy[order], points.error[order]
-    shared = np.empty((0, 3), dtype=np.int64)
+    same = _SAME * np.ptp(points.xy, axis=0).max() if len(points.xy) else 0.0
+    parts = [np.empty((0, 3), dtype=np.int64)]
     for offset in range(1, int(np.bincount(point).max(initial=0))):
         # a point that is measured twice in a photo is no second photo
         first = np.flatnonzero((point[:-offset] == point[offset:]) & (photo[:-offset] != photo[offset:]))
         other = first + offset
         difference = np.abs(xy[first] - xy[other])
-        limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), _SAME * np.ptp(points.xy, axis=0).max())
-        pair = np.sort(np.column_stack([photo[first], photo[other]]), axis=1)
-        shared = np.vstack([shared, np.column_stack([pair, (difference <= limit).all(axis=1)])])
-    return [_warning(block, *pair) for pair in _same(shared)]
+        limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), same)
+        one, two = photo[first], photo[other]
+        is_same = (difference <= limit).all(axis=1)
+        parts.append(np.column_stack([np.minimum(one, two), np.maximum(one, two), is_same]))
+    return [_warning(block, *pair) for pair in _same(np.concatenate(parts))]
 
 
 def _same(shared: IntArray) -> list[tuple[int, int, int]]:

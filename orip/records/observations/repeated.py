@@ -48,6 +48,8 @@ def measurement_name(point: str, before: int) -> str:
 
 def point_of_measurement(name: str) -> str:
     """Return the point that a measurement of `measurement_name` is of; any other name as it is."""
+    if not name.endswith(")"):
+        return name
     point, _, number = name.rpartition(" (")
     return point if point and number.removesuffix(")").isdigit() else name
 

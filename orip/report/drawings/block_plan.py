@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from html import escape
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import MapPlane, map_plane
-from orip.report.drawings.svg import drawing, element, number, round_step, text
+from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
 from orip.report.photo_scale import camera_of_photo, photo_scale
 from orip.report.report_input import ReportInput
 from orip.report.vertical import BlockSide, side_of_block, vertical
@@ -146,7 +147,8 @@ def _points(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
     at = plane.place(scene.points)
     at, is_tie = at[(known := np.isfinite(at).all(axis=1))], ties[known]
     rows = scene.rows[known]
-    dots = "".join(f"M{number(x)} {number(y)}h0" for x, y in at[is_tie].tolist())
+    found = iter(numbers(at[is_tie].ravel().tolist()))
+    dots = "".join([f"M{x} {y}h0" for x, y in zip(found, found, strict=True)])
     marks = [element("path", d=dots, class_="ties")] if dots else []
     for row, (x, y) in zip(rows[~is_tie].tolist(), at[~is_tie].tolist(), strict=True):
         kind, name = solution.point_kinds[row], solution.points.names[row]
@@ -158,7 +160,7 @@ def _points(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
 def _photos(solution: Solution, scene: _Scene, plane: MapPlane) -> list[str]:
     marks = []
     for name, (x, y) in zip(solution.photos.names, plane.place(scene.photos).tolist(), strict=True):
-        if np.isfinite([x, y]).all():
+        if math.isfinite(x + y):
             title = f"<title>photo {escape(name)}</title>"
             side = f'x="{number(x - 2)}" y="{number(y - 2)}" width="4" height="4"'
             marks.append(f'<rect {side} class="mark photo">{title}</rect>')
@@ -171,7 +173,7 @@ def _doubted(given: ReportInput, scene: _Scene, plane: MapPlane) -> list[str]:
     marks = []
     for name, groups in doubted_photos(given).items():
         x, y = places.get(name, (np.nan, np.nan))
-        if np.isfinite([x, y]).all():
+        if math.isfinite(x + y):
             title = f"<title>photo {escape(name)}: {escape(joined(groups))} contradicts the others</title>"
             marks.append(f'<circle cx="{number(x)}" cy="{number(y)}" r="6" class="doubted">{title}</circle>')
     return marks
@@ -186,7 +188,7 @@ def _errors(
     errors: Mapping[str, FloatArray],
 ) -> str:
     """Return the error vectors in plan, the errors across it as dashed lines upwards or downwards, and the ellipses."""
-    row_of = {name: row for row, name in enumerate(solution.points.names)}
+    row_of = {name: row for row, name in enumerate(solution.points.names) if name in errors}
     scale, drawn = plane.scale * enlargement, []
     for name, size in errors.items():
         row = row_of.get(name)
@@ -194,7 +196,7 @@ def _errors(
             continue
         ((x, y),) = plane.place((side.axes[:2] @ solution.points.values[row])[None]).tolist()
         across, along, high = (scale * side.axes @ np.nan_to_num(size)).tolist()
-        if not np.isfinite([x, y]).all():
+        if not math.isfinite(x + y):
             continue
         start = f"M{number(x)} {number(y)}"
         drawn.append(element("path", d=f"{start}l{number(across)} {number(-along)}", class_=f"error {kind}"))
@@ -264,9 +266,8 @@ def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
     for number_of in range(1, MOST_OVERLAP + 1):
         mine = np.minimum(count, MOST_OVERLAP) == number_of
         corners = plane.place(centres[mine]) - side / 2.0
-        path = "".join(
-            f"M{number(a)} {number(b)}h{number(side)}v{number(side)}h{number(-side)}z" for a, b in corners.tolist()
-        )
+        found, square = iter(numbers(corners.ravel().tolist())), f"h{number(side)}v{number(side)}h{number(-side)}z"
+        path = "".join([f"M{a} {b}{square}" for a, b in zip(found, found, strict=True)])
         cells += [element("path", d=path, class_="overlap", style=f"--n:{number_of}")] if path else []
     unit = given.solution.ground_unit
     drawn = [*cells, *_photos(given.solution, scene, plane)]
@@ -277,9 +278,12 @@ def _overlap(given: ReportInput, scene: _Scene, plane: MapPlane) -> Markup:
 def photos_over(places: FloatArray, frames: FloatArray) -> IntArray:
     """Return how many of the convex quadrilaterals (m, 4, 2) each of the places (n, 2) is in."""
     count = np.zeros(len(places), dtype=np.int64)
+    x, y = places.T
     for corners in frames:
+        (left, lower), (right, upper) = corners.min(axis=0), corners.max(axis=0)
+        near = np.flatnonzero((x >= left) & (x <= right) & (y >= lower) & (y <= upper))
         side = np.roll(corners, -1, axis=0) - corners
-        to_place = places[:, None, :] - corners[None]
+        to_place = places[near][:, None, :] - corners[None]
         turn = side[None, :, 0] * to_place[..., 1] - side[None, :, 1] * to_place[..., 0]
-        count += (turn >= 0.0).all(axis=1) | (turn <= 0.0).all(axis=1)
+        count[near] += (turn >= 0.0).all(axis=1) | (turn <= 0.0).all(axis=1)
     return count

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from html import escape
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import WIDTH, MapPlane, labels_of, map_plane
-from orip.report.drawings.svg import drawing, element, number, round_step, text
+from orip.report.drawings.svg import drawing, number, numbers, round_step, text
 
 MOST_ELLIPSES = 600
 _MOST_LABELS = 60
@@ -163,22 +164,21 @@ def _enlargement(scene: _Scene) -> float:
 
 
 def _drawn(ellipses: Ellipses, places: FloatArray, scale: float, kinds: list[str]) -> list[str]:
+    major, minor, angle = ellipses
+    rows = np.column_stack([scale * major, scale * minor, places, -np.degrees(angle)])
+    known = np.isfinite(rows[:, :4]).all(axis=1)
+    found = iter(numbers(rows[known].ravel().tolist()))
+    drawn = [kind for kind, is_known in zip(kinds, known.tolist(), strict=True) if is_known]
     return [
-        element(
-            "ellipse", rx=major * scale, ry=minor * scale, class_=f"ellipse {kind}",
-            transform=f"translate({number(x)} {number(y)}) rotate({number(-np.degrees(angle))})",
-        )
-        for (x, y), major, minor, angle, kind in zip(
-            places.tolist(), *(part.tolist() for part in ellipses), kinds, strict=True
-        )
-        if np.isfinite([major, minor, x, y]).all()
-    ]  # fmt: skip
+        f'<ellipse rx="{rx}" ry="{ry}" class="ellipse {kind}" transform="translate({x} {y}) rotate({turn})"/>'
+        for kind, rx, ry, x, y, turn in zip(drawn, found, found, found, found, found, strict=True)
+    ]
 
 
 def _photo_marks(solution: Solution, places: FloatArray) -> list[str]:
     marks = []
     for name, (x, y) in zip(solution.photos.names, places.tolist(), strict=True):
-        if not np.isfinite([x, y]).all():
+        if not math.isfinite(x + y):
             continue
         marks.append(f'<rect x="{number(x - 2.5)}" y="{number(y - 2.5)}" width="5" height="5" class="mark photo">'
                      f"<title>photo {escape(name)}</title></rect>")  # fmt: skip
@@ -189,7 +189,7 @@ def _point_marks(solution: Solution, rows: IntArray, places: FloatArray) -> list
     marks = []
     for row, (x, y) in zip(rows.tolist(), places.tolist(), strict=True):
         kind, name = solution.point_kinds[row], solution.points.names[row]
-        if not np.isfinite([x, y]).all():
+        if not math.isfinite(x + y):
             continue
         title = f"<title>{kind} point {escape(name)}</title>"
         if kind == "tie":

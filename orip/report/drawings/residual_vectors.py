@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from orip.interior.fiducial_system import frame_corners
 from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.results.solution import Residuals
-from orip.report.drawings.svg import drawing, element, number, round_step, text
+from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
 from orip.report.numbers import counted, probability
 from orip.report.report_input import ReportInput
 
@@ -230,8 +230,8 @@ class _Frame:
         length = np.hypot(*shift.T)[:, None]
         most = 0.5 * self.pixels
         shift = np.where(length > most, shift * most / np.maximum(length, 1e-12), shift)
-        rows = zip(start.tolist(), shift.tolist(), strict=True)
-        return "".join(f"M{number(x)} {number(y)}l{number(dx)} {number(dy)}" for (x, y), (dx, dy) in rows)
+        found = iter(numbers(np.concatenate([start, shift], axis=1).ravel().tolist()))
+        return "".join([f"M{x} {y}l{dx} {dy}" for x, y, dx, dy in zip(found, found, found, found, strict=True)])
 
     def border(self) -> str:
         width, height = self.size
@@ -292,9 +292,5 @@ def _thinned(vectors: PhotoVectors) -> NDArray[np.bool_]:
 
 
 def _dots(places: FloatArray) -> str:
-    return "".join(f"M{number(x)} {number(y)}h0" for x, y in _rows(places))
-
-
-def _rows(places: FloatArray) -> Iterable[Sequence[float]]:
-    rows: list[list[float]] = places.tolist()
-    return rows
+    found = iter(numbers(places.ravel().tolist()))
+    return "".join([f"M{x} {y}h0" for x, y in zip(found, found, strict=True)])

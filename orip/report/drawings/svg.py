@@ -52,6 +52,15 @@ def number(value: float) -> str:
     return f"{value:z.2f}".rstrip("0").rstrip(".")
 
 
+def numbers(values: Iterable[float]) -> list[str]:
+    """Return many coordinates of a drawing as `number` does, in one call: reports have a hundred thousand."""
+    every = tuple(values)
+    text = "<%.2f>" * len(every) % every
+    # ends of numbers: whole ones are set apart, so that only zeros behind a point are taken away
+    text = text.replace("<-0.00>", "<0.00>").replace(".00>", "!").replace("0>", ">").replace("!", ">")
+    return text[1:-1].split("><") if every else []
+
+
 def drawing(width: float, height: float, label: str, parts: Iterable[str], style: str = "") -> Markup:
     """Return an SVG drawing that shrinks with the page; the label is read out to those who cannot see it."""
     content = element("title", escape(label)) + "".join(parts)

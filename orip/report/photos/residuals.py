@@ -38,7 +38,7 @@ def photo_residual_table(given: ReportInput) -> PageTable | None:
     if not 0 < len(names) <= MOST_PHOTOS:
         return None
     place = {name: row for row, name in enumerate(names)}
-    row = photo.numbers(lambda name: place.get(name, -1))
+    row = photo.places(place)
     axes = {axis: component.where(axis.__eq__) & (row >= 0) for axis in "xy"}
     rms = {}
     for axis in "xy":

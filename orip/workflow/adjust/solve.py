@@ -8,7 +8,6 @@ from pathlib import Path
 
 from orip.bundle.methods import Method
 from orip.bundle.solve import SolvedBlock
-from orip.files.stores.contents.solutions import SolutionHead
 from orip.prelim.ground.project_coordinates import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
@@ -22,13 +21,12 @@ from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.outputs import solution_outputs, stale_solution_outputs, superseded_outputs
+from orip.workflow.project.outputs import solution_outputs, superseded_outputs
 from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, StoredParts
-from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
 from orip.workflow.project.text_output import TextOutput
-from orip.workflow.project.texts import Digests, control_input_digests
+from orip.workflow.project.texts import Digests
 
 ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 """What an adjustment and preliminary values need of the stores."""
@@ -151,36 +149,3 @@ def _summaries(bundle: BundleState) -> tuple[InteriorSummary, ...]:
     wanted = {"photos": seen, "templates": on}
     summaries = (adjustment.summary for adjustment in bundle.interior.adjustments)
     return tuple(summary for summary in summaries if record_key(summary.name) in wanted[summary.group])
-
-
-def solve_step(bundle: BundleState) -> Step:
-    """Return whether a bundle has to be adjusted.
-
-    Parameters
-    ----------
-    bundle : BundleState
-        With `ADJUSTED_FROM` and the head of the solution.
-    """
-    project, command = bundle.project, bundle.command
-    head = bundle.state.head(bundle.name)
-    if head is None:
-        return Step(command, "missing", f"bundle {bundle.name} has not been adjusted")
-    if not bundle.is_measured or record_key(bundle.name) not in bundle.records.bundles:
-        return Step(command, "out of date", "its definition or photo observations no longer exist")
-    now = (*control_input_digests(project, bundle.name), *bundle.digests, project.heading_digest)
-    if changed := changed_inputs(head.inputs, now):
-        return Step(command, "out of date", f"changed since: {', '.join(changed)}")
-    if stale := stale_solution_outputs(project, bundle.name, head.run):
-        names = ", ".join(project.shown(path) for path in stale)
-        return Step(command, "out of date", f"missing or older than the last adjustment: {names}; {WRITTEN_BY}")
-    return _of_head(command, head)
-
-
-def _of_head(command: str, head: SolutionHead) -> Step:
-    found = f"{head.status.replace('_', ' ')}, sigma0 {head.sigma0:.4f}"
-    if head.status == "stopped":
-        return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
-    if head.status == "not_converged":
-        text = f"{found}: do not use its values; correct what the report names, then orip run"
-        return Step(command, "failed", text, command.replace("solve", "report"))
-    return Step(command, "up to date", found)

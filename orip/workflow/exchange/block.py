@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
 from orip.conversion.control_datum import ControlDatum
 from orip.conversion.ground import in_local_ground, local_ground
@@ -197,9 +197,7 @@ def _pixels(
 ) -> FloatArray:
     """Return the measurements as orip counts them, corrected for what fitted cameras do not hold if that is wanted."""
     pixels = np.array(project.rays.image, dtype=np.float64)
-    of_ray = camera_of_ray(project)
-    for number, converted in enumerate(cameras):
-        rows = np.flatnonzero(of_ray == number)
+    for converted, rows in zip(cameras, rows_of_groups(camera_of_ray(project), len(cameras)), strict=True):
         pixels[rows] = converted.pixels(pixels[rows])
         if corrects_distortion:
             pixels[rows] = converted.corrected_pixels(pixels[rows])

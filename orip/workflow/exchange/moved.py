@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, directions_of_pixels
 from orip.conversion.control_datum import ControlDatum, ControlRays, ObservedCentres, control_datum
 from orip.conversion.reprojection import Reprojection
@@ -56,9 +56,8 @@ def _control_rays(
     rows = np.flatnonzero(np.isfinite(targets[rays.point]).all(axis=1) & rays.is_active)
     tangents = np.full((len(rows), 2), np.nan)
     camera_of_ray = np.array([photo.camera for photo in project.photos], dtype=np.int64)[rays.photo[rows]]
-    for number, converted in enumerate(cameras):
-        own = camera_of_ray == number
-        if own.any():
+    for converted, own in zip(cameras, rows_of_groups(camera_of_ray, len(cameras)), strict=True):
+        if own.size:
             tangents[own] = directions_of_pixels(converted.camera, pixels[rows[own]])
     vectors = np.column_stack([tangents, np.full(len(rows), -1.0)])
     ground = np.einsum("nij,nj->ni", found.rotations[rays.photo[rows]], vectors)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.arrays import BoolArray
+from orip.arrays import BoolArray, rows_of_groups
 from orip.conversion.poses import described_reading
 from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, names_text
 from orip.files.control.control_text import distances_text, points_text
@@ -248,13 +248,11 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
 
 
 def _is_corrected(block: ImportedBlock) -> bool:
-    of_ray = block.camera_of_ray
+    rows_of_cameras = rows_of_groups(block.camera_of_ray, len(block.cameras))
     return any(
         not converted.is_exact
-        and not np.array_equal(
-            converted.pixels(block.project.rays.image[of_ray == number]), block.pixels[of_ray == number]
-        )
-        for number, converted in enumerate(block.cameras)
+        and not np.array_equal(converted.pixels(block.project.rays.image[rows]), block.pixels[rows])
+        for converted, rows in zip(block.cameras, rows_of_cameras, strict=True)
     )
 
 

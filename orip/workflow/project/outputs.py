@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from orip.bundle.results.reliability import reliability_of
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.listings.interior import interior_listing
@@ -21,7 +20,6 @@ from orip.files.text.regular_file import beginning
 from orip.interior.in_force import Interior
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.results.solution import Reliability, Solution
-from orip.report.misfits import suspect_rows
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import read_state
@@ -46,6 +44,10 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     measured : PhotoObservations
         Those that were adjusted.
     """
+    # slow to import, and most commands write no solution
+    from orip.bundle.results.reliability import reliability_of
+    from orip.report.misfits import suspect_rows
+
     files = project.outputs(solution.bundle)
     found = reliability_of(solution)
     misfits = suspect_rows(solution, project.definition.test_level).tolist()

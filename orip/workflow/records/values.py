@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 from orip.files.project.tables import TABLE_OF_KIND, keys_of
@@ -36,13 +37,18 @@ def shown_value(value: Any) -> str:
 
 def values_of(kind: RecordKind, table: Mapping[str, Any], ground_unit: str) -> list[RecordValue]:
     """Return all values of a record except its name; nested tables are flattened, and what is not given is None."""
-    units = dict(units_of(RECORD_TYPES[kind]))
+    units = _units(kind)
     values = []
     for key in keys_of(TABLE_OF_KIND[kind]):
         if key != "name":
             flat = dict(_flat(key, table.get(key)))
             values += [RecordValue(path, value, _unit(units, path, value, ground_unit)) for path, value in flat.items()]
     return values
+
+
+@cache
+def _units(kind: RecordKind) -> Mapping[str, str]:
+    return dict(units_of(RECORD_TYPES[kind]))
 
 
 def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -25,8 +25,8 @@ def through_orip(project: ExchangedProject, name: str) -> ExchangedProject:
     return found if ground is None else from_local_ground(found, ground)
 
 
-def local_through_orip(project: ExchangedProject, name: str) -> ExchangedProject:
-    """Return the same in the plain system in which orip has it."""
+def local_through_orip(project: ExchangedProject, name: str, *, corrects: bool = False) -> ExchangedProject:
+    """Return the same in the plain system in which orip has it; measurements may be corrected as an export does."""
     conventions = format_named(name).conventions
     assert conventions is not None
     assert conventions.lens is not None
@@ -34,13 +34,22 @@ def local_through_orip(project: ExchangedProject, name: str) -> ExchangedProject
     local = project if ground is None else in_local_ground(project, ground)
     converted = [convert_camera(camera, "C", accepts_any_fit=True) for camera in local.cameras]
     exported = [
-        export_camera(one.camera, one.source.name, conventions.lens, conventions.lens_axes, conventions.ray_axes)
+        export_camera(
+            one.camera,
+            one.source.name,
+            conventions.lens,
+            conventions.lens_axes,
+            conventions.ray_axes,
+            accepts_any_fit=corrects,
+        )
         for one in converted
     ]
     image = local.rays.image.copy()
     of_ray = np.array([photo.camera for photo in local.photos])[local.rays.photo]
     for number, (one, other) in enumerate(zip(converted, exported, strict=True)):
-        image[of_ray == number] = other.rays_of_pixels(one.pixels(image[of_ray == number]))
+        image[of_ray == number] = other.rays_of_pixels(
+            one.pixels(image[of_ray == number]), corrects_distortion=corrects
+        )
     numbers, positions = exchanged_poses(*orip_poses(local.photos, local.readings[0]), conventions.reading)
     photos = tuple(
         replace(photo, rotation=tuple(numbers[n].tolist()), position=tuple(positions[n].tolist()))

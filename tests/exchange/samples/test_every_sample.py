@@ -11,17 +11,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exchange.imported import read_well
+from exchange.imported import read_well, reprojected
 from exchange.samples import sample_figures as figures
 from exchange.samples import sample_sources as sources
-from exchange.samples.round_trip import comes_back, returns, unchanged_files, with_sizes
+from exchange.samples.round_trip import comes_back, local_through_orip, returns, unchanged_files, with_sizes
 from reference.published_data import data_set
 
 from orip.conversion.ground import in_local_ground, local_ground
+from orip.conversion.poses import orip_poses
 from orip.errors import UsageError
+from orip.exchange.colmap.reader import read_model
+from orip.exchange.colmap.writer import write_model
 from orip.exchange.formats import format_named, guessed_format
 from orip.exchange.metashape.sensors import read_lens_file
 from orip.exchange.opensfm.point_lists import read_control_list
+from orip.exchange.photomodeler import read_photomodeler
 from orip.exchange.sources.faults import Faults
 from orip.exchange.stations.source import read_epochs
 from orip.files.control.stations_text import read_stations, stations_text
@@ -374,3 +378,19 @@ def test_a_copy_of_a_sample_changes_no_byte(tmp_path: Path, title: str) -> None:
     found = unchanged_files(source(tmp_path / "sample"), name)
     assert found
     assert [file for file, is_same in found.items() if not is_same] == []
+
+
+def test_photomodeler_comes_back_through_colmap_with_corrected_measurements(tmp_path: Path) -> None:
+    """Distortion that takes measurements to ideal places has no exact form in COLMAP: `--exact-distortion`."""
+    path = data_set("dbat-camcal-selfcal") / "models" / "camcal-pmexport.txt"
+    before = with_sizes(read_well(read_photomodeler, path))
+    for file, data in write_model(local_through_orip(before, "colmap", corrects=True), None).items():
+        (tmp_path / file).write_bytes(data)
+    after = read_well(read_model, tmp_path)
+    assert len(after.rays.photo) == len(before.rays.photo) == 2074
+    expected, found = (orip_poses(one.photos, one.readings[0]) for one in (before, after))
+    for values, again in zip(expected, found, strict=True):
+        assert again == pytest.approx(values, abs=1e-9)
+    first, again = (reprojected(one)[0].rms for one in (before, after))
+    # the same directions; a pixel of the one camera is a pixel of the other but for the change of the distortion
+    assert again == pytest.approx(first, rel=0.03)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
+from functools import cache
 from itertools import islice
 from typing import Any, Literal, get_args, get_origin
 
@@ -14,30 +15,24 @@ from orip.records.project.fields import RecordField, fields_by_column, fields_of
 
 def columns_of(record: type) -> tuple[StoreColumn, ...]:
     """Return the columns of all fields of a record but its lists, which have tables of their own."""
-    return tuple(
-        column
-        for record_field in fields_by_column(record)
-        if record_field.item is None
-        for column in _columns(record_field)
-    )
+    return tuple(column for record_field in _in_columns(record) for column in _columns(record_field))
 
 
 def checks_of(record: type) -> tuple[str, ...]:
     """Return the conditions that values of several columns are known together, or not at all."""
     return tuple(
         all_or_none(*(column.name for column in _columns(record_field)))
-        for record_field in fields_by_column(record)
-        if record_field.item is None and record_field.optional and len(_columns(record_field)) > 1
+        for record_field in _in_columns(record)
+        if record_field.optional and len(_columns(record_field)) > 1
     )
 
 
 def row_of(record: Any) -> Row:
     """Return the values of `columns_of` the record's dataclass."""
-    fields = fields_by_column(type(record))
+    kind: type = type(record)
     return tuple(
         value
-        for record_field in fields
-        if record_field.item is None
+        for record_field in _in_columns(kind)
         for value in _values(record_field, getattr(record, record_field.name))
     )
 
@@ -45,11 +40,13 @@ def row_of(record: Any) -> Row:
 def values_of(record: type, row: Sequence[Any]) -> dict[str, Any]:
     """Return the fields of a record by name from a row of `columns_of` its dataclass."""
     values = iter(row)
-    return {
-        record_field.name: _value(record_field, values)
-        for record_field in fields_by_column(record)
-        if record_field.item is None
-    }
+    return {record_field.name: _value(record_field, values) for record_field in _in_columns(record)}
+
+
+@cache
+def _in_columns(record: type) -> tuple[RecordField, ...]:
+    """Return the fields of a record that have columns, in their order."""
+    return tuple(record_field for record_field in fields_by_column(record) if record_field.item is None)
 
 
 def list_rows(items: Sequence[Any]) -> list[Row]:
@@ -70,6 +67,7 @@ def list_of(record_field: RecordField, rows: Sequence[Row]) -> tuple[Any, ...] |
     )
 
 
+@cache
 def _columns(record_field: RecordField, around: str = "", null: Null = "never") -> tuple[StoreColumn, ...]:
     """Return the columns of a field; `around` is the column name of the record that it is in."""
     name = _name(record_field, around)
