@@ -26,9 +26,9 @@ from pathlib import Path
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
-from orip.workflow.archive.cluster import cores
 from orip.workflow.archive.simulate import simulate_archive
 from orip.workflow.archive.task import ProjectTask, TaskSettings, carry_out
+from orip.workflow.cluster.connection import cores
 
 ALONE = 20
 """Projects by which the speed of one process is measured."""

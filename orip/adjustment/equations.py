@@ -9,8 +9,9 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 from scipy.sparse import csr_array
 
-from orip.adjustment.factorisation.band import Arrangement, Symmetric
+from orip.adjustment.factorisation.band import Arrangement
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 StateT = TypeVar("StateT")

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations, Layout
-from orip.adjustment.factorisation.band import BandMatrix, Symmetric, add_to_diagonal, scale_matrix
+from orip.adjustment.factorisation.band import BandMatrix
 from orip.adjustment.factorisation.band_cholesky import BandFactor, factorise_band
 from orip.adjustment.factorisation.cholesky import Factor, factorise
+from orip.adjustment.factorisation.dissection.cholesky import DissectedFactor, factorise_dissected
+from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
+from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
 
 
@@ -28,7 +31,7 @@ class SolvedNormals:
         dx^T N dx.
     scale : array (m,)
         Root of the complete diagonal of the reduced unknowns; 1 where it is zero.
-    factor : Factor or BandFactor
+    factor : Factor, BandFactor or DissectedFactor
         Of the reduced system divided by `scale` on both sides.
     blocks : BlockFactors
     coupling : Coupling
@@ -42,7 +45,7 @@ class SolvedNormals:
     correction: FloatArray
     reduced_square_sum: float
     scale: FloatArray
-    factor: Factor | BandFactor
+    factor: Factor | BandFactor | DissectedFactor
     blocks: BlockFactors
     coupling: Coupling
     removed: NDArray[np.bool_]
@@ -140,8 +143,12 @@ def solve_normals(
     )
 
 
-def _factorised(matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> Factor | BandFactor:
+def _factorised(
+    matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_]
+) -> Factor | BandFactor | DissectedFactor:
     """Return the factor of a matrix, which is used up."""
+    if isinstance(matrix, DissectedMatrix):
+        return factorise_dissected(matrix, max_lost_digits, undetermined)
     if isinstance(matrix, BandMatrix):
         return factorise_band(matrix, max_lost_digits, undetermined)
     return factorise(matrix, max_lost_digits, undetermined)

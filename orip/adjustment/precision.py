@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.band import Symmetric, scale_matrix
+from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
 
@@ -22,7 +22,7 @@ class Cofactors:
 
     Parameters
     ----------
-    reduced : array or BandMatrix (m, m)
+    reduced : array, BandMatrix or DissectedMatrix (m, m)
     blocks : array (b, 3, 3)
     leverage : array (n,)
         h_i = a_i Q a_i^T of every observation equation, disregarded ones included.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.band import Symmetric, band_of
+from orip.adjustment.factorisation.band import band_of
 from orip.adjustment.factorisation.elimination import (
     BlockFactors,
     Coupling,
@@ -19,6 +19,7 @@ from orip.adjustment.factorisation.elimination import (
     block_diagonal,
     factorise_blocks,
 )
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000

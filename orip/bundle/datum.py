@@ -16,7 +16,7 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.band import without_product
+from orip.adjustment.factorisation.symmetric import without_product
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.precision import Cofactors
 from orip.arrays import FloatArray, IntArray

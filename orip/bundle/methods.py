@@ -10,6 +10,7 @@ from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.groups.words import group_diagnosis
+from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
@@ -41,7 +42,11 @@ class Method:
 
 
 def adjust_block(
-    block: Block, method: Method, on_iteration: Callable[[IterationPass], None], stop_asked: Callable[[], bool]
+    block: Block,
+    method: Method,
+    on_iteration: Callable[[IterationPass], None],
+    stop_asked: Callable[[], bool],
+    pose: Callable[[Block], BlockProblem] = pose_problem,
 ) -> tuple[Solution, SolvedBlock]:
     """Adjust a block by a method.
 
@@ -54,6 +59,8 @@ def adjust_block(
         Called after each iteration; those of successive adjustments are numbered consecutively.
     stop_asked : callable
         Asked after each iteration; True ends the adjustment with the current state.
+    pose : callable
+        Returns the problem of a block that is adjusted with Danish weights: as a whole, or divided.
 
     Returns
     -------
@@ -76,7 +83,7 @@ def adjust_block(
     advice: list[Diagnosis] = []
     blunders: tuple[Blunder, ...] = ()
     if method.snooping is None:
-        solved = solve_block(block, numbered, stop_asked)
+        solved = solve_block(block, numbered, stop_asked, pose=pose)
     else:
         snooped = snoop(block, method.snooping, numbered, stop_asked)
         solved, blunders = snooped.solved, snooped.blunders

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,10 @@ from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
+from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
-from orip.bundle.compiled.streamed_rows import StreamedRows
+from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
+from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
@@ -33,14 +35,10 @@ from orip.bundle.left_out_points import (
 from orip.bundle.other_places import other_places
 from orip.bundle.point_consensus import PointRays, moves_of_points, placed, where_better, with_steady_weights
 from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
-from orip.bundle.state import BlockState, entries_at, rotation_limit
+from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
-from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
-from orip.units import RADIANS_PER_DEGREE
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +56,7 @@ class BlockProblem:
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
-        The compiled loop over photo points, and the problem of all other rows; None: the design matrix is stored.
+        What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
     """
 
     block: Block
@@ -66,7 +64,7 @@ class BlockProblem:
     observations: tuple[Observations, ...]
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
-    streamed: tuple[PhotoPointLoop, BlockProblem] | None = None
+    streamed: tuple[PointLoop, BlockProblem] | None = None
 
     @property
     def layout(self) -> Layout:
@@ -77,6 +75,10 @@ class BlockProblem:
     def defect(self) -> int:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
+
+    def columns(self) -> list[IntArray | NDArray[np.int32]]:
+        """Return the unknowns that each equation touches, kind by kind."""
+        return [kind.columns() for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Return the residuals (n,) of what was observed from those of all equations, in the units observed."""
@@ -150,7 +152,7 @@ class BlockProblem:
         design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
         return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
 
-    def _streamed(self, state: BlockState, loop: PhotoPointLoop, others: BlockProblem) -> Equations:
+    def _streamed(self, state: BlockState, loop: PointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
         of_photos, in_front = loop.residuals(state)
         staying = loop.staying()
@@ -304,39 +306,52 @@ def _pattern(observations: Sequence[Observations]) -> tuple[IntArray, IntArray, 
     return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
 
-def pose_problem(block: Block) -> BlockProblem:
-    """Return the problem of a block."""
+class Posed(NamedTuple):
+    """A block's problem with its design matrix stored, and its photo points apart from all other rows.
+
+    Attributes
+    ----------
+    problem : BlockProblem
+    photo_points : PhotoPointObservations
+    others : BlockProblem
+        Of photo points of tied points, and of all other kinds.
+    couples_points : bool
+        One of the others touches both an eliminated point and a reduced unknown.
+    """
+
+    problem: BlockProblem
+    photo_points: PhotoPointObservations
+    others: BlockProblem
+    couples_points: bool
+
+
+def posed(block: Block) -> Posed:
+    """Return the parts of a block's problem."""
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
     photo_points = next(kind for kind in observations if isinstance(kind, PhotoPointObservations))
-    problem = BlockProblem(block, unknowns, observations)
-    loop = photo_loop(photo_points, unknowns, block.point_start)
+    eliminated = blocks_of_points(unknowns)[photo_points.point] >= 0
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
-    staying = () if loop.eliminated.all() else (photo_points.of(~loop.eliminated),)
+    staying = () if eliminated.all() else (photo_points.of(~eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
-    if not _couples_points(others):
+    return Posed(BlockProblem(block, unknowns, observations), photo_points, others, _couples_points(others))
+
+
+def pose_problem(block: Block) -> BlockProblem:
+    """Return the problem of a block."""
+    problem, photo_points, others, couples_points = posed(block)
+    if not couples_points:
+        loop = photo_loop(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
-    return _freed(problem, block) if block.is_free_network else problem
+    return freed(problem, block) if block.is_free_network else problem
 
 
 def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    layout = problem.layout
-    records = [(name.group, name.name) for name in problem.unknowns.names.reduced]
-    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: layout.reduced]
-    touching, touched = ([array] for array in loop.touched())
-    first = len(loop.pattern.coupled_start)
-    for kind in others.observations:
-        columns = kind.columns()
-        rows, places = np.nonzero((columns != CONSTANT) & (columns < layout.reduced))
-        touching.append(first + rows)
-        touched.append(columns[rows, places].astype(np.int64))
-        first += len(columns)
-    shape = (first, int(groups[-1]) + 1 if len(groups) else 0)
-    row, column = np.concatenate(touching), groups[np.concatenate(touched)]
-    arrangement = arranged(groups, csr_array((np.ones(len(row)), (row, column)), shape=shape))
-    unknowns = replace(problem.unknowns, layout=replace(layout, arrangement=arrangement))
+    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), len(loop.pattern.coupled_start))
+    layout = replace(problem.layout, arrangement=arranged(*touched))
+    unknowns = replace(problem.unknowns, layout=layout)
     return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
 
 
@@ -345,11 +360,11 @@ def _couples_points(problem: BlockProblem) -> bool:
     reduced = problem.layout.reduced
     return any(
         bool(((columns >= reduced).any(axis=1) & ((columns != CONSTANT) & (columns < reduced)).any(axis=1)).any())
-        for columns in (kind.columns() for kind in problem.observations)
+        for columns in problem.columns()
     )
 
 
-def _freed(problem: BlockProblem, block: Block) -> BlockProblem:
+def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: while solving, as many unknowns are held as it has free movements."""
     state, unknowns = starting_state(block), problem.unknowns
     others = tuple(kind for kind in problem.observations if not isinstance(kind, PhotoPointObservations))
@@ -366,9 +381,9 @@ def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
     places = station_places(block)
     return BlockState(
-        cameras=_camera_parameters(block),
+        cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
-        antennas=_antenna_parameters(block),
+        antennas=antenna_parameters(block),
         shifts=np.zeros((len(places.shifts), 3)),
         drifts=np.zeros((len(places.drifts), 3)),
         centres=block.photo_orientation[:, :3].copy(),
@@ -380,19 +395,3 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-
-
-def _antenna_parameters(block: Block) -> FloatArray:
-    """Return the values of all antennas (n, 7), boresight in radians."""
-    values = np.array([antenna.values for antenna in block.antennas], dtype=np.float64)
-    values = values.reshape(-1, len(ANTENNA_PARAMETERS))
-    values[:, BORESIGHT_PLACES] *= RADIANS_PER_DEGREE
-    return values
-
-
-def _camera_parameters(block: Block) -> FloatArray:
-    """Return the values of all cameras, those of a lens as its first camera has them."""
-    parameters = np.array([camera.parameters for camera in block.cameras], dtype=np.float64)
-    values = parameters.reshape(-1, len(CAMERA_PARAMETERS))
-    values[:, LENS_PLACES] = values[first_of_lens(block.cameras)][:, LENS_PLACES]
-    return values

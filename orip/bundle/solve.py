@@ -79,6 +79,7 @@ def solve_block(
     on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
     settings: IterationSettings | None = None,
+    pose: Callable[[Block], BlockProblem] = pose_problem,
 ) -> SolvedBlock:
     """Adjust a block.
 
@@ -91,6 +92,8 @@ def solve_block(
         Asked after each iteration; True stops there.
     settings : IterationSettings, optional
         Those of the block's definition by default.
+    pose : callable
+        Returns the block's problem: as a whole, or divided.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def solve_block(
     NotSolvableError
         When there are no unknowns, or the iterations diverged to numbers that are not finite.
     """
-    problem = pose_problem(block)
+    problem = pose(block)
     if not problem.layout.unknowns:
         message = "every camera, photo and point is constant: there is nothing to adjust"
         raise NotSolvableError(message)

@@ -16,6 +16,11 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
+from orip.records.block import Block
+from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
+from orip.units import RADIANS_PER_DEGREE
 
 LARGEST_ROTATION = 0.5
 """Largest rotation of a photo (radians) in one iteration; a larger correction is scaled down as a whole."""
@@ -110,3 +115,19 @@ def entries_at(vector: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
     found = vector[columns]
     found[columns == CONSTANT] = 0.0
     return np.asarray(found)
+
+
+def antenna_parameters(block: Block) -> FloatArray:
+    """Return the values of all antennas (n, 7), boresight in radians."""
+    values = np.array([antenna.values for antenna in block.antennas], dtype=np.float64)
+    values = values.reshape(-1, len(ANTENNA_PARAMETERS))
+    values[:, BORESIGHT_PLACES] *= RADIANS_PER_DEGREE
+    return values
+
+
+def camera_parameters(block: Block) -> FloatArray:
+    """Return the values of all cameras, those of a lens as its first camera has them."""
+    parameters = np.array([camera.parameters for camera in block.cameras], dtype=np.float64)
+    values = parameters.reshape(-1, len(CAMERA_PARAMETERS))
+    values[:, LENS_PLACES] = values[first_of_lens(block.cameras)][:, LENS_PLACES]
+    return values

@@ -11,6 +11,7 @@ import numpy as np
 from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
 from orip.bundle.methods import Method, adjust_block
+from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
@@ -69,14 +70,20 @@ NOBODY = SolveWatcher(lambda _: None, lambda _: None, lambda _: None, lambda _: 
 """Progress is not shown, and the adjustment is not stopped."""
 
 
+Pose = Callable[[Block], BlockProblem]
+"""What returns the problem of a block: as a whole, or divided."""
+
+
 def solve_bundle(
-    inputs: BlockInput, method: Method = PLAIN, watcher: SolveWatcher = NOBODY
+    inputs: BlockInput, method: Method = PLAIN, watcher: SolveWatcher = NOBODY, pose: Pose = pose_problem
 ) -> tuple[Solution, SolvedBlock]:
     """Gather the block of a bundle and solve it; see `gather_bundle` and `solve`."""
-    return solve(gather_bundle(inputs), method, watcher)
+    return solve(gather_bundle(inputs), method, watcher, pose)
 
 
-def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBODY) -> tuple[Solution, SolvedBlock]:
+def solve(
+    gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBODY, pose: Pose = pose_problem
+) -> tuple[Solution, SolvedBlock]:
     """Find starting values where they are missing, adjust the block, and say what is probably wrong with it.
 
     Where the adjustment from given values fails or its end is suspicious, it is repeated from values that the chain
@@ -88,6 +95,7 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
         See `gather_bundle`.
     method : Method
     watcher : SolveWatcher
+    pose : callable
 
     Returns
     -------
@@ -101,7 +109,7 @@ def solve(gathered: Block, method: Method = PLAIN, watcher: SolveWatcher = NOBOD
     NotSolvableError
         With the probable causes first.
     """
-    adjuster = _Adjuster(gathered, method, watcher)
+    adjuster = _Adjuster(gathered, method, watcher, pose)
     try:
         adjusted, mistaken, taken = _best_of_starts(adjuster)
     except NotSolvableError as error:
@@ -153,6 +161,7 @@ class _Adjuster:
     gathered: Block
     method: Method
     watcher: SolveWatcher
+    pose: Pose
     values: PreliminaryValues | None = None
 
     @property
@@ -202,7 +211,8 @@ class _Adjuster:
     def _from(self, start: StartedBlock) -> _Adjusted:
         self.watcher.started(start.block)
         with self.watcher.stoppable() as stop_asked:
-            return _Adjusted(start, *adjust_block(start.block, self.method, self.watcher.passed, stop_asked))
+            found = adjust_block(start.block, self.method, self.watcher.passed, stop_asked, self.pose)
+        return _Adjusted(start, *found)
 
 
 def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning], list[ProjectWarning]]:

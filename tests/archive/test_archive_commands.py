@@ -14,8 +14,8 @@ from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
 from orip.errors import OripError
-from orip.workflow.archive.cluster import require_fit_workers
-from orip.workflow.archive.worker import WorkerFacts, worker_facts
+from orip.workflow.cluster.connection import require_fit_workers
+from orip.workflow.cluster.facts import WorkerFacts, worker_facts
 
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")
@@ -105,14 +105,15 @@ def test_workers_that_do_not_fit_are_named_with_all_that_is_wrong(tmp_path: Path
     marker = tmp_path / "marker"
     marker.touch()
     here = worker_facts(str(marker))
-    require_fit_workers(Workers(one=here), marker)
-    other = WorkerFacts("0.0", not here.is_compiled, sees_results=False, can_fork=False)
+    require_fit_workers(Workers(one=here), marker, forking=True)
+    other = WorkerFacts("0.0", not here.is_compiled, sees_files=False, can_fork=False)
+    found_there = Workers(one=here, two=other, three=ModuleNotFoundError("No module named 'orip'"))
     with pytest.raises(OripError) as found:
-        require_fit_workers(Workers(one=here, two=other, three=ModuleNotFoundError("No module named 'orip'")), marker)
+        require_fit_workers(found_there, marker, forking=True)
     lines = str(found.value).splitlines()
-    assert not fit.sees_results
+    assert not fit.sees_files
     assert lines[0].startswith("worker three: orip cannot be loaded there (No module named 'orip'); install")
     assert [line.partition(": ")[0] for line in lines[1:]] == ["worker two"] * 4
     assert f"it has orip 0.0, and this is {here.orip}" in lines[1]
     assert "lacks the compiled loops" in lines[2]
-    assert "does not see the folder of results" in lines[3]
+    assert f"does not see {tmp_path}" in lines[3]

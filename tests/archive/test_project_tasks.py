@@ -6,7 +6,9 @@ import json
 import os
 import pickle
 import signal
+import sqlite3
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +20,7 @@ from orip.bundle.methods import Method
 from orip.errors import OripError
 from orip.files.archive.finished import read_head, read_rows
 from orip.files.archive.layout import ResultsFolder, name_digest
+from orip.files.stores.older import OLDER_STORES
 from orip.version import __version__
 from orip.workflow.archive import fork_server, worker
 from orip.workflow.archive import task as tasks
@@ -61,6 +64,23 @@ def test_a_missing_result_and_a_changed_store_are_noticed(task: ProjectTask) -> 
     assert not carry_out(task).repeated
     assert orip(Path(task.folder), "-q", "bundle", "edit", "MAIN", "measurement_precision=0.01").code == 0
     assert not carry_out(task).repeated
+
+
+def test_stores_of_an_older_orip_are_set_aside_and_made_again(task: ProjectTask) -> None:
+    carry_out(task)
+    wanted, folder = rows(task), Path(task.folder)
+    for kind in ("PHO", "EXT"):
+        (path,) = folder.glob(f"*.{kind}")
+        with closing(sqlite3.connect(path)) as store:
+            store.execute("PRAGMA user_version = 11")
+    assert orip(folder, "run").code == 3
+    reply = carry_out(task)
+    assert reply.state == "adjusted"
+    assert reply.message.startswith("2 stores of an older orip made again from the texts")
+    assert len(list((folder / OLDER_STORES).iterdir())) == 2
+    assert carry_out(task) == replace(reply, repeated=True)
+    found = rows(task)
+    assert {name: found[name] for name in ("photos", "points")} == {name: wanted[name] for name in ("photos", "points")}
 
 
 def test_an_error_is_a_result_with_its_first_line(task: ProjectTask) -> None:

@@ -171,6 +171,30 @@ def test_bundles_and_photos_may_be_called_by_numbers(tmp_path: Path) -> None:
     assert [type(record) for record in parsed.value] == [PhotoRecord, PointsRecord, PointsRecord]
 
 
+def test_a_run_of_plain_lines_is_read_as_line_by_line(tmp_path: Path) -> None:
+    lines = [f"  {n}   {n / 7.0!r} {-n}e-1 " for n in range(1, 2500)]
+    closely = [f"{line}! looked at field by field" for line in lines]
+    both = []
+    for text in (lines, closely):
+        log = tmp_path / "A.MEA"
+        log.write_text("\n".join(["POINTS 1 101", *text, "POINTS 1 102", "7 1 2", ""]), encoding="utf-8")
+        both.append(read_measurements(log, "A.MEA").value)
+    for one, other in zip(*both, strict=True):
+        assert isinstance(one, PointsRecord)
+        assert isinstance(other, PointsRecord)
+        assert (one.photo, one.names) == (other.photo, other.names)
+        np.testing.assert_array_equal(one.measured, other.measured)
+        np.testing.assert_array_equal(one.lines, other.lines)
+
+
+def test_a_repeated_name_in_a_run_of_plain_lines_is_named_with_both_lines(tmp_path: Path) -> None:
+    log = tmp_path / "A.MEA"
+    log.write_text("POINTS 1 101\n1 1 2\n2 1 2\n1 3 4\n3 1 2\n", encoding="utf-8")
+    (complaint,) = read_measurements(log, "A.MEA").complaints
+    assert complaint.line == 4
+    assert "first on line 2" in complaint.message
+
+
 def test_the_same_name_in_a_later_block_is_a_new_measurement(tmp_path: Path) -> None:
     parsed = parse(tmp_path, "POINTS M P\n1 2 3\nPOINTS M P\n1 2 4\n")
     assert not parsed.complaints

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.report.drawings.svg import ChartFrame, Curve, line_chart, round_step, ticks
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart, number, numbers, round_step, ticks
 from orip.report.numbers import decimals_for, fixed, parameter, significant
 
 
@@ -18,6 +18,11 @@ def curve(chart: str) -> np.ndarray:
     path = re.search(r'<path d="M([^"]*)" class="curve', chart)
     assert path is not None
     return np.array([tuple(map(float, pair.split())) for pair in path[1].split("L")])
+
+
+@given(st.lists(st.one_of(st.floats(), st.integers(-30000, 30000).map(lambda whole: whole / 100.0))))
+def test_many_coordinates_are_written_as_one_by_one(values: list[float]) -> None:
+    assert numbers(values) == [number(value) for value in values]
 
 
 def test_a_curve_is_an_affine_image_of_its_numbers() -> None:

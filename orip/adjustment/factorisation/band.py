@@ -9,7 +9,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from orip.adjustment.factorisation.band_panels import add_product, times
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
 """Number of unknowns below which a full matrix is as fast."""
@@ -109,6 +109,16 @@ class BandMatrix:
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 
+    def add_to_diagonal(self, number: float) -> None:
+        """Add a number to all elements of the diagonal."""
+        self.band[:, 0] += number
+        own = np.arange(len(self.border))
+        self.border[own, self.arrangement.banded + own] += number
+
+    def copy(self) -> BandMatrix:
+        """Return the same matrix, to be changed."""
+        return BandMatrix(self.arrangement, self.band.copy(), self.border.copy())
+
     def times(self, vectors: FloatArray) -> FloatArray:
         """Return the matrix times vectors (m, k)."""
         banded = self.arrangement.banded
@@ -138,38 +148,6 @@ class BandMatrix:
         return np.asarray((lower + np.tril(lower, -1).T)[np.ix_(self.arrangement.places, self.arrangement.places)])
 
 
-Symmetric = FloatArray | BandMatrix
-"""A symmetric matrix (m, m); both kinds have a diagonal() and elements [rows, columns]."""
-
-
-def scale_matrix(matrix: Symmetric, factors: FloatArray) -> None:
-    """Multiply rows and columns of a matrix by factors (m,)."""
-    if isinstance(matrix, BandMatrix):
-        matrix.scale(factors)
-    else:
-        matrix *= factors
-        matrix *= factors[:, None]
-
-
-def without_product(matrix: Symmetric, left: FloatArray, right: FloatArray) -> Symmetric:
-    """Return a matrix less L R^T, a symmetric matrix of factors (m, k); of a band what it has elements of."""
-    if not isinstance(matrix, BandMatrix):
-        return np.asarray(matrix - left @ right.T)
-    result = BandMatrix(matrix.arrangement, matrix.band.copy(), matrix.border.copy())
-    result.subtract_product(left, right)
-    return result
-
-
-def add_to_diagonal(matrix: Symmetric, number: float) -> None:
-    """Add a number to all elements of the diagonal of a matrix."""
-    if isinstance(matrix, BandMatrix):
-        banded = matrix.arrangement.banded
-        matrix.band[:, 0] += number
-        matrix.border[np.arange(len(matrix.border)), banded + np.arange(len(matrix.border))] += number
-    else:
-        matrix[np.arange(len(matrix)), np.arange(len(matrix))] += number
-
-
 def zero_matrix(arrangement: Arrangement) -> BandMatrix:
     """Return a matrix of zeros."""
     size, banded = len(arrangement.places), arrangement.banded
@@ -183,7 +161,7 @@ def band_of(matrix: csr_array, arrangement: Arrangement) -> BandMatrix:
     return result
 
 
-def arranged(groups: IntArray, touched: csr_array) -> Arrangement | None:
+def arranged(groups: IntArray, touched: csr_array, central: BoolArray | None = None) -> Arrangement | None:
     """Return an arrangement that makes a narrow band, or None where a full matrix is better.
 
     The order is that of Cuthill and McKee (1969), reversed, or the given one where that is narrower.
@@ -194,12 +172,16 @@ def arranged(groups: IntArray, touched: csr_array) -> Arrangement | None:
         Group of each unknown, ascending from 0; unknowns of a group stay together.
     touched : sparse array (r, g)
         Not zero where an observation, or an eliminated block, touches a group.
+    central : array (g,) of bool, optional
+        Groups that go to the border whatever they are coupled with: cofactors between all of them are asked for.
     """
     if len(groups) < _LEAST_UNKNOWNS:
         return None
     pattern = (touched.T @ touched).tocsr()
     count = pattern.shape[0]
     is_border = np.diff(pattern.indptr) > _BORDER_SHARE * count
+    if central is not None:
+        is_border |= central
     inner = np.flatnonzero(~is_border)
     if not len(inner):
         return None

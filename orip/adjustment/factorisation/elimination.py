@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from orip.adjustment.factorisation.band import Symmetric
 from orip.adjustment.factorisation.cholesky import LOST_ALL
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _AS_LARGE = 1e-9
@@ -84,7 +84,7 @@ class EliminatedNormals:
 
     Parameters
     ----------
-    matrix : array or BandMatrix (m, m)
+    matrix : array, BandMatrix or DissectedMatrix (m, m)
         Of the reduced system.
     right : array (m,)
     diagonal : array (m,)

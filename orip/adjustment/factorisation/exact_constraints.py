@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.adjustment.factorisation.band import BandMatrix, Symmetric
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
 
 _DEPENDENT = 1e-10
@@ -47,10 +47,10 @@ class ExactConstraints:
     def bind(self, cofactor: Symmetric) -> None:
         """Subtract what the constraints determine from the cofactors of the reduced unknowns (m, m), in place."""
         spread = self.spread[: len(cofactor)]
-        if isinstance(cofactor, BandMatrix):
-            cofactor.subtract_product(spread @ self.inverse, spread)
-        else:
+        if isinstance(cofactor, np.ndarray):
             cofactor -= spread @ self.inverse @ spread.T
+        else:
+            cofactor.subtract_product(spread @ self.inverse, spread)
 
 
 def exact_constraints(design: FloatArray, spread: FloatArray) -> ExactConstraints:

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.band import Arrangement, BandMatrix, Symmetric, band_of
-from orip.adjustment.factorisation.elimination import BlockFactors, EliminatedNormals
+from orip.adjustment.factorisation.band import Arrangement, BandMatrix, band_of
+from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
+from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
@@ -152,8 +154,10 @@ class PhotoPointLoop:
             others.block_right,
         )
 
-    def precision(self, coupling: StreamedCoupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
+        assert isinstance(coupling, StreamedCoupling), "the normal equations are those of this loop"
+        assert not isinstance(inverse, DissectedMatrix), "and so is their inverse"
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
         arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
         self._compute(
@@ -258,22 +262,35 @@ class StreamedCoupling:
 
     def of_blocks(self, chosen: NDArray[np.int64]) -> csr_array:
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
-        points, block = self.loop.points, self.loop.block
-        mine = np.isin(block, chosen)
-        if not mine.any():
-            return csr_array((3 * len(chosen), self.size))
-        some = points.of(mine)
-        values = some.linearise_with_partials(self.state)
-        partials = values.partials * (self.factor[np.repeat(mine, 2)] * values.computable)[:, None]
-        columns = np.asarray(some.columns(), dtype=np.int64)
-        is_reduced = (columns != CONSTANT) & (columns < self.size)
-        row = 3 * np.repeat(np.searchsorted(chosen, block[mine]), 2)
-        by_point = np.einsum("nij,nj->ni", np.repeat(self.half[block[mine]], 2, axis=0), partials[:, POINT_PARTIALS])
-        at, place = np.nonzero(is_reduced)
-        entries = by_point[at] * partials[at, place][:, None]
-        rows = (row[at][:, None] + np.arange(3)).ravel()
-        shape = (3 * len(chosen), self.size)
-        return csr_array((entries.ravel(), (rows, np.repeat(columns[at, place], 3))), shape=shape)
+        loop = self.loop
+        return rows_of_blocks(loop.points, loop.block, self.state, self.factor, self.half, self.size, chosen)
+
+
+def rows_of_blocks(
+    points: PhotoPointObservations,
+    block: NDArray[np.int64],
+    state: BlockState,
+    factor: FloatArray,
+    half: FloatArray,
+    size: int,
+    chosen: NDArray[np.int64],
+) -> csr_array:
+    """Return the rows H N_pr (3 c, m) of some blocks (c,) in ascending order; see `StreamedCoupling`."""
+    mine = np.isin(block, chosen)
+    if not mine.any():
+        return csr_array((3 * len(chosen), size))
+    some = points.of(mine)
+    values = some.linearise_with_partials(state)
+    partials = values.partials * (factor[np.repeat(mine, 2)] * values.computable)[:, None]
+    columns = np.asarray(some.columns(), dtype=np.int64)
+    is_reduced = (columns != CONSTANT) & (columns < size)
+    row = 3 * np.repeat(np.searchsorted(chosen, block[mine]), 2)
+    by_point = np.einsum("nij,nj->ni", np.repeat(half[block[mine]], 2, axis=0), partials[:, POINT_PARTIALS])
+    at, place = np.nonzero(is_reduced)
+    entries = by_point[at] * partials[at, place][:, None]
+    rows = (row[at][:, None] + np.arange(3)).ravel()
+    shape = (3 * len(chosen), size)
+    return csr_array((entries.ravel(), (rows, np.repeat(columns[at, place], 3))), shape=shape)
 
 
 def _parts(count: int) -> Iterator[slice]:

@@ -4,18 +4,54 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.band import Symmetric
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
+from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
-from orip.arrays import FloatArray, IntArray
-from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.compiled.photo_loop import Contributions
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.state import BlockState
+
+
+class PointLoop(Protocol):
+    """What passes over the photo points of a block, in one process or in several; see `PhotoPointLoop`."""
+
+    @property
+    def points(self) -> PhotoPointObservations:
+        """Return the photo points."""
+
+    def staying(self) -> NDArray[np.int64]:
+        """Return the rows of photo points of points that are not eliminated."""
+
+    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
+        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
+
+    def block_normals(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
+    ) -> BlockNormals:
+        """Return the normal equations of the points."""
+
+    def eliminate(
+        self,
+        state: BlockState,
+        root_weights: FloatArray,
+        misclosure: FloatArray,
+        others: Contributions,
+        layout: Layout,
+        max_lost_digits: float,
+        damping: float,
+    ) -> EliminatedNormals:
+        """Return the normal equations of photo points and `others`, points eliminated."""
+
+    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors (b, 3, 3) of the points and leverages (2 n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +60,7 @@ class StreamedRows:
 
     Parameters
     ----------
-    loop : PhotoPointLoop
+    loop : PointLoop
     state : BlockState
     others : SparseRows
         Rows that the loop does not compute; each touches either reduced unknowns or one point.
@@ -34,7 +70,7 @@ class StreamedRows:
         Returns the whole matrix.
     """
 
-    loop: PhotoPointLoop
+    loop: PointLoop
     state: BlockState
     others: SparseRows
     other_rows: NDArray[np.int64]
@@ -76,7 +112,6 @@ class StreamedRows:
     def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         del factors
-        assert isinstance(coupling, StreamedCoupling), "the normal equations are those of these rows"
         found = self.loop.precision(coupling, inverse)
         photos = self.loop.points.xy.size
         leverage = np.zeros(np.count_nonzero(self.other_rows >= photos) + photos)

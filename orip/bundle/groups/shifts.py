@@ -232,8 +232,9 @@ def _without_drift(
 
 
 def _common(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> tuple[CommonError, ...]:
-    """Return the errors in all components of stations; none of other groups."""
-    if not any(test.group in strip.groups for strip in ground.strips):
+    """Return the errors in all components of stations; none of other groups, or where none can be tested."""
+    of_stations = any(test.group in strip.groups for strip in ground.strips)
+    if not of_stations or not testable[list(test.columns)].any():
         return ()
     found = _estimated(ground, sums, test, testable)
     names = dict(zip(test.columns, test.components, strict=True))

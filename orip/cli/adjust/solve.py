@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import typer
 
+from orip.cli.adjust.cluster import ClusterOptions
 from orip.cli.adjust.method import MethodOptions
-from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
+from orip.cli.adjust.progress import AllPhotos, exit_code, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.threads import limited_threads
@@ -18,6 +19,7 @@ def register(app: typer.Typer) -> None:
     def solve_command(
         invocation: Invocation,
         options: MethodOptions,
+        cluster: ClusterOptions,
         bundle: BundleArgument = None,
         all_photos: AllPhotos = False,
         report: Report = True,
@@ -27,6 +29,8 @@ def register(app: typer.Typer) -> None:
         Ctrl-C stops after the current iteration and keeps its result, marked as stopped.
 
         Example: orip solve --snoop --sigma0 posteriori
+
+        With --dask the normal equations are divided among the workers of a cluster: for blocks of many thousand photos.
         """
         from orip.files.result.json_text import result_text
         from orip.workflow.adjust.report import REPORTED_FROM, report_of
@@ -37,7 +41,8 @@ def register(app: typer.Typer) -> None:
         method, terminal = options.method(), invocation.terminal
         with limited_threads(terminal.threads):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
-            solved = commit(solve(given, solve_watcher(terminal), method, options.check or ()))
+            with cluster.posing(terminal, method, given.project.folder) as (pose, watcher):
+                solved = commit(solve(given, watcher, method, options.check or (), pose))
         tell_solution(terminal, solved)
         outcome = solved.outcome
         if report:

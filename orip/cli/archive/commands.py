@@ -120,7 +120,7 @@ def _register_reading(group: typer.Typer) -> None:
         from orip.cli.archive.output import report_document, tell_collected
         from orip.files.archive.layout import ResultsFolder
         from orip.files.archive.plan import read_plan
-        from orip.workflow.archive.cluster import require_dask
+        from orip.workflow.archive.packages import require_dask
 
         require_dask()
         from orip.workflow.archive.collecting import collect
@@ -192,7 +192,7 @@ def _request(
         If they contradict each other, or a gate is malformed.
     """
     from orip.workflow.adjust.gates import gates_from
-    from orip.workflow.archive.cluster import require_dask
+    from orip.workflow.archive.packages import require_dask
 
     require_dask()
     from orip.workflow.archive.run import ArchiveRequest

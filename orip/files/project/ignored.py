@@ -15,6 +15,7 @@ IGNORED = """\
 *.TEM
 *.EXT
 *.EXO
+older-stores/
 before_update.json
 
 # listings, results, reports, drive tables
@@ -29,6 +30,9 @@ residuals.npz
 report.html
 *_report.html
 *.DRV
+
+# photo points by sub-blocks, which the workers of 'orip solve --dask' read
+.orip-sub-blocks/
 
 # left by a run that was killed
 *-journal

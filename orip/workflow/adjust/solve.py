@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.bundle.methods import Method
+from orip.bundle.problem import pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.prelim.ground.project_coordinates import absolute_in_project
 from orip.records.coded_names import coded
@@ -15,7 +16,7 @@ from orip.records.names import record_key
 from orip.records.results.gate import GateResult
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import InteriorSummary, Solution
-from orip.solving.solve import NOBODY, PLAIN, SolveWatcher, solve_bundle
+from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
@@ -49,6 +50,7 @@ def solve(
     watcher: SolveWatcher = NOBODY,
     method: Method = PLAIN,
     expressions: Sequence[str] = (),
+    pose: Pose = pose_problem,
 ) -> Change[SolveOutcome]:
     """Adjust one bundle and check its gates against the solution; nothing is written.
 
@@ -64,6 +66,8 @@ def solve(
         Whether data snooping is used, and whether camera parameters that are not significant are held at zero.
     expressions : sequence of str
         Gates besides those of orip.toml; malformed ones are refused before anything is computed.
+    pose : callable
+        Returns the problem of a block: as a whole, or divided among the workers of Dask.
 
     Raises
     ------
@@ -72,7 +76,7 @@ def solve(
     project = bundle.project
     gates = project_gates(project, expressions)
     found: list[PreliminaryValues] = []
-    solution, solved = solve_bundle(block_input(bundle), method, _that_keeps(watcher, found))
+    solution, solved = solve_bundle(block_input(bundle), method, _that_keeps(watcher, found), pose)
     solution = _of_project(bundle, solution, method)
     listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
     outputs = (*listed, *solution_outputs(project, solution, bundle.observations))

@@ -13,7 +13,7 @@ from orip.files.archive.dataset import read_shard
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.archive.plan import read_plan
 from orip.progress import stage
-from orip.workflow.archive.cluster import require_dask
+from orip.workflow.archive.packages import require_dask
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,14 +19,18 @@ from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lock import locked
 from orip.version import __version__
-from orip.workflow.archive.cluster import LostClusterError, connected, require_dask, require_fit_workers
 from orip.workflow.archive.collecting import Collected, collect
 from orip.workflow.archive.finding import find_projects
+from orip.workflow.archive.packages import require_dask
 from orip.workflow.archive.task import AS_USUAL, ProjectTask, TaskReply, TaskSettings, keep
 from orip.workflow.archive.worker import MachineFailureError, run_project
+from orip.workflow.cluster.connection import connected, lost_cluster, require_fit_workers
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+
+_GO_ON = "what is finished is not repeated"
+"""What happens when the command is repeated after the scheduler was lost."""
 
 _RETRIES = 2
 """How often a project is repeated whose process died or whom the system refused something."""
@@ -93,7 +97,7 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
     base, projects = find_projects(request.roots, request.results)
     results = ResultsFolder(request.results.resolve())
     with _alone(results), connected(request.scheduler, request.workers) as client:
-        require_fit_workers(client, results.lock)
+        require_fit_workers(client, results.lock, forking=True)
         names = tuple(project.name for project in projects)
         plan = ArchivePlan(
             str(base), names, request.settings.digest, request.method, __version__, client.dashboard_link, time.time()
@@ -170,10 +174,10 @@ class _Tasks:
             try:
                 reply: TaskReply = pickle.loads(future.result())
             except Exception as error:
-                raise _lost(self.client) from error
+                raise lost_cluster(self.client, _GO_ON) from error
             return reply
         if future.status != "error":  # cancelled, as all are when the scheduler goes
-            raise _lost(self.client)
+            raise lost_cluster(self.client, _GO_ON)
         failure = future.exception()
         is_killed = type(failure).__name__ == "KilledWorker"
         if not is_killed and not isinstance(failure, MachineFailureError):
@@ -187,12 +191,3 @@ class _Tasks:
         with reporting_failure(self.results, "remove the cause, then repeat the command"):
             keep(task, "machine", message)
         return TaskReply(task.name, "machine", message)
-
-
-def _lost(client: Client) -> LostClusterError:
-    address = client.scheduler.address if client.scheduler is not None else "this address"
-    message = (
-        f"the scheduler at {address} no longer answers; start it again and repeat the command: what is finished is not "
-        "repeated"
-    )
-    return LostClusterError(message)

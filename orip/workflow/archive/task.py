@@ -19,9 +19,12 @@ from orip.bundle.methods import Method
 from orip.errors import InputError, LockedError, OripError
 from orip.files.archive.finished import FinishedHead, read_head, write_finished
 from orip.files.archive.layout import ResultsFolder
+from orip.files.stores.older import OLDER_STORES, set_older_stores_aside
+from orip.files.stores.schema import TABLES_OF_KIND
 from orip.files.text.digest import file_digest
 from orip.solving.solve import NOBODY, PLAIN
 from orip.version import __version__
+from orip.wording import counted
 from orip.workflow.adjust.report import REPORTED_FROM, report_of
 from orip.workflow.adjust.solve import SolveOutcome
 from orip.workflow.project.commit import commit
@@ -103,12 +106,14 @@ def carry_out(task: ProjectTask) -> TaskReply:
     ------
     MemoryError
     """
+    renewed = _set_older_stores_aside(Path(task.folder))
     texts = _digest_of_texts(Path(task.folder))
     head = read_head(ResultsFolder(Path(task.results)), task.name)
     if head is not None and not task.settings.again and _is_finished(task, head, texts):
         return TaskReply(task.name, head.state, head.message, repeated=True)
     began = time.monotonic()
     state, message, tables = _ended(lambda: _adjusted(task))
+    message = message or renewed
     if state != "machine":
         keep(task, state, message, tables, texts, time.monotonic() - began)
     return TaskReply(task.name, state, message)
@@ -147,6 +152,21 @@ def _settings_of(task: ProjectTask, state: State) -> str:
     """Return what has to be the same for an outcome to stand: the limits too where the project is over one."""
     settings = task.settings
     return f"{settings.digest} {settings.limits}" if state == "over limit" else settings.digest
+
+
+def _set_older_stores_aside(folder: Path) -> str:
+    """Move stores of a project that an older orip wrote out of the way, and say so; empty if there are none.
+
+    Stores of other projects, of shared cameras, are left to the tasks of these.
+    """
+    with suppress(OSError):  # whatever it is, opening the project tells it
+        stores = (path for path in folder.iterdir() if path.suffix[1:] in TABLES_OF_KIND)
+        if moved := set_older_stores_aside(sorted(stores)):
+            return (
+                f"{counted(len(moved), 'store')} of an older orip made again from the texts; the old ones, with what "
+                f"commands may have changed in them alone, are in {OLDER_STORES}"
+            )
+    return ""
 
 
 def _ended(adjust: Callable[[], Tables]) -> tuple[State, str, Tables | None]:

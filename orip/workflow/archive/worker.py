@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import pickle
 import subprocess
 import sys
 import threading
-from dataclasses import dataclass
-from pathlib import Path
 
 from orip.version import __version__
+from orip.workflow.cluster.facts import UnfitWorkerError
 
 _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -21,43 +19,9 @@ _of_thread = threading.local()
 ENDED, DIED = "ended", "died"
 """What a fork server says of a task, before the reply or the reason."""
 
-_EXTENSIONS = ("orip.bundle.compiled._observation_loop", "orip.prelim._kernels")
-
-
-class UnfitWorkerError(Exception):
-    """A worker has another orip than the program that hands out the projects."""
-
 
 class MachineFailureError(Exception):
     """A project ended by something that is not in it; the same may go well the next time."""
-
-
-@dataclass(frozen=True, slots=True)
-class WorkerFacts:
-    """What a worker has to have in common with the program that hands out the projects.
-
-    Parameters
-    ----------
-    orip : str
-        Version.
-    is_compiled : bool
-        The compiled loops are there.
-    sees_results : bool
-        The folder of results is there, under the same path.
-    can_fork : bool
-        The system copies processes.
-    """
-
-    orip: str
-    is_compiled: bool
-    sees_results: bool
-    can_fork: bool
-
-
-def worker_facts(marker: str) -> WorkerFacts:
-    """Return the facts of this process; `marker` is the path of a file in the folder of results."""
-    is_compiled = all(importlib.util.find_spec(name) is not None for name in _EXTENSIONS)
-    return WorkerFacts(__version__, is_compiled, Path(marker).is_file(), hasattr(os, "fork"))
 
 
 def run_project(version: str, task: bytes, *_waited_for: object) -> bytes:

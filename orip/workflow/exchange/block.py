@@ -188,8 +188,22 @@ def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) 
             unknown = ()
         cameras.append(replace(converted, camera=replace(converted.camera, unknown=unknown)))
     if complaints:
-        raise InputError(complaints)
+        raise InputError(_at_once(complaints, project, settings, shown))
     return tuple(cameras)
+
+
+def _at_once(
+    complaints: list[Complaint], project: ExchangedProject, settings: ExchangeSettings, shown: str
+) -> list[Complaint]:
+    """Return complaints; one in their place where they all are that no file says the size of the photos."""
+    sizeless = [camera.name for camera in project.cameras if not (camera.columns and camera.rows)]
+    if settings.frame is not None or not 1 < len(sizeless) == len(complaints):
+        return complaints
+    message = (
+        f"no file says how many columns and rows the photos of {counted(len(sizeless), 'camera')} have "
+        f"({sizeless[0]} first); give it with --frame COLUMNSxROWS"
+    )
+    return [Complaint(message, shown)]
 
 
 def _pixels(

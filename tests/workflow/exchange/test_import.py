@@ -220,3 +220,14 @@ def test_a_genuine_model_as_a_free_network(tmp_path: Path) -> None:
     # COLMAP has minimised the same residuals, with a robust loss or none: its sigma0 is 0.8269 / sqrt(2), and the
     # redundancy is 0.63 of the observations
     assert said.document["sigma0"] == pytest.approx(0.8269 / 2.0**0.5 / 0.628**0.5, rel=0.01)
+
+
+def test_the_size_of_all_photos_is_asked_for_once(tmp_path: Path) -> None:
+    """VisualSFM has a camera for each photo, and the size of none."""
+    cameras = "".join(f"{n}.jpg 3000 1 0 0 0 {n} 0 0 0 0\n" for n in range(3))
+    (tmp_path / "a.nvm").write_text(f"NVM_V3\n\n3\n{cameras}\n0\n\n0\n", encoding="utf-8")
+    said = orip(tmp_path, "import", "a.nvm", "new")
+    assert said.code != 0
+    assert said.err.count("--frame") == 1
+    assert "the photos of 3 cameras have (camera0 first)" in said.err
+    assert not (tmp_path / "new").exists()

@@ -1,18 +1,18 @@
-"""The cluster that an archive is adjusted on: one of this machine, or one that was started separately."""
+"""The cluster of Dask that tasks are handed to: one of this machine, or one that was started separately."""
 
 from __future__ import annotations
 
 import importlib.util
 import logging
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orip.errors import OripError, UsageError
 from orip.version import __version__
-from orip.workflow.archive.worker import WorkerFacts, worker_facts
+from orip.workflow.cluster.facts import WorkerFacts, worker_facts
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -26,20 +26,24 @@ _MOST_DEATHS = 20
 INSTALL = "pip install 'orip[archive]'"
 
 
+_SILENT = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
+"""Values that tasks are computed from are sent with them, so that these can be repeated."""
+
+
 class LostClusterError(OripError):
     """The scheduler or its workers no longer answer."""
 
 
-def require_dask() -> None:
-    """Raise UsageError if what archives need is not installed."""
-    missing = [name for name in ("distributed", "pyarrow") if importlib.util.find_spec(name) is None]
+def require_installed(what: str, packages: Sequence[str]) -> None:
+    """Raise UsageError if one of the packages is missing that something needs, given as the beginning of a sentence."""
+    missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
-        message = f"archives need {' and '.join(missing)}: {INSTALL}"
+        message = f"{what} {' and '.join(missing)}: {INSTALL}"
         raise UsageError(message)
 
 
 @contextmanager
-def connected(address: str | None, workers: int | None) -> Iterator[Client]:
+def connected(address: str | None, workers: int | None, memory: int = 0) -> Iterator[Client]:
     """Connect to a scheduler, or start a cluster on this machine and end it afterwards.
 
     Parameters
@@ -48,6 +52,8 @@ def connected(address: str | None, workers: int | None) -> Iterator[Client]:
         Of a scheduler, such as ``tcp://host:8786``; None: a cluster is started.
     workers : int or None
         Worker processes of that cluster; None: one for each core.
+    memory : int
+        Bytes that each of them may use; 0: no limit.
 
     Raises
     ------
@@ -56,16 +62,21 @@ def connected(address: str | None, workers: int | None) -> Iterator[Client]:
     UsageError
         If the address is malformed.
     """
+    import dask
+    import distributed  # its own settings have to be there before any is changed
+
+    del distributed
     logging.disable(logging.CRITICAL)  # what matters is told by the program itself
     try:
-        with _own_cluster(workers) if address is None else _scheduler(address) as client:
+        cluster = _own_cluster(workers, memory) if address is None else _scheduler(address)
+        with dask.config.set(_SILENT), cluster as client:
             yield client
     finally:
         logging.disable(logging.NOTSET)
 
 
 @contextmanager
-def _own_cluster(workers: int | None) -> Iterator[Client]:
+def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     """Start a cluster on this machine, and end it."""
     import dask
     from distributed import Client, LocalCluster
@@ -76,7 +87,7 @@ def _own_cluster(workers: int | None) -> Iterator[Client]:
         LocalCluster(
             n_workers=workers or cores(),
             threads_per_worker=1,
-            memory_limit=0,  # projects have limits of their own, and none is in the worker's process
+            memory_limit=memory,
             dashboard_address="127.0.0.1:0",
             silence_logs=logging.CRITICAL,
         ) as cluster,
@@ -119,14 +130,23 @@ def _wait_for_workers(client: Client, address: str) -> None:
         raise LostClusterError(message) from None
 
 
-def require_fit_workers(client: Client, marker: Path) -> None:
+def lost_cluster(client: Client, consequence: str) -> LostClusterError:
+    """Return the error of a scheduler that no longer answers; the consequence is that of repeating the command."""
+    address = client.scheduler.address if client.scheduler is not None else "this address"
+    message = f"the scheduler at {address} no longer answers; start it again and repeat the command: {consequence}"
+    return LostClusterError(message)
+
+
+def require_fit_workers(client: Client, marker: Path, *, forking: bool) -> None:
     """See to it that all workers have the same orip as this process, with the same compiled loops, and see the files.
 
     Parameters
     ----------
     client : Client
     marker : Path
-        A file in the folder of results.
+        A file in the folder that client and workers share.
+    forking : bool
+        Workers have to copy processes.
 
     Raises
     ------
@@ -135,12 +155,16 @@ def require_fit_workers(client: Client, marker: Path) -> None:
     """
     found: Mapping[str, object] = client.run(worker_facts, str(marker), on_error="return")
     here = worker_facts(str(marker))
-    faults = [f"worker {worker}: {fault}" for worker, facts in sorted(found.items()) for fault in _faults(facts, here)]
+    faults = [
+        f"worker {worker}: {fault}"
+        for worker, facts in sorted(found.items())
+        for fault in _faults(facts, here, marker, forking=forking)
+    ]
     if faults:
         raise OripError("\n".join(faults))
 
 
-def _faults(facts: object, here: WorkerFacts) -> Iterator[str]:
+def _faults(facts: object, here: WorkerFacts, marker: Path, *, forking: bool) -> Iterator[str]:
     """Yield what is wrong with a worker."""
     if not isinstance(facts, WorkerFacts):
         yield f"orip cannot be loaded there ({facts}); install the same version: {INSTALL}, version {__version__}"
@@ -150,7 +174,7 @@ def _faults(facts: object, here: WorkerFacts) -> Iterator[str]:
     if facts.is_compiled != here.is_compiled:
         which, other = ("it", "this installation") if here.is_compiled else ("this installation", "it")
         yield f"{which} lacks the compiled loops that {other} has; install its wheel there, or orip with a C compiler"
-    if not facts.sees_results:
-        yield "it does not see the folder of results; archive and results need the same path on all machines"
-    if not facts.can_fork:
+    if not facts.sees_files:
+        yield f"it does not see {marker.parent}; that folder needs the same path on all machines"
+    if forking and not facts.can_fork:
         yield "its system does not copy processes (fork), which the limits of projects need; use Linux or macOS"

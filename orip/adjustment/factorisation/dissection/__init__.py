@@ -1,0 +1,1 @@
+"""Nested dissection of the reduced unknowns (George 1973): Helmert's blocking, with separators on several levels."""

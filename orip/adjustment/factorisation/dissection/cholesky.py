@@ -1,0 +1,150 @@
+"""Cholesky factorisation along a dissection, its selected inverse, and the removal of what is not determined.
+
+A full matrix of the same unknowns names the same ones as not determined (`orip.adjustment.factorisation.null_space`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from orip.adjustment.factorisation.cholesky import LOST_ALL
+from orip.adjustment.factorisation.dissection.fronts import (
+    Shape,
+    eliminate_front,
+    invert_front,
+    pivots_of,
+    reduce_front,
+    substitute_front,
+)
+from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
+from orip.adjustment.factorisation.dissection.passes import Handles, Passes
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class DissectedFactor:
+    """The factor of the columns that are determined.
+
+    Parameters
+    ----------
+    tree : DissectionTree
+    passes : Passes
+    shapes : sequence of Shape
+    parts : handles of FrontFactor
+    lost_digits : array (m,)
+    removed : array (m,) of bool
+        Columns that are not determined.
+    """
+
+    tree: DissectionTree
+    passes: Passes
+    shapes: Sequence[Shape]
+    parts: Handles
+    lost_digits: FloatArray
+    removed: BoolArray
+
+    def reduce(self, right: FloatArray) -> FloatArray:
+        """Return c = L^-1 right for right-hand sides (m,) or (m, k); rows are those of the columns they belong to."""
+        kept = np.where(self.removed, 0.0, 1.0)
+        vectors = kept[:, None] * (right[:, None] if right.ndim == 1 else right)
+        found = self.passes.upward(
+            reduce_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
+        )
+        return self._put_together(self.passes.gathered(found), right)
+
+    def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
+        """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
+        vectors = reduced_right[:, None] if reduced_right.ndim == 1 else reduced_right
+        found = self.passes.downward(
+            substitute_front, self.parts, self.shapes, [vectors[node.own] for node in self.tree.nodes]
+        )
+        solution = self._put_together(self.passes.gathered(found), reduced_right)
+        solution[self.removed] = 0.0
+        return solution
+
+    def inverse(self) -> DissectedMatrix:
+        """Return the inverse in the places of all fronts, zero for removed columns."""
+        parts = self.passes.downward(invert_front, self.parts, self.shapes)
+        found = dissected_matrix(self.tree, self.passes, parts)
+        if self.removed.any():
+            found.scale((~self.removed).astype(np.float64))
+        return found
+
+    def _put_together(self, of_nodes: Sequence[FloatArray], like: FloatArray) -> FloatArray:
+        found = np.zeros_like(like)
+        for node, values in zip(self.tree.nodes, of_nodes, strict=True):
+            found[node.own] = values.reshape(-1, *like.shape[1:])
+        return found
+
+
+def factorise_dissected(matrix: DissectedMatrix, max_lost_digits: float, undetermined: BoolArray) -> DissectedFactor:
+    """Factorise symmetric positive semidefinite normal equations along their tree, removing what is not determined.
+
+    Parameters
+    ----------
+    matrix : DissectedMatrix
+        Scaled so that the diagonal was 1 before any elimination.
+    max_lost_digits : float
+        A movement whose stiffness has lost more is not determined; a column is removed for it.
+    undetermined : array (m,) of bool
+        Columns known to have no observation at all; they are removed at once.
+
+    Returns
+    -------
+    DissectedFactor
+    """
+    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
+    factor = _factor(matrix, removed, lost)
+    if factor is None and not matrix.is_finite():
+        removed[:], lost[:] = True, LOST_ALL
+        factor = _factor(matrix, removed, lost)
+    while True:
+        found = _undetermined(matrix, factor, removed, max_lost_digits)
+        if factor is not None and not len(found.columns):
+            return factor
+        removed[found.columns] = True
+        lost[found.columns] = found.lost_digits
+        factor = _factor(matrix, removed, lost)
+
+
+def _undetermined(
+    matrix: DissectedMatrix, factor: DissectedFactor | None, removed: BoolArray, max_lost_digits: float
+) -> RemovedUnknowns:
+    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
+    least, shift = 10.0**-max_lost_digits, SHIFT
+    singular = factor is None
+    while factor is None:
+        factor = _factor(matrix, removed, np.zeros(len(matrix)), shift)
+        shift *= 10.0
+    solver, taking_part = factor, ~removed
+    while True:
+        found = soft_movements(
+            lambda x: taking_part[:, None] * matrix.times(x),
+            lambda x: solver.back_substitute(solver.reduce(x)),
+            np.flatnonzero(taking_part),
+            len(matrix),
+            least,
+        )
+        if len(found.stiffness) or not singular:
+            return unknowns_to_remove(found)
+        least *= 10.0
+
+
+def _factor(
+    matrix: DissectedMatrix, removed: BoolArray, lost: FloatArray, shift: float = 0.0
+) -> DissectedFactor | None:
+    """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
+    tree, passes, shapes = matrix.tree, matrix.passes, matrix.shapes()
+    parts = passes.upward(eliminate_front, matrix.parts, shapes, matrix.front_scales(~removed, shift))
+    pivots = np.ones(len(matrix))
+    for node, found in zip(tree.nodes, passes.gathered(passes.each(pivots_of, parts)), strict=True):
+        if found is None:
+            return None
+        pivots[node.own] = found
+    digits = np.where(removed, lost, -2.0 * np.log10(pivots))
+    return DissectedFactor(tree, passes, shapes, parts, digits, removed.copy())

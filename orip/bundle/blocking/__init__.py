@@ -1,0 +1,1 @@
+"""Helmert's blocking: photo points by sub-blocks, each with its own normal equations, wherever it is computed."""

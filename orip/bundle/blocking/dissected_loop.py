@@ -1,0 +1,231 @@
+"""The photo points of a block by sub-blocks: what `PhotoPointLoop` does for a whole block, node by node."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
+from orip.adjustment.factorisation.dissection.passes import Handles, Passes
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.symmetric import Symmetric
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.blocking import node_tasks
+from orip.bundle.blocking.node_tasks import Accuracy, NodeEquations, NodePoints
+from orip.bundle.blocking.sub_block import Members
+from orip.bundle.compiled.photo_loop import Contributions, rows_of_blocks
+from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.state import BlockState
+
+
+@dataclass(slots=True)
+class _Sent:
+    """The state whose parts the nodes have."""
+
+    state: BlockState | None = None
+    parts: Handles = ()
+
+
+@dataclass(frozen=True, slots=True)
+class DissectedLoop:
+    """The photo points of a block, divided along a tree.
+
+    Parameters
+    ----------
+    points : PhotoPointObservations
+        Of the whole block.
+    block : array (n,) of int
+        Which eliminated point each photo point is of, -1 for those of points that are not.
+    tree : DissectionTree
+    passes : Passes
+    sources : handles of SubBlockSource
+    members : sequence of Members
+    """
+
+    points: PhotoPointObservations
+    block: IntArray
+    tree: DissectionTree
+    passes: Passes
+    sources: Handles
+    members: Sequence[Members]
+    sent: _Sent = field(default_factory=_Sent)
+
+    @property
+    def eliminated(self) -> BoolArray:
+        """Return which photo points (n,) are of points that are eliminated."""
+        return np.asarray(self.block >= 0)
+
+    def staying(self) -> IntArray:
+        """Return the rows (of 2 n) of photo points of points that are not eliminated."""
+        return np.flatnonzero(np.repeat(~self.eliminated, 2))
+
+    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
+        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
+        residual, computable = np.empty(self.points.xy.size), np.empty(self.points.xy.size, dtype=bool)
+        found = self.passes.gathered(self.passes.each(node_tasks.residuals, self.sources, self._state(state)))
+        for of_node, (values, in_front) in zip(self.members, found, strict=True):
+            residual[of_node.rows], computable[of_node.rows] = values, in_front
+        if not self.eliminated.all():
+            values = self.points.of(~self.eliminated).linearise_with_partials(state)
+            rows = self.staying()
+            residual[rows] = values.residual / self.points.rows.error[rows]
+            computable[rows] = values.computable
+        return residual, computable
+
+    def block_normals(
+        self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
+    ) -> BlockNormals:
+        """Return the normal equations of the points; see `DesignMatrix.block_normals`."""
+        del layout
+        handles = self.passes.each(
+            node_tasks.points_alone, self.sources, self._state(state),
+            [root_weights[of_node.rows] for of_node in self.members],
+            [misclosure[of_node.rows] for of_node in self.members],
+            [
+                BlockNormals(
+                    others.matrices[of_node.blocks], others.right[of_node.block_rows],
+                    others.square_sums[of_node.blocks],
+                )
+                for of_node in self.members
+            ],
+        )  # fmt: skip
+        matrices, right, square_sums = (array.copy() for array in others)
+        for of_node, found in zip(self.members, self.passes.gathered(handles), strict=True):
+            matrices[of_node.blocks] = found.matrices
+            right[of_node.block_rows] = found.right
+            square_sums[of_node.blocks] = found.square_sums
+        return BlockNormals(matrices, right, square_sums)
+
+    def eliminate(
+        self,
+        state: BlockState,
+        root_weights: FloatArray,
+        misclosure: FloatArray,
+        others: Contributions,
+        layout: Layout,
+        max_lost_digits: float,
+        damping: float,
+    ) -> EliminatedNormals:
+        """Return the normal equations of photo points and `others`, points eliminated, by the fronts of the tree."""
+        matrices, right, diagonal = self._contributions(others)
+        fixed = layout.fixed[layout.reduced :].reshape(-1, 3)
+        given = [
+            NodeEquations(
+                root_weights[of_node.rows],
+                misclosure[of_node.rows],
+                Contributions(
+                    matrix, np.zeros(matrix.shape[0]), others.blocks[of_node.blocks],
+                    others.block_right[of_node.block_rows],
+                ),
+                fixed[of_node.blocks],
+            )
+            for of_node, matrix in zip(self.members, matrices, strict=True)
+        ]  # fmt: skip
+        accuracy = [Accuracy(max_lost_digits, damping)] * len(self.tree)
+        normals = self.passes.each(node_tasks.eliminate, self.sources, self._state(state), given, accuracy)
+        parts = self.passes.each(node_tasks.matrix_of, normals)
+        couplings = self.passes.each(node_tasks.coupling_of, normals)
+        points: list[NodePoints] = self.passes.gathered(self.passes.each(node_tasks.points_of, normals))
+        b = layout.blocks
+        factors = BlockFactors(np.empty((b, 3, 3)), np.empty((b, 3)), np.empty((b, 3), dtype=bool))
+        block_right = np.empty(3 * b)
+        for node, of_node, found in zip(self.tree.nodes, self.members, points, strict=True):
+            right[node.front] += found.right
+            diagonal[node.front] += found.diagonal
+            factors.half[of_node.blocks] = found.half
+            factors.pivots[of_node.blocks] = found.pivots
+            factors.removed[of_node.blocks] = found.removed
+            block_right[of_node.block_rows] = found.block_right
+        coupling = DissectedCoupling(self, couplings, state, root_weights / self.points.rows.error, factors.half)
+        matrix = dissected_matrix(self.tree, self.passes, parts)
+        return EliminatedNormals(matrix, right, diagonal, factors, coupling, block_right)
+
+    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+        """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
+        assert isinstance(coupling, DissectedCoupling), "the normal equations are those of this loop"
+        assert isinstance(inverse, DissectedMatrix), "and so is their inverse"
+        handles = self.passes.each(
+            node_tasks.precision, self.sources, coupling.parts, inverse.parts,
+            *(inverse.of_fronts(array) for array in (inverse.factors, inverse.left, inverse.right)),
+        )  # fmt: skip
+        blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
+        for of_node, found in zip(self.members, self.passes.gathered(handles), strict=True):
+            blocks[of_node.blocks], leverage[of_node.rows] = found.blocks, found.leverage
+        return BlockPrecision(blocks, leverage)
+
+    def _contributions(self, others: Contributions) -> tuple[list[csr_array], FloatArray, FloatArray]:
+        """Return the matrix of other observations by nodes, their right-hand side, and a diagonal of zeros.
+
+        Each element goes to the node that eliminates the first of its two unknowns.
+        """
+        elements = others.matrix.tocoo()
+        node = np.minimum(self.tree.node_of[elements.row], self.tree.node_of[elements.col])
+        order = np.argsort(node, kind="stable")
+        ends = np.searchsorted(node[order], np.arange(len(self.tree) + 1))
+        matrices = []
+        for number, of_node in enumerate(self.tree.nodes):
+            mine = order[ends[number] : ends[number + 1]]
+            row, column = (self.tree.in_front(number, places[mine]) for places in (elements.row, elements.col))
+            shape = (len(of_node.front),) * 2
+            matrices.append(csr_array((elements.data[mine], (row, column)), shape=shape))
+        return matrices, others.right.copy(), np.zeros(len(others.right))
+
+    def _state(self, state: BlockState) -> Handles:
+        """Return handles of the parts of a state; those of the last one are kept where they were sent to."""
+        if self.sent.state is not state:
+            self.sent.parts = self.passes.kept([of_node.state(state) for of_node in self.members])
+            self.sent.state = state
+        return self.sent.parts
+
+
+@dataclass(frozen=True, slots=True)
+class DissectedCoupling:
+    """H N_pr of the eliminated points, computed by the nodes.
+
+    Parameters
+    ----------
+    loop : DissectedLoop
+    parts : handles of NodeCoupling
+    state : BlockState
+    factor : array (2 n,)
+        Roots of the weight factors over the a-priori errors.
+    half : array (b, 3, 3)
+    """
+
+    loop: DissectedLoop
+    parts: Handles
+    state: BlockState
+    factor: FloatArray
+    half: FloatArray
+
+    def times(self, reduced: FloatArray) -> FloatArray:
+        """Return H N_pr times vectors (m,) or (m, k)."""
+        loop = self.loop
+        handles = loop.passes.each(
+            node_tasks.backward, loop.sources, self.parts, [reduced[node.front] for node in loop.tree.nodes]
+        )
+        found = np.zeros((3 * len(self.half), *reduced.shape[1:]))
+        for of_node, values in zip(loop.members, loop.passes.gathered(handles), strict=True):
+            found[of_node.block_rows] = values
+        return found
+
+    def transposed_times(self, points: FloatArray) -> FloatArray:
+        """Return its transpose times vectors (3 b,) or (3 b, k)."""
+        loop = self.loop
+        handles = loop.passes.each(
+            node_tasks.forward, loop.sources, self.parts, [points[of_node.block_rows] for of_node in loop.members]
+        )
+        found = np.zeros((len(loop.tree.place), *points.shape[1:]))
+        for node, values in zip(loop.tree.nodes, loop.passes.gathered(handles), strict=True):
+            found[node.front] += values
+        return found
+
+    def of_blocks(self, chosen: IntArray) -> csr_array:
+        """Return the rows (3 c, m) of some blocks (c,), which are in ascending order; they are computed here."""
+        loop = self.loop
+        return rows_of_blocks(loop.points, loop.block, self.state, self.factor, self.half, len(loop.tree.place), chosen)

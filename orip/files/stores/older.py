@@ -1,0 +1,48 @@
+"""Stores that an older orip wrote: this one refuses them, and they can be set aside so that new ones are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION
+
+OLDER_STORES = "older-stores"
+"""The folder, beside the stores, into which they are moved."""
+
+_VERSION, _APPLICATION, _END = 60, 68, 72
+"""Where the header of an SQLite file has user_version and application_id, four bytes each (sqlite.org/fileformat)."""
+
+
+def is_older_store(path: Path) -> bool:
+    """Return whether a file is a store of orip with an earlier schema."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        header = file.read(_END)
+    application = int.from_bytes(header[_APPLICATION:_END], "big", signed=True)
+    return application == APPLICATION_ID and int.from_bytes(header[_VERSION : _VERSION + 4], "big") < SCHEMA_VERSION
+
+
+def set_older_stores_aside(paths: Iterable[Path]) -> list[Path]:
+    """Move those of the stores that an older orip wrote into a folder of their own, and return where they are.
+
+    What is there from an earlier time stays.
+
+    Raises
+    ------
+    OSError
+        If they cannot be moved.
+    """
+    moved = []
+    for path in filter(is_older_store, paths):
+        folder = path.parent / OLDER_STORES
+        folder.mkdir(exist_ok=True)
+        target = folder / path.name
+        number = 1
+        while target.exists():
+            number += 1
+            target = folder / f"{path.name}.{number}"
+        path.rename(target)
+        moved.append(target)
+    return moved

@@ -1,0 +1,331 @@
+"""Passes over a dissection tree as graphs of Dask.
+
+Nodes that belong together, the lower parts of the tree, are one task. What a task returns stays with the worker; where
+that dies, Dask computes it again from what it was computed from: values that were sent, and files.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.errors import OripError
+from orip.workflow.cluster.connection import LostClusterError, lost_cluster
+from orip.workflow.cluster.facts import UnfitWorkerError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_PARTS_A_WORKER = 2
+"""Parts of the tree for each worker: the more, the evener the work, and the more messages."""
+
+_LOOK, _MOST_LONELY = 10.0, 6
+"""Seconds after which it is looked whether there are workers, and how often there may be none: Dask starts those of its
+own again."""
+
+_AGAIN = "it begins from the start"
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Values of nodes that are with the workers: a future for each group of nodes, and the numbers of these nodes."""
+
+    futures: tuple[Future, ...]
+    groups: tuple[tuple[int, ...], ...]
+
+
+@dataclass(slots=True)
+class Sent:
+    """Bytes of values that were sent to the cluster, and of those that came back."""
+
+    there: int = 0
+    back: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What a worker does with a group of nodes.
+
+    Parameters
+    ----------
+    function : callable
+    nodes : Topology
+    items : sequence of lists or _Argument
+        Values for each node, or the argument that has them.
+    chosen : sequence of int or None
+        Places of the nodes, among those of the group, that are computed; values are those of these.
+    passed : mapping of int to int
+        Of children outside of the group, the number of the argument with what they passed up.
+    given : int or None
+        Number of the argument that was passed down to the group.
+    """
+
+    function: Callable[..., Any]
+    nodes: Topology
+    items: Sequence[Any]
+    chosen: Sequence[int] | None = None
+    passed: dict[int, int] = field(default_factory=dict)
+    given: int | None = None
+
+    def rows(self, arguments: Sequence[Any]) -> list[tuple[Any, ...]]:
+        """Return the items of each node."""
+        columns = []
+        for item in self.items:
+            values = item
+            if isinstance(item, _Argument):
+                values = arguments[item.number]
+                if self.chosen is not None:
+                    values = [values[place] for place in self.chosen]
+            columns.append(values)
+        return list(zip(*columns, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Argument:
+    """The values that are an argument of a task, by its number."""
+
+    number: int
+
+
+class Values(list[Any]):
+    """Values that move between workers as one piece: Dask's buffers are not aligned as the compiled loops need."""
+
+    def __reduce__(self) -> tuple[Callable[[bytes], Values], tuple[bytes]]:
+        return as_sent, (pickle.dumps(list(self)),)
+
+
+def as_sent(values: bytes) -> Values:
+    """Return values that were sent."""
+    return Values(pickle.loads(values))
+
+
+def run_each(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to nodes of a group."""
+    found: _Task = pickle.loads(task)
+    return Values(found.function(*row) for row in found.rows(arguments))
+
+
+def run_upward(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to a group from the bottom up, and return what is kept and what is passed up."""
+    found: _Task = pickle.loads(task)
+    given = {child: arguments[number][0] for child, number in found.passed.items()}
+    kept, passed = upward(found.nodes, found.rows(arguments), found.function, given)
+    return Values([Values(kept), Values([passed])])
+
+
+def run_downward(task: bytes, *arguments: Values) -> Values:
+    """Apply a function to a group from its root down, and return what is kept and, by children, what is passed down."""
+    found: _Task = pickle.loads(task)
+    given = None if found.given is None else arguments[found.given][0]
+    kept, passed = downward(found.nodes, found.rows(arguments), found.function, given)
+    return Values([Values(kept), *(Values([passed[child]]) for child in sorted(passed))])
+
+
+def part_of(found: Values, which: int) -> Any:
+    """Return one of several results of a task."""
+    return found[which]
+
+
+@dataclass(frozen=True, slots=True)
+class DaskPasses:
+    """Passes over a tree by the workers of a client.
+
+    Parameters
+    ----------
+    client : Client
+    tree : DissectionTree
+    groups : tuple of tuples of int
+        Numbers of the nodes that are computed together, ascending: parts of the tree, and last what is above these.
+    sent : Sent
+    """
+
+    client: Client
+    tree: DissectionTree
+    groups: tuple[tuple[int, ...], ...]
+    sent: Sent
+
+    def kept(self, items: Sequence[Any]) -> Spot:
+        """Send values of nodes to the workers that are to compute these."""
+        with _told(self.client):
+            workers = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
+            if not workers:
+                raise lost_cluster(self.client, _AGAIN)
+            futures = []
+            for number, nodes in enumerate(self.groups):
+                values = self._pickled([items[node] for node in nodes])
+                worker = workers[number * len(workers) // len(self.groups)]
+                futures.append(
+                    self.client.submit(as_sent, values, workers=[worker], allow_other_workers=True, pure=False)
+                )
+            return Spot(tuple(futures), self.groups)
+
+    def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Spot:
+        """Apply a function to every node, or to some."""
+        with _told(self.client):
+            futures, groups = [], []
+            for number, nodes in enumerate(self.groups):
+                chosen = nodes if only is None else tuple(node for node in only if node in nodes)
+                if not chosen:
+                    continue
+                values = chosen if only is None else [only.index(node) for node in chosen]
+                task, arguments = self._task(function, number, items, values)
+                if only is not None:
+                    task = replace(task, chosen=[nodes.index(node) for node in chosen])
+                futures.append(self._submit(run_each, task, arguments))
+                groups.append(chosen)
+            return Spot(tuple(futures), tuple(groups))
+
+    def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Spot:
+        """Apply a function from the bottom up."""
+        with _told(self.client):
+            kept: list[Any] = []
+            passed: dict[int, Any] = {}
+            for number, nodes in enumerate(self.groups):
+                task, arguments = self._task(function, number, items, nodes)
+                for child in self._children_outside(nodes):
+                    task.passed[child] = len(arguments)
+                    arguments.append(passed.pop(child))
+                found = self._submit(run_upward, task, arguments)
+                kept.append(self._part(found, 0))
+                if self.tree.nodes[nodes[-1]].parent >= 0:
+                    passed[nodes[-1]] = self._part(found, 1)
+            return Spot(tuple(kept), self.groups)
+
+    def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Spot:
+        """Apply a function from the root down."""
+        with _told(self.client):
+            kept: list[Any] = []
+            passed: dict[int, Any] = {}
+            for number, nodes in reversed(list(enumerate(self.groups))):
+                task, arguments = self._task(function, number, items, nodes)
+                if nodes[-1] in passed:
+                    task = replace(task, given=len(arguments))
+                    arguments.append(passed.pop(nodes[-1]))
+                found = self._submit(run_downward, task, arguments)
+                kept.append(self._part(found, 0))
+                for place, child in enumerate(sorted(self._children_outside(nodes))):
+                    passed[child] = self._part(found, 1 + place)
+            return Spot(tuple(reversed(kept)), self.groups)
+
+    def gathered(self, handles: Spot) -> list[Any]:
+        """Return the values of handles, in the order of the nodes."""
+        with _told(self.client):
+            self._wait_for(handles)
+            found = self.client.gather(list(handles.futures))
+        self.sent.back += sum(map(array_bytes, found))
+        values = {
+            node: value
+            for nodes, of_group in zip(handles.groups, found, strict=True)
+            for node, value in zip(nodes, of_group, strict=True)
+        }
+        return [values[node] for node in sorted(values)]
+
+    def _wait_for(self, handles: Spot) -> None:
+        """Wait until values are there, as long as there are workers."""
+        from distributed import wait
+
+        lonely = 0
+        while True:
+            try:
+                wait(handles.futures, timeout=_LOOK)
+            except TimeoutError:
+                lonely = 0 if self.client.scheduler_info(n_workers=-1)["workers"] else lonely + 1
+                if lonely >= _MOST_LONELY:
+                    message = "no worker is left; start workers again, and repeat the command: it begins from the start"
+                    raise LostClusterError(message) from None
+            else:
+                return
+
+    def _children_outside(self, nodes: Sequence[int]) -> list[int]:
+        inside = set(nodes)
+        return [child for node in nodes for child in self.tree.nodes[node].children if child not in inside]
+
+    def _task(
+        self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]
+    ) -> tuple[_Task, list[Future]]:
+        """Return the task of a group, and the futures that are its arguments."""
+        arguments: list[Future] = []
+        of_task: list[Any] = []
+        for item in items:
+            if isinstance(item, Spot):
+                of_task.append(_Argument(len(arguments)))
+                arguments.append(item.futures[number])
+            else:
+                of_task.append([item[value] for value in values])
+        topology = [(node, self.tree.nodes[node].children) for node in self.groups[number]]
+        return _Task(function, topology, of_task), arguments
+
+    def _part(self, found: Future, which: int) -> Future:
+        return self.client.submit(part_of, found, which, pure=False)
+
+    def _submit(self, run: Callable[..., Any], task: _Task, arguments: Sequence[Future]) -> Future:
+        return self.client.submit(run, self._pickled(task), *arguments, pure=False)
+
+    def _pickled(self, values: Any) -> bytes:
+        found = pickle.dumps(values)
+        self.sent.there += len(found)
+        return found
+
+
+def array_bytes(found: Any) -> int:
+    """Return the bytes of all arrays in lists and tuples."""
+    if isinstance(found, np.ndarray):
+        return found.nbytes
+    return sum(map(array_bytes, found)) if isinstance(found, list | tuple) else 0
+
+
+def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
+    """Return the passes of a tree over the workers of a client."""
+    workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+    return DaskPasses(client, tree, grouped(tree, max(1, len(tree) // (_PARTS_A_WORKER * workers))), sent)
+
+
+def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:
+    """Return the largest subtrees of so many nodes at most, and as the last group all nodes above them."""
+    sizes = [1] * len(tree)
+    for number, node in enumerate(tree.nodes):
+        sizes[number] += sum(sizes[child] for child in node.children)
+    parts = [
+        tuple(range(number - sizes[number] + 1, number + 1))
+        for number, node in enumerate(tree.nodes)
+        if sizes[number] <= most and (node.parent < 0 or sizes[node.parent] > most)
+    ]
+    above = tuple(number for number in range(len(tree)) if sizes[number] > most)
+    return (*parts, above) if above else tuple(parts)
+
+
+@contextmanager
+def _told(client: Client) -> Iterator[None]:
+    """Say what went wrong with the cluster in terms of what to do.
+
+    Raises
+    ------
+    LostClusterError
+        If the scheduler, or all workers, are gone.
+    OripError
+        If a worker is not fit, or dies again and again.
+    """
+    from asyncio import CancelledError
+
+    try:
+        yield
+    except OripError:
+        raise
+    except UnfitWorkerError as error:
+        raise OripError(str(error)) from None
+    except (CancelledError, OSError, TimeoutError) as error:
+        raise lost_cluster(client, _AGAIN) from error
+    except Exception as error:
+        if type(error).__name__ == "KilledWorker":
+            message = "workers died again and again; give each more memory (--worker-memory), or take more workers"
+            raise OripError(message) from None
+        if client.status != "running":
+            raise lost_cluster(client, _AGAIN) from error
+        raise

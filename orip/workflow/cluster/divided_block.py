@@ -1,0 +1,127 @@
+"""A block that is adjusted by the workers of Dask: where it is divided, and how many bytes that moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.bundle.blocking.posing import LARGEST_PART, Spread, pose_divided
+from orip.bundle.blocking.sub_block import SubBlock
+from orip.bundle.compiled.photo_loop import is_compiled
+from orip.bundle.problem import BlockProblem
+from orip.errors import OripError
+from orip.files.blocking.sub_blocks import marker_of
+from orip.records.block import Block
+from orip.workflow.cluster.connection import connected, require_fit_workers, require_installed
+from orip.workflow.cluster.dask_passes import Sent, dask_passes
+from orip.workflow.cluster.sub_block_files import store_sub_blocks
+
+if TYPE_CHECKING:
+    from distributed import Client, Worker
+
+
+class ClusterRequest(NamedTuple):
+    """Where a block is to be adjusted.
+
+    Attributes
+    ----------
+    scheduler : str or None
+        Its address; None: a cluster on this machine.
+    workers : int or None
+        Worker processes on this machine; None: one for each core.
+    memory : int
+        Bytes that each of these may use; 0: no limit.
+    """
+
+    scheduler: str | None = None
+    workers: int | None = None
+    memory: int = 0
+
+
+class Moved(NamedTuple):
+    """Bytes moved since the last time: to the workers, from them, and between them; and those of the separators.
+
+    `separators` is what one iteration has to move at least if no two nodes of the tree were with the same worker: the
+    normal equations that nodes are reduced to.
+    """
+
+    there: int
+    back: int
+    between: int
+    separators: int
+
+    @property
+    def total(self) -> int:
+        """Return all that was moved."""
+        return self.there + self.back + self.between
+
+
+@dataclass(slots=True)
+class DividedBlocks:
+    """Divides blocks of a project among the workers of a client.
+
+    Parameters
+    ----------
+    client : Client
+    project : Path
+        Folder in whose store of sub-blocks the workers read.
+    largest : int
+        Photos up to which a part is not divided.
+    trees : list of DissectionTree
+        Of the blocks so far.
+    """
+
+    client: Client
+    project: Path
+    largest: int = LARGEST_PART
+    trees: list[DissectionTree] = field(default_factory=list)
+    sent: Sent = field(default_factory=Sent)
+    told: Moved = field(default_factory=lambda: Moved(0, 0, 0, 0))
+
+    def pose(self, block: Block) -> BlockProblem:
+        """Return the problem of a block, divided among the workers."""
+        return pose_divided(block, self._spread, self.largest)
+
+    def moved(self) -> Moved:
+        """Return the bytes that were moved since this was last asked for."""
+        outgoing = sum(self.client.run(_outgoing_bytes, on_error="ignore").values())
+        now = Moved(self.sent.there, self.sent.back, max(outgoing - self.sent.back, 0), 0)
+        # the counters of a worker that died are gone
+        there, back, between = (max(one - before, 0) for one, before in zip(now[:3], self.told[:3], strict=True))
+        self.told = now
+        return Moved(there, back, between, self.trees[-1].border_bytes if self.trees else 0)
+
+    def _spread(self, tree: DissectionTree, sub_blocks: Sequence[SubBlock]) -> Spread:
+        sources = store_sub_blocks(self.project, sub_blocks)
+        require_fit_workers(self.client, marker_of(Path(sources[0].folder)), forking=False)
+        self.trees.append(tree)
+        return Spread(dask_passes(self.client, tree, self.sent), sources)
+
+
+@contextmanager
+def divided_blocks(request: ClusterRequest, project: Path) -> Iterator[DividedBlocks]:
+    """Connect to a cluster that adjusts the blocks of a project.
+
+    Raises
+    ------
+    UsageError
+        If Dask is not installed, or the address is malformed.
+    LostClusterError
+        If nothing answers at the address, or no worker is there.
+    OripError
+        If this installation lacks the compiled loop.
+    """
+    require_installed("--dask needs", ("distributed",))
+    if not is_compiled():
+        message = "--dask needs orip's compiled loop, which this installation lacks; install orip's wheel"
+        raise OripError(message)
+    with connected(request.scheduler, request.workers, request.memory) as client:
+        yield DividedBlocks(client, project)
+
+
+def _outgoing_bytes(dask_worker: Worker) -> int:
+    return int(dask_worker.transfer_outgoing_bytes_total)

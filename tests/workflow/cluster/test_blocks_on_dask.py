@@ -1,0 +1,112 @@
+"""Blocks that are divided among the workers of Dask, in the process of the tests."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from bundle.blocking.divided_blocks import calibrated, largest_difference
+
+from orip.bundle.blocking.posing import pose_divided
+from orip.bundle.compiled.photo_loop import is_compiled
+from orip.bundle.problem import starting_state
+from orip.bundle.solve import solve_block
+from orip.errors import OripError
+from orip.files.blocking.sub_blocks import FOLDER, marker_of
+from orip.workflow.cluster import sub_block_files
+from orip.workflow.cluster.dask_passes import grouped
+from orip.workflow.cluster.divided_block import DividedBlocks
+from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(not is_compiled(), reason="sub-blocks need the compiled loop")
+
+BLOCK = calibrated(50)
+LARGEST_PART = 10
+
+
+@pytest.fixture(scope="module")
+def client():
+    with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+        yield found
+
+
+@pytest.fixture
+def blocks(client, tmp_path: Path) -> DividedBlocks:
+    return DividedBlocks(client, tmp_path, LARGEST_PART)
+
+
+def test_the_workers_find_the_results_of_one_machine(blocks):
+    whole = solve_block(BLOCK, lambda _: None, lambda: False)
+    moved = []
+    divided = solve_block(BLOCK, lambda _: moved.append(blocks.moved()), lambda: False, pose=blocks.pose)
+    assert len(blocks.trees[0]) > 3
+    assert len(divided.iterations) == len(whole.iterations)
+    assert largest_difference(whole, divided) < 1e-9
+    assert [iteration.there > 0 and iteration.back > 0 for iteration in moved] == [True] * len(moved)
+    assert moved[0].separators == sum(4 * len(node.border) * (len(node.border) + 3) for node in blocks.trees[0].nodes)
+
+
+def test_the_sub_blocks_are_written_once(blocks, tmp_path):
+    for _ in range(2):
+        pose_divided(BLOCK, blocks._spread, LARGEST_PART)
+    folders = list((tmp_path / FOLDER).iterdir())
+    assert len(folders) == 1
+    assert len(list(folders[0].glob("*.npz"))) == len(blocks.trees[0])
+    rays = BLOCK.photo_points
+    pose_divided(replace(BLOCK, photo_points=replace(rays, xy=rays.xy + 1e-6)), blocks._spread, LARGEST_PART)
+    (folder,) = (tmp_path / FOLDER).iterdir()
+    assert folder != folders[0]
+    assert marker_of(folder).exists()
+
+
+def refused(blocks) -> str:
+    problem = blocks.pose(BLOCK)
+    with pytest.raises(OripError) as found:
+        problem.linearise(starting_state(BLOCK))
+    return str(found.value)
+
+
+def test_a_worker_with_another_version_is_named(blocks, monkeypatch):
+    def of_another(project, sub_blocks):
+        return [replace(source, version="0.0") for source in store_sub_blocks(project, sub_blocks)]
+
+    monkeypatch.setattr("orip.workflow.cluster.divided_block.store_sub_blocks", of_another)
+    assert "and this is 0.0; install the same version on both" in refused(blocks)
+
+
+def test_a_worker_without_the_compiled_loop_is_named(blocks, monkeypatch):
+    monkeypatch.setattr(sub_block_files, "is_compiled", lambda: False)
+    assert refused(blocks).startswith("a worker lacks orip's compiled loop; install")
+
+
+def test_a_worker_that_does_not_see_the_files_is_named(blocks, tmp_path):
+    problem = blocks.pose(BLOCK)
+    shutil.rmtree(tmp_path / FOLDER)
+    with pytest.raises(OripError, match="which needs the same path on all machines"):
+        problem.linearise(starting_state(BLOCK))
+
+
+def test_a_damaged_file_is_named(blocks, tmp_path):
+    problem = blocks.pose(BLOCK)
+    for file in (tmp_path / FOLDER).rglob("*.npz"):
+        file.write_bytes(b"PK\x03\x04 and nothing else")
+    with pytest.raises(OripError, match=r"is damaged .*; remove .*, then repeat the command"):
+        problem.linearise(starting_state(BLOCK))
+
+
+def test_groups_are_subtrees_and_all_that_is_above_them():
+    tree = pose_divided(BLOCK, largest=LARGEST_PART).streamed[0].tree
+    assert grouped(tree, len(tree)) == (tuple(range(len(tree))),)
+    *parts, above = grouped(tree, 3)
+    assert sorted(node for group in (*parts, above) for node in group) == list(range(len(tree)))
+    assert above[-1] == len(tree) - 1
+    for part in parts:
+        assert [tree.nodes[node].parent in part for node in part] == [True] * (len(part) - 1) + [False]
+        assert tree.nodes[part[-1]].parent in above
+
+
+def test_sources_are_small_enough_to_be_sent_with_every_task():
+    assert len(repr(StoredSubBlock("/folder", 7))) < 200
