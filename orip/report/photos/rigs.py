@@ -31,10 +31,13 @@ def rig_table(solution: Solution) -> PageTable | None:
         PageColumn("Cameras", [f"{first}, {second}" for first, second, _ in rigs], words=True),
         PageColumn("Instants", [str(instants) for *_, instants in rigs]),
     ]
-    for names, unit in ((("BX", "BY", "BZ"), solution.ground_unit), (("OMEGA", "PHI", "KAPPA"), "°")):
+    for group, unit in ((("BX", "BY", "BZ"), solution.ground_unit), (("OMEGA", "PHI", "KAPPA"), "°")):
+        names = [name for name in group if name in figures]
         columns += [PageColumn(name, _cells(figures[name]), unit) for name in names]
         scatter = [[row.scatter for row in figures[name]] for name in names]
-        columns.append(PageColumn("Scatter", [_root_mean_square(sizes) for sizes in zip(*scatter, strict=True)], unit))
+        if names:
+            sizes = zip(*scatter, strict=True)
+            columns.append(PageColumn("Scatter", [_root_mean_square(own) for own in sizes], unit))
     return PageTable("", "Relative orientation of cameras that move together", columns, _NOTE)
 
 
