@@ -6,7 +6,7 @@ from the same chain and adjustment as in `orip solve`.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,8 +24,10 @@ from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.preliminary import PreliminaryValues
 from orip.solving.better_minimum import doubt_about
-from orip.solving.starting_values import started_block
+from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 from orip.wording import counted
 
 _KNOWN_POINTS = 4
@@ -87,25 +89,30 @@ class CurrentValues:
         """Orient the first photos by the chain and an adjustment; without success, keep what each photo waits for."""
         block = measurements.whole()
         assert block is not None, "something is measured"
-        try:
-            started = started_block(block, lambda _: None)
-        except (NotSolvableError, InputError) as error:
-            reason = str(error).splitlines()[0]
-            self.photos_wait = {photo.name: reason for photo in block.photos}
-            return
-        oriented = {photo.name for photo in started.block.photos}
-        left_out = [photo.name for photo in block.photos if photo.name not in oriented]
-        self.photos_wait = {name: why.text for name, why in zip(left_out, started.left_out, strict=True)}
-        doubt = self.adjust(started.block)
-        # few photos do not determine what is unknown of a camera, and a-priori errors may be too small
-        held = with_cameras_held(started.block)
-        for attempt in (held, _with_larger_errors(held)):
-            doubt = doubt and self.adjust(attempt)
-        if doubt:
+        # given orientations are often far off, and what the chain finds is not
+        for start in (_without_given, started_block):
+            try:
+                started = start(block, lambda _: None)
+            except (NotSolvableError, InputError) as error:
+                reason = str(error).splitlines()[0]
+                self.photos_wait = {photo.name: reason for photo in block.photos}
+                continue
+            if not (doubt := self._adjust_first(started.block)):
+                oriented = {photo.name for photo in started.block.photos}
+                left_out = [photo.name for photo in block.photos if photo.name not in oriented]
+                self.photos_wait = {name: why.text for name, why in zip(left_out, started.left_out, strict=True)}
+                self._place(measurements, [name for name in block.point_names if name not in self.points])
+                return
             text = f"the first photos wait: their adjustment {doubt}; measure more of their common and known points"
             self.photos_wait = {photo.name: text for photo in block.photos}
-            return
-        self._place(measurements, [name for name in block.point_names if name not in self.points])
+
+    def _adjust_first(self, started: Block) -> str:
+        """Adjust the first photos; return why not if the result is doubtful."""
+        # few photos do not determine what is unknown of a camera, and a-priori errors may be too small
+        doubt, held = self.adjust(started), with_cameras_held(started)
+        for attempt in (held, _with_larger_errors(held)):
+            doubt = doubt and self.adjust(attempt)
+        return doubt
 
     def adjust(self, started: Block) -> str:
         """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
@@ -163,7 +170,7 @@ class CurrentValues:
         """Orient a photo by its known points, or by those that it has in common with another one."""
         found = self._by_known_points(measurements, name)
         if found is None:
-            found = _given(measurements, name)
+            found = _observed(measurements, name)
         if found is None:
             found = self._by_model(measurements, name)
         if found is None:
@@ -278,8 +285,18 @@ def _with_larger_errors(block: Block) -> Block:
     )
 
 
-def _given(measurements: Measurements, name: str) -> FloatArray | None:
-    """Return the orientation (6,) of a photo that is given or observed; None without one."""
+def _without_given(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
+    """Return a block as the chain starts it; photos that it cannot orient are left out, unless they are constant."""
+    values = explained_preliminary_values(block)
+    found(values)
+    constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
+    return own_start(replace(block, photo_orientation=np.where(constant, block.photo_orientation, np.nan)), values)
+
+
+def _observed(measurements: Measurements, name: str) -> FloatArray | None:
+    """Return the orientation (6,) of a photo that is observed or constant; None where it is at most approximate."""
+    if not measurements.has_orientation(name):
+        return None
     part = measurements.part((name, point) for point in measurements.points_in(name))
     known = part is not None and bool(np.isfinite(part.photo_orientation).all())
     return part.photo_orientation[0] if part is not None and known else None

@@ -38,6 +38,11 @@ class ErrorScale:
         self._block, self._test = block, OutlierTest(alpha, 1.0, None)
         self._scale, self._next = 1.0, 0
 
+    @property
+    def is_believed(self) -> bool:
+        """Return whether the a-priori errors explain the observations."""
+        return self._scale == 1.0
+
     def limit(self, checked: int) -> float:
         """Return the limit of the root of a fall of the square sum, of so many equations that are checked."""
         return self._scale * self._test.group_limit(checked)

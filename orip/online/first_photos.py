@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from orip.online.measurements import Measurements
 
 COMMON_POINTS = 5
@@ -19,5 +17,4 @@ def may_start(measurements: Measurements, photo: str) -> bool:
         or sum(map(measurements.control.has_coordinates, mine)) >= COMMON_POINTS - 1
     ):
         return True
-    part = measurements.part((photo, point) for point in mine)
-    return part is not None and bool(np.isfinite(part.photo_orientation).all())
+    return measurements.has_orientation(photo)

@@ -14,10 +14,12 @@ import numpy as np
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
+from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint, PreliminaryPoint
+from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.observations.station import Station
+from orip.records.project.photo import PHOTO_PARAMETERS
 
 Pair = tuple[float, float]
 
@@ -68,11 +70,10 @@ def _ray_error(inputs: BlockInput) -> float:
 class _ControlByName:
     """All control of a project, found by the points and photos that it is about."""
 
-    def __init__(self, control: Control, preliminary: Iterable[PreliminaryPoint]) -> None:
+    def __init__(self, control: Control) -> None:
         self.points: dict[str, list[ControlPoint]] = {}
         for point in control.points:
             self.points.setdefault(point.name, []).append(point)
-        self.preliminary = {point.name: point for point in preliminary}
         self.distances: dict[str, list[ControlDistance]] = {}
         for distance in control.distances:
             for name in (distance.start, distance.end):
@@ -100,7 +101,7 @@ class _ControlByName:
         )
 
     def has_coordinates(self, name: str) -> bool:
-        """Return whether a point has all of its coordinates given: by control or as preliminary ones."""
+        """Return whether control gives all coordinates of a point; preliminary ones may be far off."""
         given = {
             place
             for point in self.points.get(name, ())
@@ -111,7 +112,11 @@ class _ControlByName:
         constant = {
             "XYZ".index(element.kind) for element in self._elements.get(f"POINT {name}", ()) if element.error == 0.0
         }
-        return name in self.preliminary or len(given | constant) == 3
+        return len(given | constant) == 3
+
+    def elements_of(self, photo: str) -> frozenset[str]:
+        """Return which elements of the orientation of a photo are observed."""
+        return frozenset(element.kind for element in self._elements.get(f"PHOTO {record_key(photo)}", ()))
 
     def tied_to(self, points: Iterable[str]) -> set[str]:
         """Return the points that distances tie to some points, with these themselves where any does."""
@@ -142,7 +147,7 @@ class Measurements:
 
     def __init__(self, inputs: BlockInput) -> None:
         self._inputs = replace(inputs, control=_testable(inputs))
-        self.control = _ControlByName(self._inputs.control, inputs.preliminary)
+        self.control = _ControlByName(self._inputs.control)
         antennas = tuple(replace(antenna, unknown=()) for antenna in inputs.antennas if antenna.shift == "none")
         self._has_steady_antennas = len(antennas) == len(inputs.antennas)
         self._antennas = antennas if self._has_steady_antennas else ()
@@ -185,9 +190,20 @@ class Measurements:
         return self._as_observations((photo, point, ray) for photo, point, ray in self._all())
 
     @property
+    def ground(self) -> GroundSystem:
+        """Return the system in which the blocks of the session are computed."""
+        return self._ground
+
+    @property
     def inputs(self) -> BlockInput:
         """Return what the session was begun with."""
         return self._inputs
+
+    def has_orientation(self, photo: str) -> bool:
+        """Return whether all six elements of a photo are observed or constant: others are at most approximate."""
+        record = self._inputs.records.photos.get(record_key(photo))
+        constant = frozenset[str]() if record is None else frozenset(record.constant)
+        return len(constant | self.control.elements_of(photo)) == len(PHOTO_PARAMETERS)
 
     def name_of(self, photo: str) -> str:
         """Return the name of a photo as it is defined."""
@@ -289,10 +305,8 @@ class Measurements:
         inputs = replace(
             self._inputs,
             measured=replace(self._inputs.measured, observations=dict(observations)),
-            control=self.control.about(photos, [*points, *(ends - points.keys())]),
-            preliminary=tuple(
-                self.control.preliminary[name] for name in {*points, *ends} if name in self.control.preliminary
-            ),
+            control=self.control.about(photos, [*points, *sorted(ends - points.keys())]),
+            preliminary=(),
             antennas=self._antennas,
             warnings=(),
         )

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from orip.online.advice import advice
 from orip.online.answers import Answer, Candidate, Suspect, words_of
+from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
 from orip.online.first_photos import COMMON_POINTS, may_start
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
+from orip.online.snooping import Snooping
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
 
 ALPHA = 0.001
 """Error probability of the test of one observation; sigma0 is the one a priori."""
-
-_ALIKE = 0.9
-"""Correlation of residuals from which an error of one observation cannot be told from one of the other."""
 
 _ADVISED = 3
 """What to measure next, in an answer."""
@@ -30,18 +29,6 @@ _FEW_POINTS = 12
 
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
-
-_RAYS_AGAINST_CONTROL = 2
-"""Rays of a control point that do not fit from which the control may be what is wrong."""
-
-_MANY = 3
-"""Points of a photo that do not fit from which its orientation may be wrong."""
-
-_ALL = 200
-"""Observations up to which all are tested again when one of them was taken out; of more, those that nearly failed."""
-
-_NEARLY = 0.7
-"""Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
 
 
 @dataclass(slots=True)
@@ -65,16 +52,23 @@ class Measuring:
 
     def __init__(self, block: OnlineBlock) -> None:
         self.block = block
-        self.suspects: dict[ObservationKey, Suspect] = {}
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
         self._next_adjustment = 0.0
         self._scale = ErrorScale(block, ALPHA)
+        self._snooping = Snooping(block, self._scale)
+        self._control = ControlExamination(block, self._snooping, self._scale)
         if len(block.measurements):
             self._start(block.measurements.photos)
             self._scale.estimated()
-            self._snoop(set(block.equations.included))
+            self._snooping.snoop(list(block.equations.included))
             self._settle()
+            self._control.examine_if_doubted()
+
+    @property
+    def suspects(self) -> dict[ObservationKey, Suspect]:
+        """Return the observations that do not fit."""
+        return self._snooping.suspects
 
     def measure(self, measurement: Measurement) -> Answer:
         """Take a measurement: a new one, or in the place of an older one of the same point in the same photo.
@@ -88,7 +82,7 @@ class Measuring:
         before, key = self.block.sigma0, self.block.key(photo, point)
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
-            self._forgive([key])
+            self._snooping.forgive([key])
             self.excluded.discard(key)
         found = self._advance(point, key)
         return self._answer(key, before, found)
@@ -118,7 +112,7 @@ class Measuring:
         """
         key, before = self._measured(photo, point), self.block.sigma0
         self.excluded.discard(key)
-        self._forgive([key])
+        self._snooping.forgive([key])
         return self._answer(key, before, self._advance(key.point, key))
 
     def remove(self, photo: str, point: str) -> None:
@@ -149,11 +143,20 @@ class Measuring:
         for _ in range(3):
             self.block.relinearise()
         if self.suspects:
-            self._review()
+            self._snooping.review()
+        self.examine_control()
+
+    def examine_control(self) -> None:
+        """Look at the control with all that is measured by now, if something of it does not fit."""
+        self._control.examine_if_doubted(now=True)
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
         return advice(self.block, photos, most) if self.block.values.orientations else ()
+
+    def limit(self, checked: int) -> float:
+        """Return the limit of w of an observation of which so many equations are checked."""
+        return self._scale.limit(checked)
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
@@ -176,21 +179,25 @@ class Measuring:
             self._start([key.photo])
             found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
             self._scale.estimated()
-            found.suspects = self._snoop(set(block.equations.included), key)
+            found.suspects = self._snooping.snoop(list(block.equations.included), key)
             self._settle()
+            found.suspects += self._control.examine_if_doubted()
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
-        again = [other for other in self.suspects if other.point == point]
-        self._forgive(again)
-        rays = block.rays_with_values(found.oriented, {point, *found.placed})
+        control = self._snooping.disagreeing
+        again = [other for other in self.suspects if other.point == point and other not in control]
+        self._snooping.forgive(again)
+        fresh = dict.fromkeys([point, *found.placed])
+        rays = block.rays_with_values(found.oriented, fresh)
         new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
         if found.oriented:
             self._adjust_cameras()
-        block.settle({point, *found.placed})
+        block.settle(fresh)
         if self._scale.estimated():
-            again += self._review()
-        found.suspects = self._snoop(self._concerned(key, new), key)
-        self.block.lose_unsettled()
+            again += self._snooping.review()
+        found.suspects = self._snooping.snoop(self._concerned(key, new), key)
+        block.lose_unsettled()
+        found.suspects += self._control.examine_if_doubted()
         found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
@@ -231,121 +238,14 @@ class Measuring:
             block.adjust()
             self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
 
-    def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> set[ObservationKey]:
+    def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> list[ObservationKey]:
         """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
-        fresh = {key, *new}
-        points = {other.point for other in fresh if other.point}
-        photos = {other.photo for other in fresh if other.photo}
+        fresh = dict.fromkeys([key, *new])
+        points = dict.fromkeys(other.point for other in fresh if other.point)
+        photos = dict.fromkeys(other.photo for other in fresh if other.photo)
         few = [photo for photo in photos if len(self.block.measurements.points_in(photo)) <= _FEW_POINTS]
         included = self.block.equations.included
-        return self.block.included_of(few, points) | {other for other in fresh if other in included}
-
-    def _snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
-        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
-        found: list[Suspect] = []
-        # an observation drops out by itself where it can no longer be computed
-        while tested := [key for key in keys if key in self.block.equations.included]:
-            results = dict(zip(tested, self._all_tested(tested), strict=True))
-            worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
-            if w <= limit:
-                break
-            alike = self._alike(worst, tested)
-            if latest in alike and latest is not None:
-                alike = [worst, *(other for other in alike if other != latest)]
-                worst = latest
-            suspect = Suspect(worst, w, limit, tuple(alike))
-            self.block.take_out(worst)
-            self.block.left_out.add(worst)
-            self.suspects[worst] = suspect
-            found.append(suspect)
-            if len(tested) <= _ALL:
-                self.block.settle()
-            if self._gives_up(worst.photo):
-                break
-            if worst.kind == "photo":
-                found += self._blamed_control(worst.point)
-            if len(tested) > _ALL:
-                keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
-        return [one for one in found if one.key in self.suspects]
-
-    def _blamed_control(self, point: str) -> list[Suspect]:
-        """Suspect the control of a point, and not its rays, where several of these fit each other without it."""
-        of_point = [key for key in self.suspects if key.point == point]
-        rays = [key for key in of_point if key.kind == "photo"]
-        control = ObservationKey("control", "", point)
-        if len(rays) < _RAYS_AGAINST_CONTROL or control not in self.block.equations.included:
-            return []
-        before = {key: self.suspects[key] for key in rays}
-        (w, limit) = max((one.w, one.limit) for one in before.values())
-        self.block.take_out(control)
-        self.block.left_out.add(control)
-        self._forgive(rays)
-        self.block.include((key.photo, key.point) for key in rays)
-        self.block.settle([point])
-        inside = [key for key in rays if key in self.block.equations.included]
-        wrong = [key for key, (w, limit) in zip(inside, self._all_tested(inside), strict=True) if w > limit]
-        if len(wrong) < len(rays) - 1:
-            self.suspects[control] = Suspect(control, w, limit, ())
-            return [self.suspects[control]]
-        for key in rays:
-            self.block.take_out(key)
-        self.suspects |= before
-        self.block.left_out.update(rays)
-        self.block.left_out.discard(control)
-        self.block.include(self.block.rays_with_values(points=[point]))
-        self.block.settle([point])
-        return []
-
-    def _gives_up(self, photo: str) -> bool:
-        """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
-        wrong = [key for key in self.suspects if photo and key.photo == photo]
-        if photo and photo not in self.block.values.orientations:
-            # it has not settled, and is out already
-            self._forgive(wrong)
-            return True
-        fitting = len(self.block.included_of(photos=[photo]))
-        if len(wrong) < _MANY or len(wrong) <= fitting:
-            return False
-        self._forgive(wrong)
-        self.block.forget_photo(photo)
-        text = (
-            f"photo {photo} waits: {len(wrong)} of its {len(wrong) + fitting} points do not fit; measure more of them"
-        )
-        self.block.values.photos_wait[photo] = text
-        return True
-
-    def _all_tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
-        """Return the root of the fall of the square sum without each observation, and its limit."""
-        squares = [standing.square() for standing in self.block.equations.standings(keys)]
-        return [(float(np.sqrt(square)), self._scale.limit(max(checked, 1))) for square, checked in squares]
-
-    def _review(self) -> list[ObservationKey]:
-        """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
-        tried = sorted(self.suspects, key=lambda key: self.suspects[key].w)
-        taken = []
-        for key in tried:
-            rays = self.block.rays_with_values(points=[key.point])
-            rows = self.block.rows(rays).get(key)
-            if rows is None:
-                continue
-            square, checked = self.block.equations.trial(key, rows).square()
-            if np.sqrt(square) <= self._scale.limit(max(checked, 1)):
-                self._forgive([key])
-                self.block.equations.include(key, rows)
-                taken.append(key)
-        self.block.settle({key.point for key in taken})
-        self._snoop(self.block.included_of(points={key.point for key in taken}))
-        return taken
-
-    def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
-        others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
-        found = self.block.equations.correlations(key, others)
-        return [other for other, rho in zip(others, found, strict=True) if np.abs(rho).max(initial=0.0) > _ALIKE]
-
-    def _forgive(self, keys: Iterable[ObservationKey]) -> None:
-        for key in keys:
-            self.suspects.pop(key, None)
-            self.block.left_out.discard(key)
+        return list(dict.fromkeys([*self.block.included_of(few, points), *(key for key in fresh if key in included)]))
 
     def _answer(self, key: ObservationKey, before: float | None, found: _Found) -> Answer:
         answer = Answer(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from orip.online.current_values import CurrentValues, with_cameras_held
 from orip.online.measurements import Measurements, RayName
 from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
+from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
@@ -33,6 +35,9 @@ _UNSTEADY = 0.05
 _UNSETTLED = "photo {} waits: its points do not determine its orientation; measure more of them, far from each other"
 
 _RELINEARISATIONS = 8
+
+_WEAK = 1e-3
+"""Root of the weight of control while it is examined: what is known to centimetres is observed to tens of metres."""
 
 _FEW = 3
 """Photos up to which these alone are linearised again."""
@@ -62,6 +67,7 @@ class OnlineBlock:
         self._corrections = PhotoCorrections(self._columns)
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
+        self._control_weight = 1.0
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
         self.left_out: set[ObservationKey] = set()
@@ -75,6 +81,11 @@ class OnlineBlock:
         redundancy = self.equations.redundancy
         return float(np.sqrt(self.equations.square_sum / redundancy)) if redundancy > 0 else None
 
+    @property
+    def ground(self) -> GroundSystem:
+        """Return the system of coordinates of the values."""
+        return self.measurements.ground
+
     def key(self, photo: str, point: str) -> ObservationKey:
         """Return the key of a photo point, with the name of the photo as it is defined."""
         return ObservationKey("photo", self.measurements.name_of(photo), point)
@@ -85,23 +96,41 @@ class OnlineBlock:
         self.left_out.discard(key)
         self.measurements.remove(key.photo, key.point)
 
+    def leave_out(self, key: ObservationKey) -> None:
+        """Take an observation out, and keep it out until it is no longer left out."""
+        self.take_out(key)
+        self.left_out.add(key)
+
+    @contextmanager
+    def weak_control(self) -> Iterator[None]:
+        """Meanwhile, let control points only keep the datum from being singular.
+
+        Equations keep the weights that they have been linearised with: see `linearise_again`.
+        """
+        self._control_weight = _WEAK
+        try:
+            self.linearise_again()
+            yield
+        finally:
+            self._control_weight = 1.0
+
     def take_out(self, key: ObservationKey) -> None:
         """Take an observation out of the equations, if it is in."""
         if key in self.equations.included:
             self.equations.exclude(key)
 
-    def included_of(self, photos: Iterable[str] = (), points: Iterable[str] = ()) -> set[ObservationKey]:
-        """Return what is observed of some photos, and of some points, and is in."""
-        keys = {key for photo in photos for key in self._of_photo.get(photo, ())}
-        keys |= {key for point in points for key in self._of_point.get(point, ())}
-        return {key for key in keys if key in self.equations.included}
+    def included_of(self, photos: Iterable[str] = (), points: Iterable[str] = ()) -> list[ObservationKey]:
+        """Return what is observed of some photos, and of some points, and is in; always in the same order."""
+        keys = dict.fromkeys(key for photo in photos for key in self._of_photo.get(photo, ()))
+        keys |= dict.fromkeys(key for point in points for key in self._of_point.get(point, ()))
+        return [key for key in keys if key in self.equations.included]
 
     def forget_photo(self, photo: str) -> None:
         """Take a photo out with all that is measured in it, and the points that are left with fewer than two rays."""
         del self.values.orientations[photo]
         of_photo = self.included_of(photos=[photo])
-        lost = {key.point for key in of_photo if key.point and self._rays(key.point) < 3}
-        self.equations.exclude_all(of_photo | self.included_of(points=lost))
+        lost = dict.fromkeys(key.point for key in of_photo if key.point and self._rays(key.point) < 3)
+        self.equations.exclude_all(dict.fromkeys([*of_photo, *self.included_of(points=lost)]))
         for name in lost:
             self.values.points.pop(name, None)
 
@@ -120,7 +149,7 @@ class OnlineBlock:
     def rows(self, rays: Iterable[RayName]) -> dict[ObservationKey, ObservationRows]:
         """Return the equations of some rays, and of what else is observed of their photos and points with values."""
         chosen = dict.fromkeys(ray for ray in rays if self.has_values(ray))
-        for name in self.measurements.control.tied_to([point for _, point in chosen]):
+        for name in sorted(self.measurements.control.tied_to([point for _, point in chosen])):
             chosen |= dict.fromkeys(ray for ray in self._rays_of(points=[name]) if self.has_values(ray))
         part = self.measurements.part(chosen)
         return {} if part is None else self.linearised(self.values.started(part))
@@ -145,7 +174,7 @@ class OnlineBlock:
         part = self._valued()
         if part is None or self.values.adjust(part):
             return False
-        self._linearise_again()
+        self.linearise_again()
         return True
 
     def linearised(self, part: Block) -> dict[ObservationKey, ObservationRows]:
@@ -157,6 +186,10 @@ class OnlineBlock:
         before = len(self._columns.names)
         rows = linearised(part, starting_state(part), self._tied_rows(part), self._columns)
         self.equations.append(len(self._columns.names) - before)
+        if self._control_weight != 1.0:
+            rows = {
+                key: row.weighted(self._control_weight) if key.kind == "control" else row for key, row in rows.items()
+            }
         for key in rows:
             self._of_photo.setdefault(key.photo, {})[key] = None
             self._of_point.setdefault(key.point, {})[key] = None
@@ -188,22 +221,24 @@ class OnlineBlock:
                 self._relinearise_some(photos, far, reduced)
 
     def lose_unsettled(self) -> None:
-        """Take photos out again whose corrections do not become smaller; they wait."""
-        lost = self._far_photos(self.equations.triangle.solution(), _UNSTEADY)
-        for photo in lost:
-            self.forget_photo(photo)
-            self.values.photos_wait[photo] = _UNSETTLED.format(photo)
+        """Take photos out again whose corrections do not become smaller, the worst first; they wait.
+
+        A photo that is not determined moves the ones that share its points: these often settle without it.
+        """
+        while lost := self._far_photos(self.equations.triangle.solution(), _UNSTEADY):
+            self.forget_photo(lost[0])
+            self.values.photos_wait[lost[0]] = _UNSETTLED.format(lost[0])
+            self.settle()
 
     def _far_photos(self, reduced: FloatArray, limit: float = _LINEAR) -> list[str]:
-        """Return the photos whose corrections are larger than a limit, in radians and parts of their distance."""
+        """Return the photos whose corrections exceed a limit, in radians and parts of their distance, worst first."""
         turns, moves = self._corrections.largest(reduced)
         if not len(turns):
             return []
-        far = turns > limit
-        if (moves > 0.0).any():
-            far |= moves > limit * self._distance()
+        sizes = np.maximum(turns, moves / self._distance() if (moves > 0.0).any() else 0.0)
         names = self._corrections.photos
-        return [names[row] for row in np.flatnonzero(far).tolist() if names[row] in self.values.orientations]
+        order = np.argsort(-sizes, kind="stable")
+        return [names[row] for row in order.tolist() if sizes[row] > limit and names[row] in self.values.orientations]
 
     def _far_points(self, points: Collection[str], reduced: FloatArray) -> dict[str, FloatArray]:
         """Return the corrections of points that are too large for the linearisation."""
@@ -234,7 +269,7 @@ class OnlineBlock:
         for name, move in points.items():
             self.values.points[name] = self.values.points[name] + move
         rows = self.rows(self.rays_with_values(photos, points))
-        moved_keys = self.included_of(photos, points)
+        moved_keys = set(self.included_of(photos, points))
         changed = {key: new for key, new in rows.items() if key in moved_keys}
         self.equations.replace_all(changed)
 
@@ -256,7 +291,7 @@ class OnlineBlock:
             self.values.orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
         for row, name in enumerate(part.point_names):
             self.values.points[name] = state.points[row].copy()
-        self._linearise_again()
+        self.linearise_again()
 
     def _of_block(self, part: Block, reduced: FloatArray) -> FloatArray:
         """Return the corrections of a block's reduced unknowns, in its order, and zero for its points."""
@@ -265,8 +300,8 @@ class OnlineBlock:
         found[: unknowns.layout.reduced] = self._corrections.of(unknowns.names.reduced, reduced)
         return found
 
-    def _linearise_again(self) -> None:
-        """Linearise what is in at the values."""
+    def linearise_again(self) -> None:
+        """Linearise what is in at the values, control with its present weight."""
         included = set(self.equations.included)
         moved = self._valued()
         assert moved is not None, "there were values before"

@@ -9,7 +9,7 @@ are equations of the reduced unknowns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -53,6 +53,10 @@ class ObservationRows:
     def reduced(self) -> ReducedRows:
         """Return the equations of an observation that touches no point."""
         return ReducedRows(self.columns, self.by_reduced, self.right)
+
+    def weighted(self, root: float) -> ObservationRows:
+        """Return the equations multiplied by the root of a weight."""
+        return replace(self, by_point=root * self.by_point, by_reduced=root * self.by_reduced, right=root * self.right)
 
     def rows(self) -> list[ObservationRows]:
         """Return the equations one by one."""

@@ -12,9 +12,11 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from orip.arrays import BoolArray, FloatArray
-from orip.sequential.hyper_row import HyperRow, ObservationRows, factored
+from orip.sequential.hyper_row import ObservationRows
+from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle, factored_point
 from orip.sequential.reduced_rows import ReducedRows
 from orip.sequential.standing import LEAST_REDUNDANCY, Standing
 from orip.sequential.triangle import Triangle
@@ -29,37 +31,6 @@ _MOST_REPLACED = 4
 
 _MOST_DOWNDATES = 1000
 """Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
-
-
-class _Point(NamedTuple):
-    """A point as it is in the triangle."""
-
-    hyper_row: HyperRow
-    reduced: tuple[ReducedRows, ...]
-
-
-class _Points(dict[str, _Point]):
-    """Points by name, and how many coordinates of them are determined."""
-
-    def __init__(self, points: Mapping[str, _Point] | None = None) -> None:
-        super().__init__(points or {})
-        self.coordinates = sum(len(point.hyper_row.coordinates) for point in self.values())
-
-    def __setitem__(self, name: str, point: _Point) -> None:
-        before = self.get(name)
-        self.coordinates += len(point.hyper_row.coordinates)
-        self.coordinates -= 0 if before is None else len(before.hyper_row.coordinates)
-        super().__setitem__(name, point)
-
-    def taken(self, name: str) -> _Point:
-        """Take a point out, and return it."""
-        point = self.pop(name)
-        self.coordinates -= len(point.hyper_row.coordinates)
-        return point
-
-    def copy(self) -> _Points:
-        """Return the same points, to go back to them."""
-        return _Points(self)
 
 
 class _Whitened(NamedTuple):
@@ -78,7 +49,7 @@ class SequentialBlock(Generic[Key]):
         self.triangle = Triangle()
         self._included: dict[Key, ObservationRows] = {}
         self._of_points: dict[str, list[Key]] = {}
-        self._points = _Points()
+        self._points = PointsInTriangle()
         self._equations = 0
         self._downdates = 0
         self.rebuilt = 0
@@ -143,10 +114,10 @@ class SequentialBlock(Generic[Key]):
             before = self._points.get(name)
             if before is not None and before.hyper_row.is_complete:
                 hyper_row, reduced = before.hyper_row.with_row(row)
-                self._points[name] = _Point(hyper_row, (*before.reduced, reduced))
+                self._points[name] = PointInTriangle(hyper_row, (*before.reduced, reduced))
                 leftovers.append(float(self.triangle.update(reduced)[0]))
             elif before is None or not before.reduced:
-                self._points[name] = after = _factored_point(so_far)
+                self._points[name] = after = factored_point(so_far)
                 leftovers.append(float(sum(np.sum(self.triangle.update(of_all)) for of_all in after.reduced)))
             else:
                 break
@@ -216,7 +187,7 @@ class SequentialBlock(Generic[Key]):
             if rows.point is not None:
                 self._of_points.setdefault(rows.point, []).append(key)
         known = {} if changed is None else {name: point for name, point in self._points.items() if name not in changed}
-        self._points = _Points({name: known.get(name) or self._factored(name) for name in self._of_points})
+        self._points = PointsInTriangle({name: known.get(name) or self._factored(name) for name in self._of_points})
         self._equations = sum(len(rows.right) for rows in self._included.values())
         of_points = [reduced for point in self._points.values() for reduced in point.reduced]
         of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
@@ -286,6 +257,19 @@ class SequentialBlock(Generic[Key]):
             for own, spread, innovation, is_open in self._all_whitened(rows)
         ]
 
+    def jointly_predicted(self, rows: Sequence[ObservationRows]) -> tuple[FloatArray, FloatArray]:
+        """Return what the observations that are in say about others, of different points, together.
+
+        Returns
+        -------
+        difference, cofactor : arrays (k,) and (k, k)
+            As `predicted`; unknowns that nothing determines are held.
+        """
+        whitened = self._all_whitened(rows)
+        spread = np.hstack([one.spread for one in whitened])
+        own = block_diag(*(one.own.T @ one.own for one in whitened))
+        return np.concatenate([one.innovation for one in whitened]), np.asarray(own + spread.T @ spread)
+
     def has_point(self, name: str) -> bool:
         """Return whether all coordinates of a point are determined by equations that are in."""
         return name in self._points and self._points[name].hyper_row.is_complete
@@ -346,8 +330,8 @@ class SequentialBlock(Generic[Key]):
             for own, part, start, end in zip(owns, parts, ends, ends[1:], strict=False)
         ]
 
-    def _factored(self, name: str) -> _Point:
-        return _factored_point([self._included[key] for key in self._of_points[name]])
+    def _factored(self, name: str) -> PointInTriangle:
+        return factored_point([self._included[key] for key in self._of_points[name]])
 
     def _point_changed(self, name: str) -> None:
         """Bring what the observations of a point say about the reduced unknowns up to date."""
@@ -367,11 +351,6 @@ class SequentialBlock(Generic[Key]):
         in_time = self._downdates <= _MOST_DOWNDATES
         if not (in_time and all(self.triangle.downdate(rows, LEAST_REDUNDANCY) for rows in before)):
             self.rebuild()
-
-
-def _factored_point(observations: Sequence[ObservationRows]) -> _Point:
-    hyper_row, reduced = factored(observations)
-    return _Point(hyper_row, (reduced,) if len(reduced.right) else ())
 
 
 def _scale(leverage: FloatArray) -> FloatArray:

@@ -155,22 +155,6 @@ class Triangle:
         for first in range(0, self.size, _PANEL):
             left = self._build_panel(first, beginning.get(first // _PANEL, []), left)
         self.residual_square_sum = float(np.square(left[:, -1]).sum())
-        self._empty_rounding()
-
-    def _empty_rounding(self) -> None:
-        """Make the rows zero whose pivots are rounding; what they say about later unknowns goes to their rows."""
-        pivots = np.abs(np.diagonal(self.factor))
-        doubtful = np.flatnonzero(pivots <= _ZERO_PIVOT * np.sqrt(self._square_sums[: self.size]))
-        touched = doubtful[self._square_sums[doubtful] > 0.0]
-        if not len(touched):
-            return
-        below = slice(int(touched[0]), self.size)
-        rows, right = self.factor[below].copy(), self.right[below].copy()
-        self._factor[below], self._right[below] = 0.0, 0.0
-        self._reach[below] = np.arange(below.start, below.stop) + 1
-        rows[touched - below.start, touched] = 0.0
-        for row, value in zip(rows, right, strict=True):
-            self._rotated_carefully(row, float(value))
 
     def _build_panel(self, first: int, rows: Sequence[ReducedRows], left: FloatArray) -> FloatArray:
         """Factor the equations that begin in a panel with what is left of those above it; return what is left."""
@@ -188,13 +172,27 @@ class Triangle:
         columns = first + np.flatnonzero(stacked[:, :-1].any(axis=0))
         factor = np.asarray(np.linalg.qr(stacked[:, np.append(columns - first, -1)], mode="r"))
         count = int(np.searchsorted(columns, last))
-        own = factor[:count]
+        pivotal = self._pivotal_columns(factor, columns[:count])
+        if not pivotal.all():
+            # rows whose pivots are rounding have their say about the columns beyond
+            order = np.concatenate([np.flatnonzero(pivotal), np.flatnonzero(~pivotal), np.arange(count, len(columns))])
+            factor = np.asarray(np.linalg.qr(factor[:, np.append(order, -1)], mode="r"))
+            columns = columns[order]
+        own = factor[: np.count_nonzero(pivotal)]
         self._factor[np.ix_(columns[: len(own)], columns)] = own[:, :-1]
+        self._factor[first:last, first:last] = np.triu(self._factor[first:last, first:last])
         self._right[columns[: len(own)]] = own[:, -1]
         self._reach[first:last] = end
         left = np.zeros((len(factor) - len(own), end - last + 1))
-        left[:, columns[count:] - last], left[:, -1] = factor[count:, count:-1], factor[count:, -1]
+        left[:, columns[count:] - last], left[:, -1] = factor[len(own) :, count:-1], factor[len(own) :, -1]
         return left
+
+    def _pivotal_columns(self, factor: FloatArray, columns: IntArray) -> BoolArray:
+        """Return which columns (c,) of a panel, the first ones of a factor, do not depend on those before them."""
+        pivots = np.zeros(len(columns))
+        found = np.abs(np.diagonal(factor)[: len(columns)])
+        pivots[: len(found)] = found
+        return np.asarray(pivots > _ZERO_PIVOT * np.sqrt(self._square_sums[columns]))
 
     def saved(self, first: int) -> Replaced:
         """Return what a change of equations whose first unknown is `first` replaces, to undo it."""

@@ -23,7 +23,7 @@ def test_each_line_is_answered_by_a_line(tmp_path: Path) -> None:
     )
     summary, photos, fault = map(json.loads, done.stdout.splitlines())
     assert "2 photos oriented" in summary["summary"]
-    assert photos == {"photos": ["left", "right"]}
+    assert [photo["photo"] for photo in photos["photos"]] == ["left", "right"]
     assert "not a request" in fault["error"]
 
 

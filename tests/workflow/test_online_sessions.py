@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import re
 from pathlib import Path
 
 import pytest
@@ -66,6 +65,13 @@ def project(tmp_path: Path) -> tuple[Path, list[Point]]:
     return folder, points
 
 
+def _figures(folder: Path) -> list[str]:
+    """Return the lines of all listings of an adjustment, sorted: photos and points come in the order of measuring."""
+    names = ("BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT")
+    lines = [line for name in names for line in (folder / name).read_text(encoding="utf-8").splitlines()]
+    return sorted(line for line in lines if not line.startswith("Run id"))
+
+
 def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Path) -> None:
     folder, points = project
     random.Random(3).shuffle(points)
@@ -73,15 +79,53 @@ def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Pa
     states = [_measure(session, folder, point)["state"] for point in points]
     assert states[0] == "waiting"
     assert states[-1] in ("included", "unchecked")
-    solved = _reply(session, folder, do="solve")
+    _reply(session, folder, do="solve")
     other = first_project(tmp_path / "other")
     run_quietly(other)
-    figures = re.compile(r'"sigma0": ([-0-9.e]+)')
-    found, expected = ((at / "result.json").read_text(encoding="utf-8") for at in (folder, other))
-    one, two = ([float(value) for value in figures.findall(text)] for text in (found, expected))
-    # the order of the rays changes the last digits; listings print five
-    assert one == pytest.approx(two, rel=1e-8)
-    assert solved["sigma0"] in one
+    assert _figures(folder) == _figures(other)
+
+
+def _typed(folder: Path) -> list[Point]:
+    """Take the photo points out of the measurement files of a project, and return those that count."""
+    session = OnlineSession(folder, None)
+    rays = session.measuring.block.measurements.observations
+    found = [
+        (photo, point, *session.to_log(photo, (float(x), float(y))))
+        for photo, point, (x, y) in zip(rays.photos, rays.points, rays.measured, strict=True)
+    ]
+    for log in folder.glob("*.MEA"):
+        kept, is_of_points = [], False
+        for line in log.read_text(encoding="utf-8").splitlines():
+            words = line.split("!")[0].split()
+            if words[:1] in (["POINTS"], ["PHOTO"], ["TEMPLATE"]):
+                is_of_points = words[0] == "POINTS"
+            if not (is_of_points and words):
+                kept.append(line)
+        log.write_text("\n".join([*kept, ""]), encoding="utf-8")
+    return found
+
+
+@pytest.mark.long
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("name", ["small_frame_block", "zurich_city_hall"])
+def test_samples_typed_in_random_order_end_with_the_figures_of_solve(tmp_path: Path, name: str, seed: int) -> None:
+    folder, other = sample(tmp_path, name), sample(tmp_path / "other", name)
+    commit(initialise(read_project(folder, "definitions")))
+    points = _typed(folder)
+    random.Random(seed).shuffle(points)
+    session = OnlineSession(folder, None)
+    for point in points:
+        assert "error" not in _measure(session, folder, point)
+    assert len(session.measuring.block.measurements) == len(points)
+    suspects = _reply(session, folder, do="show", what="suspects")["suspects"]
+    _reply(session, folder, do="solve")
+    run_quietly(other)
+    assert _figures(folder) == _figures(other)
+    if name == "zurich_city_hall":
+        wrong = {"201", "202", "211", "212", "311", "312"}
+        # the camera is not calibrated: control points at the edges of the photos do not fit by some decimetres
+        assert wrong <= {one["point"] for one in suspects if one["observation"].startswith("control")}
 
 
 def test_a_session_on_a_measured_sample_names_its_two_blunders(tmp_path: Path) -> None:
@@ -92,6 +136,32 @@ def test_a_session_on_a_measured_sample_names_its_two_blunders(tmp_path: Path) -
     assert {(key.photo, key.point) for key in measuring.suspects} == {("203", "1213"), ("104", "1307")}
     assert len(measuring.block.values.orientations) == 12
     assert measuring.block.sigma0 == pytest.approx(1.0, abs=0.1)
+
+
+def test_photos_points_cameras_residuals_and_statistics_are_those_of_the_adjustment(project) -> None:
+    folder, points = project
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    _reply(session, folder, do="relinearise")
+    shown = {
+        what: _reply(session, folder, do="show", what=what)[what]
+        for what in ("photos", "points", "cameras", "residuals", "statistics")
+    }
+    _reply(session, folder, do="solve")
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    statistics = shown["statistics"]
+    assert statistics["equations"] - statistics["unknowns"] == statistics["redundancy"]
+    of_photos = sum(v * v for one in shown["residuals"] for v in one["v"])
+    assert of_photos <= statistics["square sum"] * (1.0 + 1e-9) + 1e-12
+    assert len(shown["residuals"]) == len(points)
+    assert all(one["w"] <= one["limit"] for one in shown["residuals"])
+    assert {one["photo"] for one in shown["photos"]} == {point[0] for point in points}
+    assert {one["point"] for one in shown["points"]} == {point[1] for point in points}
+    assert shown["cameras"][0]["C"] > 0.0
+    for photo in shown["photos"]:
+        # control that is held is observed here
+        assert photo["X0"] == pytest.approx(result["photos"][photo["photo"]]["X0"]["value"], abs=1e-3)
 
 
 def test_what_is_answered_is_on_the_disk(project) -> None:

@@ -16,6 +16,9 @@ from orip.files.text.lines import existing_text
 from orip.records.observations.measurement import TransformationKind
 from orip.records.project.photo import Stage
 
+DECIMALS = 4
+"""Decimals of what is measured: a tenth of a micrometre, or of a thousandth of a pixel."""
+
 
 class Log(Protocol):
     """Where measurements go."""
@@ -147,11 +150,26 @@ def points_header(bundle: str, photo: str) -> str:
 
 
 def measurement_line(
-    name: str, xy: tuple[float, float], given: tuple[float, float] | None = None, *, is_disregarded: bool = False
+    name: str,
+    xy: tuple[float, float],
+    given: tuple[float, float] | None = None,
+    *,
+    is_disregarded: bool = False,
+    decimals: int = DECIMALS,
 ) -> str:
-    """Return the line of a measurement, plate mm or pixels; `given` are a mark's own coordinates."""
+    """Return the line of a measurement, plate mm or pixels; `given` are a mark's own coordinates.
+
+    Decimals beyond the usual ones are written where they are not zero.
+    """
     own = "" if given is None else f" = {given[0]:z.10g} {given[1]:z.10g}"
-    return f"  {name:<8} {xy[0]:z11.4f} {xy[1]:z11.4f}{own}{' -' if is_disregarded else ''}"
+    x, y = (_with_decimals(value, decimals) for value in xy)
+    return f"  {name:<8} {x:>11} {y:>11}{own}{' -' if is_disregarded else ''}"
+
+
+def _with_decimals(value: float, decimals: int) -> str:
+    text = f"{value:z.{decimals}f}"
+    beyond = decimals - DECIMALS
+    return f"{text[:-beyond]}{text[-beyond:].rstrip('0')}" if beyond else text
 
 
 def kill_line(bundle: str, photo: str, point: str) -> str:

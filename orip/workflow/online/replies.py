@@ -12,6 +12,7 @@ from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
 from orip.workflow.observations.measure import MEASURED_FROM, measure
 from orip.workflow.online.requests import Request, Shown, read_request
 from orip.workflow.online.session import OnlineSession
+from orip.workflow.online.showing import cameras_of, photos_of, points_of, residuals_of, statistics_of
 from orip.workflow.project.bundle_state import read_bundle
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
@@ -73,19 +74,25 @@ def _solved(session: OnlineSession, folder: Path) -> Reply:
 def shown(session: OnlineSession, what: Shown) -> Reply:
     """Return what a session has."""
     measuring = session.measuring
-    values = measuring.block.values
     match what:
         case "waiting":
             return {"waiting": list(measuring.waiting().values())}
         case "suspects":
+            measuring.examine_control()
             return {"suspects": [_suspect(one) for one in measuring.suspects.values()]}
         case "todo":
             advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)
             return {"todo": [_candidate(session, one) for one in advised]}
         case "photos":
-            return {"photos": sorted(values.orientations)}
+            return {"photos": photos_of(measuring)}
         case "points":
-            return {"points": sorted(values.points)}
+            return {"points": points_of(measuring)}
+        case "cameras":
+            return {"cameras": cameras_of(measuring)}
+        case "residuals":
+            return {"residuals": residuals_of(measuring)}
+        case "statistics":
+            return {"statistics": statistics_of(measuring)}
         case _:
             return {"summary": summary(measuring)}
 

@@ -11,7 +11,7 @@ from orip.errors import UsageError
 from orip.records.names import name_fault
 
 Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinearise", "solve", "quit"]
-Shown = Literal["summary", "waiting", "suspects", "todo", "photos", "points"]
+Shown = Literal["summary", "waiting", "suspects", "todo", "photos", "points", "cameras", "residuals", "statistics"]
 
 _OF_POINT = frozenset({"measure", "remove", "exclude", "include"})
 _LONGEST = 4096

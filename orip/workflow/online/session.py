@@ -15,7 +15,7 @@ import numpy as np
 
 from orip.errors import UsageError
 from orip.files.log.edits_text import edit_line
-from orip.files.log.writing import LogFile, measurement_line, points_header
+from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
 from orip.interior.log_coordinates import stored_to_log
 from orip.online.answers import Answer
 from orip.online.measuring import Measuring
@@ -30,6 +30,9 @@ from orip.workflow.project.texts import EDITS_FILE
 
 LOG = Path(EDITS_FILE)
 """Where measurements are written: it is replayed after all other measurement files."""
+
+_DECIMALS = 6
+"""Decimals of what is typed in that count: a pixel's ten-thousandth part shows in the last digits of residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ class OnlineSession:
         """
         record = self._films.photo(photo)
         # as the log has them: a session that starts from it has the same figures
-        xy = round(xy[0], 4), round(xy[1], 4)
+        xy = round(xy[0], _DECIMALS), round(xy[1], _DECIMALS)
         stored = self._to_stored(record.name, xy)
         if record_key(record.name) not in self._films.interior.to_photo:
             message = f"photo {record.name} has no interior orientation; measure its fiducial marks first"
@@ -117,7 +120,8 @@ class OnlineSession:
         name = self._films.photo(photo).name
         self._seen = self._files_now()
         if xy is not None:
-            return self.measuring.measure((name, point, self._to_stored(name, (round(xy[0], 4), round(xy[1], 4)))))
+            as_written = round(xy[0], DECIMALS), round(xy[1], DECIMALS)
+            return self.measuring.measure((name, point, self._to_stored(name, as_written)))
         if self._measured(name, point) is not None:
             self.measuring.remove(name, point)
         return None
@@ -252,7 +256,7 @@ class OnlineSession:
             # the measurement before it counts no more, whatever the bundle does with repeated ones
             self._edit("KILL", photo, point)
         lines = self._blocks.setdefault(header, {})
-        lines[point] = measurement_line(point, xy)
+        lines[point] = measurement_line(point, xy, decimals=_DECIMALS)
         self._file.put(header, lines.values())
         self._seen = self._files_now()
 

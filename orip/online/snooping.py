@@ -1,0 +1,150 @@
+"""What does not fit: taken out at once, the worst first, and tested again when more has been measured."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+
+import numpy as np
+
+from orip.online.answers import Suspect
+from orip.online.error_scale import ErrorScale
+from orip.online.online_block import OnlineBlock
+from orip.sequential.observation_rows import ObservationKey
+
+_ALIKE = 0.9
+"""Correlation of residuals from which an error of one observation cannot be told from one of the other."""
+
+_RAYS_AGAINST_CONTROL = 2
+"""Rays of a control point that do not fit from which the control may be what is wrong."""
+
+_MANY = 3
+"""Points of a photo that do not fit from which its orientation may be wrong."""
+
+_ALL = 200
+"""Observations up to which all are tested again when one of them was taken out; of more, those that nearly failed."""
+
+_NEARLY = 0.7
+"""Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
+
+
+class Snooping:
+    """The observations that are suspect.
+
+    Parameters
+    ----------
+    block : OnlineBlock
+    scale : ErrorScale
+        Of the limits of the tests.
+    """
+
+    def __init__(self, block: OnlineBlock, scale: ErrorScale) -> None:
+        self.block, self.scale = block, scale
+        self.suspects: dict[ObservationKey, Suspect] = {}
+        self.disagreeing: set[ObservationKey] = set()
+        """Control that contradicts most other control: it stays out until all of it is looked at again."""
+
+    def suspect(self, suspect: Suspect) -> None:
+        """Take an observation out as suspect."""
+        self.block.leave_out(suspect.key)
+        self.suspects[suspect.key] = suspect
+
+    def forgive(self, keys: Iterable[ObservationKey]) -> None:
+        """Let suspects be taken in again."""
+        for key in keys:
+            self.suspects.pop(key, None)
+            self.block.left_out.discard(key)
+
+    def snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
+        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
+        found: list[Suspect] = []
+        # an observation drops out by itself where it can no longer be computed
+        while tested := [key for key in keys if key in self.block.equations.included]:
+            results = dict(zip(tested, self.tested(tested), strict=True))
+            worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
+            if w <= limit:
+                break
+            alike = self._alike(worst, tested)
+            if latest in alike and latest is not None:
+                alike = [worst, *(other for other in alike if other != latest)]
+                worst = latest
+            found.append(Suspect(worst, w, limit, tuple(alike)))
+            self.suspect(found[-1])
+            if len(tested) <= _ALL:
+                self.block.settle()
+            if self._gives_up(worst.photo):
+                break
+            if worst.kind == "photo":
+                found += self._blamed_control(worst.point)
+            if len(tested) > _ALL:
+                keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
+        return [one for one in found if one.key in self.suspects]
+
+    def tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
+        """Return the root of the fall of the square sum without each observation, and its limit."""
+        squares = [standing.square() for standing in self.block.equations.standings(keys)]
+        return [(float(np.sqrt(square)), self.scale.limit(max(checked, 1))) for square, checked in squares]
+
+    def review(self) -> list[ObservationKey]:
+        """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""
+        taken = []
+        tried = [key for key in self.suspects if key not in self.disagreeing]
+        for key in sorted(tried, key=lambda key: self.suspects[key].w):
+            rows = self.block.rows(self.block.rays_with_values(points=[key.point])).get(key)
+            if rows is None:
+                continue
+            square, checked = self.block.equations.trial(key, rows).square()
+            if np.sqrt(square) <= self.scale.limit(max(checked, 1)):
+                self.forgive([key])
+                self.block.equations.include(key, rows)
+                taken.append(key)
+        points = dict.fromkeys(key.point for key in taken)
+        self.block.settle(points)
+        self.snoop(self.block.included_of(points=points))
+        return taken
+
+    def _blamed_control(self, point: str) -> list[Suspect]:
+        """Suspect the control of a point, and not its rays, where several of these fit each other without it."""
+        rays = [key for key in self.suspects if key.point == point and key.kind == "photo"]
+        control = ObservationKey("control", "", point)
+        if len(rays) < _RAYS_AGAINST_CONTROL or control not in self.block.equations.included:
+            return []
+        before = {key: self.suspects[key] for key in rays}
+        (w, limit) = max((one.w, one.limit) for one in before.values())
+        self.block.leave_out(control)
+        self.forgive(rays)
+        self.block.include((key.photo, key.point) for key in rays)
+        self.block.settle([point])
+        inside = [key for key in rays if key in self.block.equations.included]
+        wrong = [key for key, (w, limit) in zip(inside, self.tested(inside), strict=True) if w > limit]
+        if len(wrong) < len(rays) - 1:
+            self.suspects[control] = Suspect(control, w, limit, ())
+            return [self.suspects[control]]
+        for one in before.values():
+            self.suspect(one)
+        self.block.left_out.discard(control)
+        self.block.include(self.block.rays_with_values(points=[point]))
+        self.block.settle([point])
+        return []
+
+    def _gives_up(self, photo: str) -> bool:
+        """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""
+        wrong = [key for key in self.suspects if photo and key.photo == photo]
+        if photo and photo not in self.block.values.orientations:
+            # it has not settled, and is out already
+            self.forgive(wrong)
+            return True
+        fitting = len(self.block.included_of(photos=[photo]))
+        if len(wrong) < _MANY or len(wrong) <= fitting:
+            return False
+        self.forgive(wrong)
+        self.block.forget_photo(photo)
+        text = (
+            f"photo {photo} waits: {len(wrong)} of its {len(wrong) + fitting} points do not fit; measure more of them"
+        )
+        self.block.values.photos_wait[photo] = text
+        return True
+
+    def _alike(self, key: ObservationKey, among: Iterable[ObservationKey]) -> list[ObservationKey]:
+        others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
+        found = self.block.equations.correlations(key, others)
+        return [other for other, rho in zip(others, found, strict=True) if np.abs(rho).max(initial=0.0) > _ALIKE]

@@ -1,0 +1,114 @@
+"""What a session has, as documents of JSON: photos, points, cameras, residuals and statistics."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.online.measuring import Measuring
+from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.sequential.observation_rows import ObservationKey
+
+Shown = dict[str, Any]
+
+
+def photos_of(measuring: Measuring) -> list[Shown]:
+    """Return all photos in which something is measured: elements in project units and degrees, or what is missing."""
+    block, values = measuring.block, measuring.block.values
+    oriented = {name: values.orientations[name] for name in block.measurements.photos if name in values.orientations}
+    elements = {}
+    if oriented:
+        local = np.array(list(oriented.values()))
+        centres = block.ground.to_project(local[:, :3])
+        rotations = block.ground.axes_at(centres) @ rotation_from_angles(local[:, 3:])
+        degrees = np.degrees(angles_from_rotation(rotations))
+        elements = dict(zip(oriented, np.hstack([centres, degrees]).tolist(), strict=True))
+    return [
+        {
+            "photo": name,
+            "points": len(block.measurements.points_in(name)),
+            "included": len(block.included_of(photos=[name])),
+            "waits": "" if name in oriented else values.photos_wait.get(name, ""),
+            **(dict(zip(PHOTO_PARAMETERS, elements[name], strict=True)) if name in oriented else {}),
+        }
+        for name in block.measurements.photos
+    ]
+
+
+def points_of(measuring: Measuring) -> list[Shown]:
+    """Return all points that are measured: coordinates in the project, or what is missing, and numbers of rays."""
+    block, values = measuring.block, measuring.block.values
+    placed = {name: found for name in block.measurements.points if (found := values.points.get(name)) is not None}
+    places = block.ground.to_project(np.array(list(placed.values())).reshape(-1, 3)).tolist()
+    coordinates = dict(zip(placed, places, strict=True))
+    return [
+        {
+            "point": name,
+            "rays": len(block.measurements.photos_of(name)),
+            "included": sum(key.kind == "photo" for key in block.included_of(points=[name])),
+            "waits": "" if name in placed else values.points_wait.get(name, ""),
+            **(dict(zip("XYZ", coordinates[name], strict=True)) if name in placed else {}),
+        }
+        for name in block.measurements.points
+    ]
+
+
+def cameras_of(measuring: Measuring) -> list[Shown]:
+    """Return all cameras with the parameters that measuring goes on with, mm, and which are unknown to `solve`."""
+    block = measuring.block
+    return [
+        {
+            "camera": camera.name,
+            "unknown": list(camera.unknown),
+            "adjusted": camera.name in block.values.cameras,
+            **dict(zip(CAMERA_PARAMETERS, block.values.cameras.get(camera.name, camera.parameters), strict=True)),
+        }
+        for camera in block.measurements.inputs.records.cameras.values()
+    ]
+
+
+def residuals_of(measuring: Measuring) -> list[Shown]:
+    """Return the photo points that are in: residuals and redundancy numbers of x and y, w and its limit, largest first.
+
+    Residuals are computed minus observed, divided by the a-priori errors.
+    """
+    equations = measuring.block.equations
+    keys = [key for key in equations.included if key.kind == "photo"]
+    found = [
+        {"photo": key.photo, "point": key.point, **_standing(measuring, key)}
+        for key in keys
+    ]  # fmt: skip
+    return sorted(found, key=lambda one: -one["w"] / one["limit"])
+
+
+def _standing(measuring: Measuring, key: ObservationKey) -> Shown:
+    standing = measuring.block.equations.standing(key)
+    square, checked = standing.square()
+    return {
+        "v": standing.residual.tolist(),
+        "redundancy": standing.redundancy.tolist(),
+        "w": float(np.sqrt(square)),
+        "limit": measuring.limit(max(checked, 1)),
+    }
+
+
+def statistics_of(measuring: Measuring) -> Shown:
+    """Return the square sum of the standard residuals, redundancy, sigma0, and what they are made of."""
+    block = measuring.block
+    kinds: dict[str, int] = {}
+    for key, rows in block.equations.included.items():
+        kinds[key.kind] = kinds.get(key.kind, 0) + len(rows.right)
+    equations = sum(kinds.values())
+    return {
+        "equations": equations,
+        "unknowns": equations - block.equations.redundancy,
+        "redundancy": block.equations.redundancy,
+        "square sum": block.equations.square_sum,
+        "sigma0": block.sigma0,
+        "by kind": kinds,
+        "suspects": len(measuring.suspects),
+        "excluded": len(measuring.excluded),
+    }
