@@ -105,7 +105,7 @@ PART_OF = {
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
 GIVES_NONE = {
-    "orip.bundle.compiled.photo_loop.StreamedCoupling.of_blocks": "rows of the coupling, of linearise_with_partials",
+    "orip.bundle.compiled.photo_loop.rows_of_blocks": "rows of the coupling, of linearise_with_partials",
     "orip.bundle.other_places._Linearised.of_points": "some of the columns, unchanged",
     "orip.bundle.other_places._by_reduced": "some of the columns, unchanged",
     "orip.bundle.other_places._linearised": "linearise_with_partials of photo points, divided by their errors",
