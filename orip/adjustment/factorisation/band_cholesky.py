@@ -6,6 +6,7 @@ A full matrix of the same unknowns names the same ones as not determined (`orip.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix
 from orip.adjustment.factorisation.band_panels import add_product
 from orip.adjustment.factorisation.cholesky import LOST_ALL
-from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.adjustment.factorisation.null_space import undetermined_columns
 from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
 
@@ -107,34 +108,13 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
         removed[:], lost[:] = True, LOST_ALL
     while True:
         factor = _factor(matrix, removed, lost)
-        found = _undetermined(matrix, factor, removed, max_lost_digits)
+        found = undetermined_columns(
+            matrix, factor, removed, max_lost_digits, partial(_factor, matrix, removed, np.zeros(len(matrix)))
+        )
         if factor is not None and not len(found.columns):
             return factor
         removed[found.columns] = True
         lost[found.columns] = found.lost_digits
-
-
-def _undetermined(
-    matrix: BandMatrix, factor: BandFactor | None, removed: NDArray[np.bool_], max_lost_digits: float
-) -> RemovedUnknowns:
-    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
-    least, shift = 10.0**-max_lost_digits, SHIFT
-    singular = factor is None
-    while factor is None:
-        factor = _factor(matrix, removed, np.zeros(len(matrix)), shift)
-        shift *= 10.0
-    solver, taking_part = factor, ~removed
-    while True:
-        found = soft_movements(
-            lambda x: taking_part[:, None] * matrix.times(x),
-            lambda x: solver.back_substitute(solver.reduce(x)),
-            np.flatnonzero(taking_part),
-            len(matrix),
-            least,
-        )
-        if len(found.stiffness) or not singular:
-            return unknowns_to_remove(found)
-        least *= 10.0
 
 
 def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, shift: float = 0.0) -> BandFactor | None:

@@ -8,11 +8,11 @@ itself: errors of its factorisation do not count. For each movement below the li
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 SHIFT = 1e-13
 """Added to the diagonal of a matrix that has no factor; far below any limit, and above the rounding of its elements."""
@@ -116,3 +116,57 @@ def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
     stiffness = (parts**2 * found.stiffness[:, None]).sum(axis=0) / (parts**2).sum(axis=0)
     # a stiffness that is nothing but rounding cannot have lost more digits than a number has
     return RemovedUnknowns(columns, -np.log10(np.maximum(stiffness, _ROUNDING)))
+
+
+class _Matrix(Protocol):
+    """A symmetric matrix (m, m)."""
+
+    def __len__(self) -> int: ...
+
+    def times(self, vectors: FloatArray, /) -> FloatArray: ...
+
+
+class _Factor(Protocol):
+    """Its factor, zero for the columns that are removed."""
+
+    def reduce(self, vectors: FloatArray, /) -> FloatArray: ...
+
+    def back_substitute(self, vectors: FloatArray, /) -> FloatArray: ...
+
+
+def undetermined_columns(
+    matrix: _Matrix,
+    factor: _Factor | None,
+    removed: BoolArray,
+    max_lost_digits: float,
+    shifted: Callable[[float], _Factor | None],
+) -> RemovedUnknowns:
+    """Return the further columns to remove of a matrix; where it has no factor, at least one.
+
+    Parameters
+    ----------
+    matrix : matrix (m, m)
+    factor : factor, or None
+    removed : array (m,) of bool
+        Columns that are removed already.
+    max_lost_digits : float
+    shifted : callable
+        Returns the factor of the matrix with its diagonal enlarged by a number; None if it has none.
+    """
+    least, shift = 10.0**-max_lost_digits, SHIFT
+    singular = factor is None
+    while factor is None:
+        factor = shifted(shift)
+        shift *= 10.0
+    solver, taking_part = factor, ~removed
+    while True:
+        found = soft_movements(
+            lambda x: taking_part[:, None] * matrix.times(x),
+            lambda x: solver.back_substitute(solver.reduce(x)),
+            np.flatnonzero(taking_part),
+            len(matrix),
+            least,
+        )
+        if len(found.stiffness) or not singular:
+            return unknowns_to_remove(found)
+        least *= 10.0

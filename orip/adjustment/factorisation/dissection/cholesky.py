@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from orip.adjustment.factorisation.dissection.fronts import (
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
 from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
-from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
+from orip.adjustment.factorisation.null_space import undetermined_columns
 from orip.arrays import BoolArray, FloatArray
 
 
@@ -104,35 +105,14 @@ def factorise_dissected(matrix: DissectedMatrix, max_lost_digits: float, undeter
         removed[:], lost[:] = True, LOST_ALL
         factor = _factor(matrix, removed, lost)
     while True:
-        found = _undetermined(matrix, factor, removed, max_lost_digits)
+        found = undetermined_columns(
+            matrix, factor, removed, max_lost_digits, partial(_factor, matrix, removed, np.zeros(len(matrix)))
+        )
         if factor is not None and not len(found.columns):
             return factor
         removed[found.columns] = True
         lost[found.columns] = found.lost_digits
         factor = _factor(matrix, removed, lost)
-
-
-def _undetermined(
-    matrix: DissectedMatrix, factor: DissectedFactor | None, removed: BoolArray, max_lost_digits: float
-) -> RemovedUnknowns:
-    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
-    least, shift = 10.0**-max_lost_digits, SHIFT
-    singular = factor is None
-    while factor is None:
-        factor = _factor(matrix, removed, np.zeros(len(matrix)), shift)
-        shift *= 10.0
-    solver, taking_part = factor, ~removed
-    while True:
-        found = soft_movements(
-            lambda x: taking_part[:, None] * matrix.times(x),
-            lambda x: solver.back_substitute(solver.reduce(x)),
-            np.flatnonzero(taking_part),
-            len(matrix),
-            least,
-        )
-        if len(found.stiffness) or not singular:
-            return unknowns_to_remove(found)
-        least *= 10.0
 
 
 def _factor(
