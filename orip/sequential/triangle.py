@@ -187,8 +187,8 @@ class Triangle:
     ) -> tuple[FloatArray, IntArray, int]:
         """Return a factor whose first columns do not depend on each other, its columns (c,), and how many these are.
 
-        A column of the panel, the first `count` ones, that depends on those before it goes to the panel's end as soon as
-        it is met, and what is left is factored again: a reflection made of rounding would take a direction from the
+        A column of the panel, the first `count` ones, that depends on those before it goes to the panel's end as soon
+        as it is met, and what is left is factored again: a reflection made of rounding would take a direction from the
         columns after it, which might seem to depend on others then, and a row from the columns beyond.
         """
         rank = 0

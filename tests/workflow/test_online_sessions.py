@@ -10,7 +10,7 @@ import pytest
 from support.sample_projects import sample
 from threadpoolctl import threadpool_limits
 from workflow.quiet import run_quietly
-from workflow.small_projects import first_project
+from workflow.small_projects import first_project, replace_in
 
 from orip.errors import UsageError
 from orip.workflow.online.replies import Reply, reply_to
@@ -168,6 +168,19 @@ def test_photos_points_cameras_residuals_and_statistics_are_those_of_the_adjustm
         assert photo["X0"] == pytest.approx(result["photos"][photo["photo"]]["X0"]["value"], abs=1e-3)
 
 
+def test_a_calibration_that_nothing_determines_is_held_by_solve_with_prune(project) -> None:
+    folder, points = project
+    replace_in(folder / "orip.toml", "c = 35.0", 'set = "EBNER"\nframe = [36.0, 24.0]\nc = 35.0')
+    commit(initialise(read_project(folder, "definitions")))
+    session = OnlineSession(folder, None)
+    for point in points:
+        assert "error" not in _measure(session, folder, point)
+    assert session.measuring.block.measurements.whole().cameras[0].additional_set is None
+    pruned = _reply(session, folder, do="solve", prune=True)
+    assert "EBNER" in " ".join(pruned["held"])
+    assert not _reply(session, folder, do="solve")["held"]
+
+
 def test_what_is_answered_is_on_the_disk(project) -> None:
     """A session that was killed after any answer goes on where it was: nothing but the log is needed."""
     folder, points = project
@@ -225,6 +238,7 @@ def test_lines_that_others_append_are_answered(project) -> None:
         ('{"do": "measure", "photo": "P1", "point": 1, "x": 1, "y": 1}', "in quotes"),
         ('{"do": "show", "what": "all"}', "it is one of summary"),
         ('{"do": "solve", "now": true}', "does not have"),
+        ('{"do": "solve", "prune": "yes"}', "true or false"),
     ],
 )
 def test_faulty_requests(line: str, wrong: str) -> None:
