@@ -104,7 +104,9 @@ def simplon_like_session(blunders: int, seed: int = 1) -> SimulatedSession:
     """
     random = np.random.default_rng(seed)
     places = _places(4, 6)
-    third = [(north, east) for north in (0, 3) for east in (1, 2, 3)]
+    # where three photos look at, and at two where four do: 14 points with 44 rays
+    third = [(north, east) for north in (-1, 4) for east in range(1, 5)]
+    third += [(north, east) for north in (1, 2) for east in (-1, 6)] + [(0, 0), (3, 5)]
     design = _design(4, 6, {place: 3 if place in third else 2 for place in places}, random)
     measured = _measured(design, random)
     first, second = ({point for photo, point, _ in measured if photo == name} for name in design.names[:2])
@@ -115,17 +117,18 @@ def simplon_like_session(blunders: int, seed: int = 1) -> SimulatedSession:
 
 
 def echallens_like_session(blunders: int, seed: int = 1) -> SimulatedSession:
-    """Return a session of 7 strips of 7 photos and 231 points: three at most places."""
-    random = np.random.default_rng(seed)
-    places = _places(7, 7)
-    design = _design(7, 7, {place: 3 if row < 231 - 2 * len(places) else 2 for row, place in enumerate(places)}, random)
-    measured = _measured(design, random)
-    return _with_blunders(design, _control(design, 7, 7, random), measured, blunders, random)
+    """Return a session of 7 strips of 7 photos and 231 points: three at each place."""
+    return simulated_session(7, 7, blunders, seed, points_a_place=3)
 
 
 def _places(strips: int, photos: int) -> list[tuple[int, int]]:
-    """Return the places: below each photo, and one base beyond the photos on every side as well."""
-    return [(north, east) for north in range(-1, strips + 1) for east in range(-1, photos + 1)]
+    """Return the places: below each photo, and one base beyond the photos on every side, where two or more look at."""
+    return [
+        (north, east)
+        for north in range(-1, strips + 1)
+        for east in range(-1, photos + 1)
+        if north in range(strips) or east in range(photos)
+    ]
 
 
 def _point_name(place: tuple[int, int], number: int) -> str:
@@ -196,7 +199,7 @@ def _planted(measured: list[Measurement], count: int, random: np.random.Generato
 
 def _control(design: _Design, strips: int, photos: int, random: np.random.Generator) -> Control:
     """Return full control in the first photos and along the edges."""
-    places = sorted({(-1, -1), (-1, 1), (1, -1), (1, 1), (strips, -1), (-1, photos), (strips, photos)})
+    places = sorted({(-1, 0), (-1, 1), (1, -1), (1, 1), (strips, 0), (-1, photos - 1), (strips, photos - 1)})
     errors = (_CONTROL_ERROR,) * 3
     return Control(
         tuple(
