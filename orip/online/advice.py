@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.starting_points import given_coordinates
+from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.online.answers import Candidate

@@ -13,8 +13,8 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.part_of_block import part_of_block
+from orip.bundle.points.starting import given_coordinates, with_starting_points
 from orip.bundle.solve import solve_block
-from orip.bundle.starting_points import given_coordinates, with_starting_points
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.interior.image_vectors import image_vectors
