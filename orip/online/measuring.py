@@ -30,6 +30,9 @@ _FEW_POINTS = 12
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
 
+_TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
+"""Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
+
 
 @dataclass(slots=True)
 class _Found:
@@ -55,6 +58,7 @@ class Measuring:
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0.0
         self._next_adjustment = 0.0
+        self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
@@ -85,6 +89,8 @@ class Measuring:
             self._snooping.forgive([key])
             self.excluded.discard(key)
         found = self._advance(point, key)
+        if len(self.block.measurements) >= self._begun_with * (1.0 + _LATER):
+            found = self._begun_again_if_doubted(found)
         return self._answer(key, before, found)
 
     def exclude(self, photo: str, point: str) -> Answer:
@@ -144,11 +150,13 @@ class Measuring:
             self.block.relinearise()
         if self.suspects:
             self._snooping.review()
-        self.examine_control()
+        self.examine()
 
-    def examine_control(self) -> None:
-        """Look at the control with all that is measured by now, if something of it does not fit."""
+    def examine(self) -> None:
+        """Look at the control with all that is measured by now, and at the values if there are too many suspects."""
         self._control.examine_if_doubted(now=True)
+        if len(self.block.measurements) > self._begun_with:
+            self._begun_again_if_doubted(_Found([], [], [], []))
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
@@ -202,6 +210,38 @@ class Measuring:
         before = set(again)
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
+
+    def _begun_again_if_doubted(self, found: _Found) -> _Found:
+        """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
+
+        What is measured first may orient photos wrongly, so that what is right does not fit later.
+
+        Returns
+        -------
+        _Found
+            What has been found all in all.
+        """
+        before, photos = self.suspects, set(self.block.values.orientations)
+        suspects = sum(key.kind == "photo" for key in before)
+        if suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)):
+            return found
+        self._begun_with = len(self.block.measurements)
+        other = Measuring(self.block.begun_again(self.excluded))
+        if len(other.block.equations.included) <= len(self.block.equations.included):
+            return found
+        self.block, self._scale, self._snooping, self._control = (
+            other.block,
+            other._scale,
+            other._snooping,
+            other._control,
+        )
+        self._next_adjustment = self._begun_with * (1.0 + _LATER)
+        return _Found(
+            [one for key, one in self.suspects.items() if key not in before or one in found.suspects],
+            [*found.cleared, *(key for key in before if key not in self.suspects)],
+            [photo for photo in self.block.values.orientations if photo in found.oriented or photo not in photos],
+            [point for point in found.placed if point in self.block.values.points],
+        )
 
     def _settle(self) -> None:
         """Linearise the first photos at their solution, what does not fit being out."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -74,6 +75,14 @@ class OnlineBlock:
         if given is not None:
             rows = zip(given.photos, given.points, given.disregarded, strict=True)
             self.left_out.update(self.key(photo, point) for photo, point, disregarded in rows if disregarded)
+
+    def begun_again(self, excluded: Collection[ObservationKey]) -> OnlineBlock:
+        """Return a block of the same measurements without any values; some are excluded."""
+        measured, inputs = self.measurements.observations, self.measurements.inputs
+        rays = zip(measured.photos, measured.points, strict=True)
+        disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
+        given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
+        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)))
 
     @property
     def sigma0(self) -> float | None:
