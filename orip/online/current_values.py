@@ -92,7 +92,7 @@ class CurrentValues:
         # given orientations are often far off, and what the chain finds is not
         for start in (_without_given, started_block):
             try:
-                started = start(block, lambda _: None)
+                started = start(block, explained_preliminary_values)
             except (NotSolvableError, InputError) as error:
                 reason = str(error).splitlines()[0]
                 self.photos_wait = {photo.name: reason for photo in block.photos}
@@ -286,10 +286,9 @@ def _with_larger_errors(block: Block) -> Block:
     )
 
 
-def _without_given(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
+def _without_given(block: Block, find: Callable[[Block], PreliminaryValues]) -> StartedBlock:
     """Return a block as the chain starts it; photos that it cannot orient are left out, unless they are constant."""
-    values = explained_preliminary_values(block)
-    found(values)
+    values = find(block)
     constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
     return own_start(replace(block, photo_orientation=np.where(constant, block.photo_orientation, np.nan)), values)
 
