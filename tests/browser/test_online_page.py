@@ -78,7 +78,8 @@ def test_the_page_says_what_waits_what_fits_and_what_does_not(browser, session) 
     # a cross, and not a colour alone
     crosses = browser.find_elements("css selector", "svg.photo path[stroke='var(--suspect)']")
     assert crosses
-    assert "do not fit" in browser.find_element("css selector", "figure.now, figure:has(path)").text
+    assert "do not fit" in browser.find_element("css selector", "figure.now").text
+    assert text("suspects") != "nothing"
     measure(photo, name, x, y)
     wait_for(f"{name} in {photo}")
     WebDriverWait(browser, 10, 0.02).until(

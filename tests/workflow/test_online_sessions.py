@@ -227,14 +227,15 @@ def test_faulty_requests(line: str, wrong: str) -> None:
         read_request(line)
 
 
-def test_garbled_lines_change_nothing(project) -> None:
+@pytest.mark.parametrize("lines", [500, pytest.param(100_000, marks=[pytest.mark.long, pytest.mark.timeout(3600)])])
+def test_garbled_lines_change_nothing(project, lines: int) -> None:
     folder, points = project
     session = OnlineSession(folder, None)
     _measure(session, folder, points[0])
     before = (folder / "EDITS.MEA").read_bytes()
     noise = random.Random(5)
     line = json.dumps({"do": "measure", "photo": "NONE", "point": "7", "x": 1.0, "y": 2.0})
-    for _ in range(2000):
+    for _ in range(lines):
         characters = list(line)
         for _ in range(noise.randrange(1, 6)):
             characters[noise.randrange(len(characters))] = chr(noise.randrange(1, 0x2000))
