@@ -140,7 +140,7 @@ def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
 
 def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, is_last: bool = True) -> None:
     """Print what was imported, how it fits and what is lost; where it was written if nothing else follows."""
-    from orip.workflow.exchange.texts import summary_lines
+    from orip.workflow.exchange.texts import summary_lines, what_to_write
 
     block = imported.block
     lines = summary_lines(block)
@@ -153,10 +153,8 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         return
     terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
-    if block.project.is_calibration:
-        terminal.point("next", f"write photos of the camera into {folder / 'orip.toml'}", "bold")
-    else:
-        terminal.point("next", f"orip -C {quoted} run", "bold")
+    first = what_to_write(block)
+    terminal.point("next", (f"{first}; then: " if first else "") + f"orip -C {quoted} run", "bold")
     if terminal.json:
         has_residuals = block.found.lengths.size > 0
         stated = block.project.stated
