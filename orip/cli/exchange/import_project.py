@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from orip.cli.completion import imported
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from orip.workflow.exchange.imported import ImportedProject
 
 WORDS = typer.Argument(
-    metavar="[FORMAT] SOURCE [DIR]", help="Format, its file or folder, and the new project's folder."
+    metavar="[FORMAT] SOURCE [DIR]",
+    autocompletion=imported,
+    help="Format, its file or folder, and the new project's folder.",
 )
 
 
