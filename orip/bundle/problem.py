@@ -327,7 +327,15 @@ class Posed(NamedTuple):
 
 
 def posed(block: Block) -> Posed:
-    """Return the parts of a block's problem."""
+    """Return the parts of a block's problem.
+
+    Raises
+    ------
+    InputError
+        For observations that the normal equations have not enough digits for.
+    """
+    for kind in KINDS:
+        kind.refuse(block)
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)
