@@ -208,7 +208,8 @@ class CurrentValues:
         others = [photo for photo in measurements.sharing(mine) if photo in self.orientations]
         if not others:
             return None
-        common = {photo: mine.intersection(measurements.points_in(photo)) for photo in others}
+        # in the order of measuring, as relative orientation draws samples of them
+        common = {photo: [point for point in measurements.points_in(photo) if point in mine] for photo in others}
         best = max(others, key=lambda photo: (len(common[photo]), photo))
         part = measurements.part((photo, point) for photo in (name, best) for point in common[best])
         if part is None:

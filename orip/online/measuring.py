@@ -30,6 +30,9 @@ _FEW_POINTS = 12
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
 
+_MUCH_LATER = 0.25
+"""Part by which they have to increase before all values are found again."""
+
 _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
@@ -56,7 +59,7 @@ class Measuring:
     def __init__(self, block: OnlineBlock) -> None:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
-        self._next_start = 0.0
+        self._next_start = 0
         self._next_adjustment = 0.0
         self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
@@ -89,7 +92,7 @@ class Measuring:
             self._snooping.forgive([key])
             self.excluded.discard(key)
         found = self._advance(point, key)
-        if len(self.block.measurements) >= self._begun_with * (1.0 + _LATER):
+        if len(self.block.measurements) >= self._begun_with * (1.0 + _MUCH_LATER):
             found = self._begun_again_if_doubted(found)
         return self._answer(key, before, found)
 
@@ -183,9 +186,11 @@ class Measuring:
     def _advance(self, point: str, key: ObservationKey) -> _Found:
         """Find values that can be found now, take in what has them, and test it."""
         block, found = self.block, _Found([], [], [], [])
-        if not block.values.orientations:
+        if not (block.values.orientations and block.values.points):
+            oriented = set(block.values.orientations)
             self._start([key.photo])
-            found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
+            found.oriented = [photo for photo in block.values.orientations if photo not in oriented]
+            found.placed = list(block.values.points)
             self._scale.estimated()
             found.suspects = self._snooping.snoop(list(block.equations.included), key)
             self._settle()
@@ -229,12 +234,8 @@ class Measuring:
         other = Measuring(self.block.begun_again(self.excluded))
         if len(other.block.equations.included) <= len(self.block.equations.included):
             return found
-        self.block, self._scale, self._snooping, self._control = (
-            other.block,
-            other._scale,
-            other._snooping,
-            other._control,
-        )
+        self.block, self._scale = other.block, other._scale
+        self._snooping, self._control = other._snooping, other._control
         self._next_adjustment = self._begun_with * (1.0 + _LATER)
         return _Found(
             [one for key, one in self.suspects.items() if key not in before or one in found.suspects],
@@ -262,7 +263,7 @@ class Measuring:
             }
             return
         block.values.start(block.measurements)
-        self._next_start = len(block.measurements) * (1.0 + _LATER)
+        self._next_start = int(len(block.measurements) * (1.0 + _LATER))
         if block.values.orientations:
             # at the values of a robust adjustment: what is wrong would only lead away from them
             block.start()

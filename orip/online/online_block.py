@@ -140,7 +140,8 @@ class OnlineBlock:
         of_photo = self.included_of(photos=[photo])
         lost = dict.fromkeys(key.point for key in of_photo if key.point and self._rays(key.point) < 3)
         self.equations.exclude_all(dict.fromkeys([*of_photo, *self.included_of(points=lost)]))
-        for name in lost:
+        # without photos there is no block that the others could lie in
+        for name in lost if self.values.orientations else list(self.values.points):
             self.values.points.pop(name, None)
 
     def _rays(self, point: str) -> int:
@@ -313,8 +314,7 @@ class OnlineBlock:
         """Linearise what is in at the values, control with its present weight."""
         included = set(self.equations.included)
         moved = self._valued()
-        assert moved is not None, "there were values before"
-        rows = self.linearised(moved)
+        rows = {} if moved is None else self.linearised(moved)
         self.equations.relinearise({key: rows[key] for key in rows if key in included})
 
     def start(self) -> None:
