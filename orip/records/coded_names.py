@@ -7,13 +7,13 @@ different names, and the answers are taken by their numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, repeat
+from itertools import chain, compress, repeat
 from typing import TypeVar, final, overload
 
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 
 T = TypeVar("T")
 
@@ -67,8 +67,25 @@ class CodedNames(Sequence[str]):
 
     def occurring(self) -> tuple[str, ...]:
         """Return the different names among the rows, in the order of their first ones."""
-        codes, first = np.unique(self.codes, return_index=True)
-        return tuple(map(self.distinct.__getitem__, codes[np.argsort(first)].tolist()))
+        first = self.first_rows()
+        there = np.flatnonzero(first < len(self))
+        return tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+
+    def first_rows(self) -> IntArray:
+        """Return the first row (m,) of each different name; n for a name that no row has."""
+        count = len(self)
+        first = np.full(len(self.distinct), count)
+        first[self.codes[::-1]] = np.arange(count - 1, -1, -1)  # the last one written stays
+        return first
+
+    def without_unused(self) -> CodedNames:
+        """Return the same names without those that no row has; the others keep their order."""
+        is_used = np.zeros(len(self.distinct), dtype=bool)
+        is_used[self.codes] = True
+        if is_used.all():
+            return self
+        number = np.cumsum(is_used) - 1
+        return CodedNames(tuple(compress(self.distinct, is_used.tolist())), number[self.codes])
 
     def numbers(self, number_of: Callable[[str], int]) -> IntArray:
         """Return the number (n,) that a function gives the name of each row."""
@@ -77,6 +94,12 @@ class CodedNames(Sequence[str]):
     def places(self, place: Mapping[str, int]) -> IntArray:
         """Return the place (n,) of the name of each row; -1 where it has none."""
         return np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))[self.codes]
+
+    def places_among(self, names: tuple[str, ...]) -> IntArray:
+        """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
+        if self.distinct[: len(names)] == names:  # nearly always: the points of a block, and what measurements add
+            return self.codes if len(self.distinct) == len(names) else np.where(self.codes < len(names), self.codes, -1)
+        return self.places(places_of_names(names))
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
         """Return for which rows (n,) a condition on the name holds."""

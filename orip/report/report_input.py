@@ -77,9 +77,8 @@ class ReportInput:
         """Return the rows of the points that each photo of the solution has, in the order of the points."""
         residuals, photos, points = self.solution.residuals, self.solution.photos.names, self.solution.points.names
         photo_row = {name: row for row, name in enumerate(photos)}
-        point_row = {name: row for row, name in enumerate(points)}
         photo = coded(residuals.photo).places(photo_row)
-        point = coded(residuals.point).places(point_row)
+        point = coded(residuals.point).places_among(points)
         of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (photo >= 0) & (point >= 0)
         both = np.sort(photo[of_photos] * len(points) + point[of_photos])
         both = both[np.diff(both, prepend=-1) > 0]
