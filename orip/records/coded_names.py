@@ -40,7 +40,7 @@ class CodedNames(Sequence[str]):
         return len(self.codes)
 
     def __iter__(self) -> Iterator[str]:
-        return map(self.distinct.__getitem__, self.codes.tolist())
+        return iter(np.array(self.distinct, dtype=object)[self.codes].tolist())
 
     @overload
     def __getitem__(self, at: int) -> str: ...
@@ -115,7 +115,10 @@ def coded(names: Sequence[str]) -> CodedNames:
     """Return names as `CodedNames`, the different ones in the order in which they come first."""
     if isinstance(names, CodedNames):
         return names
-    number = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    distinct = tuple(dict.fromkeys(names))
+    if len(distinct) == len(names):
+        return CodedNames(distinct, np.arange(len(names)))
+    number = dict(zip(distinct, range(len(distinct)), strict=True))
     return CodedNames(tuple(number), np.fromiter(map(number.__getitem__, names), np.int64, len(names)))
 
 
@@ -126,10 +129,14 @@ def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
         return columns[0] if columns else CodedNames((), np.zeros(0, dtype=np.int64))
     first, *others = columns
     # the first column has mostly nearly all names: they keep their numbers
-    number = dict(zip(first.distinct, range(len(first.distinct)), strict=True))
+    known = places_of_names(first.distinct)
+    further: dict[str, int] = {}
     for name in chain.from_iterable(column.distinct for column in others):
-        number.setdefault(name, len(number))
-    return CodedNames(tuple(number), np.concatenate([first.codes, *(column.places(number) for column in others)]))
+        if name not in known:
+            further.setdefault(name, len(known) + len(further))
+    number = {**known, **further} if further else known
+    distinct = (*first.distinct, *further) if further else first.distinct
+    return CodedNames(distinct, np.concatenate([first.codes, *(column.places(number) for column in others)]))
 
 
 def repeated(name: str, count: int) -> CodedNames:

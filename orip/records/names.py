@@ -45,7 +45,7 @@ def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
     return twins
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=8)
 def places_of_names(names: tuple[str, ...]) -> Mapping[str, int]:
     """Return the place of each name; remembered, as everything asks for that of a block's points."""
     return MappingProxyType({name: place for place, name in enumerate(names)})

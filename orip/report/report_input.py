@@ -18,6 +18,7 @@ from orip.records.project.photo import Photo, Template
 from orip.records.project.report_details import ReportDetails
 from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
+from orip.report.photo_vectors import PhotoVectors, photo_vectors
 from orip.units import DEGREES_PER_RADIAN
 
 
@@ -53,6 +54,11 @@ class ReportInput:
     crs: str | None = None
     replayed: tuple[tuple[str, str], ...] = ()
     test_level: float | None = None
+
+    @cached_property
+    def photo_vectors(self) -> Mapping[str, PhotoVectors]:
+        """Return the residual vectors of each photo that has photo points."""
+        return photo_vectors(self.solution.residuals)
 
     @cached_property
     def axes(self) -> FloatArray:
