@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, compress, repeat
-from typing import TypeVar, final, overload
+from typing import Any, TypeVar, final, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, IntArray
 from orip.records.names import places_of_names, record_key
@@ -27,14 +28,14 @@ class CodedNames(Sequence[str]):
     distinct : sequence of str, length m
         Without repetitions; some may not occur among the rows.
     codes : array (n,) of int
-        Numbers of the rows' names among them.
+        Numbers of the rows' names among them; kept with 32 bits.
     """
 
     __slots__ = ("codes", "distinct")
 
-    def __init__(self, distinct: Sequence[str], codes: IntArray) -> None:
+    def __init__(self, distinct: Sequence[str], codes: NDArray[np.integer[Any]]) -> None:
         self.distinct = tuple(distinct)
-        self.codes = codes
+        self.codes: NDArray[np.int32] = codes.astype(np.int32, copy=False)
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -98,7 +99,7 @@ class CodedNames(Sequence[str]):
     def places_among(self, names: tuple[str, ...]) -> IntArray:
         """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
         if self.distinct[: len(names)] == names:  # nearly always: the points of a block, and what measurements add
-            return self.codes if len(self.distinct) == len(names) else np.where(self.codes < len(names), self.codes, -1)
+            return np.where(self.codes < len(names), self.codes.astype(np.int64), -1)
         return self.places(places_of_names(names))
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
@@ -136,7 +137,8 @@ def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
             further.setdefault(name, len(known) + len(further))
     number = {**known, **further} if further else known
     distinct = (*first.distinct, *further) if further else first.distinct
-    return CodedNames(distinct, np.concatenate([first.codes, *(column.places(number) for column in others)]))
+    codes = [first.codes, *(column.places(number).astype(np.int32) for column in others)]
+    return CodedNames(distinct, np.concatenate(codes))
 
 
 def repeated(name: str, count: int) -> CodedNames:
