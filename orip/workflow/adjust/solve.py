@@ -13,7 +13,7 @@ from orip.prelim.ground.project_coordinates import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.results.gate import GateResult
+from orip.records.results.gate import Gate, GateResult
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
@@ -51,18 +51,7 @@ def solve(
     expressions: Sequence[str] = (),
     pose: Pose = pose_problem,
 ) -> Change[SolveOutcome]:
-    """Adjust one bundle and check its gates against the solution; nothing is written. See `solve_with_equations`."""
-    return solve_with_equations(bundle, watcher, method, expressions, pose)[0]
-
-
-def solve_with_equations(
-    bundle: BundleState,
-    watcher: SolveWatcher = NOBODY,
-    method: Method = PLAIN,
-    expressions: Sequence[str] = (),
-    pose: Pose = pose_problem,
-) -> tuple[Change[SolveOutcome], SolvedBlock]:
-    """Adjust one bundle as `solve` does, and return also the adjusted block: its equations take half of the memory.
+    """Adjust one bundle and check its gates against the solution; nothing is written.
 
     No store is locked while the iterations run. The solution names the digests of what it was computed from, so that a
     change in the meantime shows in `orip status`.
@@ -83,25 +72,49 @@ def solve_with_equations(
     ------
     InputError, NotSolvableError, UsageError
     """
-    project = bundle.project
-    gates = project_gates(project, expressions)
+    gates = project_gates(bundle.project, expressions)
+    # the equations take half of the memory, and are released before anything is written
+    adjusted = _adjusted(bundle, watcher, method, pose)[0]
+    return _change(bundle, adjusted, gates)
+
+
+def solve_with_equations(
+    bundle: BundleState, watcher: SolveWatcher = NOBODY, method: Method = PLAIN
+) -> tuple[Change[SolveOutcome], SolvedBlock]:
+    """Adjust one bundle as `solve` does, and return also the adjusted block with its equations."""
+    gates = project_gates(bundle.project, ())
+    adjusted, solved = _adjusted(bundle, watcher, method, pose_problem)
+    return _change(bundle, adjusted, gates), solved
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjusted:
+    """The solution of a project's bundle, and the listing of preliminary values, if they had to be found."""
+
+    solution: Solution
+    listed: tuple[TextOutput, ...]
+
+
+def _adjusted(bundle: BundleState, watcher: SolveWatcher, method: Method, pose: Pose) -> tuple[_Adjusted, SolvedBlock]:
     found: list[PreliminaryValues] = []
     solution, solved = solve_bundle(block_input(bundle), method, _that_keeps(watcher, found), pose)
-    solution = _of_project(bundle, solution, method)
     listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
-    outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
-    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in listed))
-    change = Change(
+    return _Adjusted(_of_project(bundle, solution, method), listed), solved
+
+
+def _change(bundle: BundleState, adjusted: _Adjusted, gates: Sequence[Gate]) -> Change[SolveOutcome]:
+    project, solution = bundle.project, adjusted.solution
+    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in adjusted.listed))
+    return Change(
         bundle.state,
         SolveOutcome(project, solution, check_solution(solution, gates), files, _left_out(bundle, solution)),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
-        outputs=outputs,
+        outputs=(*adjusted.listed, *solution_outputs(project, solution, bundle.observations)),
         superseded=superseded_outputs(project, solution),
         restores_outputs=True,
     )
-    return change, solved
 
 
 def _that_keeps(watcher: SolveWatcher, found: list[PreliminaryValues]) -> SolveWatcher:
