@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.starting_points import given_coordinates
+from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.online.answers import Candidate
@@ -71,10 +71,20 @@ def _further_rays(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
     rays = {name: rows[key] for name in names if (key := ObservationKey("photo", photo, name)) in rows}
     equations = [_of_reduced(block, name, ray, rows) for name, ray in rays.items()]
     errors = dict(zip((part.point_names[row] for row in part.photo_points.point), part.photo_points.error, strict=True))
-    for name, (_, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
+    for name, (difference, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
         gain = 0.5 * float(np.log2(np.linalg.det(np.eye(len(cofactor)) + cofactor))) if len(cofactor) else 0.0
         ellipse = _ellipse(cofactor * np.outer(errors[name], errors[name])) if len(cofactor) == 2 else None
-        yield Candidate(photo, name, expected[name], ellipse, gain, _why(block, name))
+        xy = expected[name]
+        if block.equations.has_point(name):
+            # as if measured where the values have it; the solution is somewhere else by as much as is still linear
+            xy = _moved(block, photo, xy, -difference * errors[name])
+        yield Candidate(photo, name, xy, ellipse, gain, _why(block, name))
+
+
+def _moved(block: OnlineBlock, photo: str, stored: tuple[float, float], by: FloatArray) -> tuple[float, float]:
+    """Return stored coordinates of a place in a photo that is moved, mm."""
+    to_photo = block.measurements.inputs.interior.to_photo[record_key(photo)]
+    return _stored(block, photo, {"": to_photo.apply(np.array([stored]))[0] + by})[""]
 
 
 def _why(block: OnlineBlock, name: str) -> str:

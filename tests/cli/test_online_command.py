@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from scipy.stats import poisson
 from workflow.small_projects import first_project
 
 PROGRAM = [sys.executable, "-m", "orip"]
@@ -27,14 +29,19 @@ def test_each_line_is_answered_by_a_line(tmp_path: Path) -> None:
     assert "not a request" in fault["error"]
 
 
+@pytest.mark.long
 def test_demonstration_names_the_three_blunders() -> None:
+    """A block of 24 photos; sessions of six photos are tested with each run."""
     done = subprocess.run(
         [*PROGRAM, "--json", "online", "--demo"], capture_output=True, text=True, check=True, env=ENVIRONMENT
     )
     found = json.loads(done.stdout)
     wrong = [line.split(" by ")[0].strip() for line in done.stderr.splitlines() if " by (" in line]
     assert len(wrong) == 3
-    assert sorted(found["suspects"]) == sorted(wrong)
+    # of 468 measurements each fails its test wrongly with a probability of 0.001
+    assert set(wrong) <= set(found["suspects"])
+    assert len(found["suspects"]) <= len(wrong) + poisson.ppf(0.999, 0.468)
+    assert "450 unknowns" in done.stderr
 
 
 def test_a_killed_session_has_every_measurement_that_it_has_answered(tmp_path: Path) -> None:
