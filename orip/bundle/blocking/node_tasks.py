@@ -54,7 +54,7 @@ class NodeCoupling(NamedTuple):
 
 
 class NodeNormals(NamedTuple):
-    """Normal equations of a front as a triangle (f (f + 1) / 2,), the points that were eliminated from them, and their coupling."""
+    """Normal equations of a front, a triangle (f (f + 1) / 2,), with the eliminated points and their coupling."""
 
     matrix: FloatArray
     points: NodePoints

@@ -16,7 +16,7 @@ from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
 from orip.workflow.cluster import sub_block_files
-from orip.workflow.cluster.dask_passes import grouped
+from orip.workflow.cluster.dask_passes import front_bytes, grouped
 from orip.workflow.cluster.divided_block import DividedBlocks
 from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
 
@@ -97,15 +97,17 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
         problem.linearise(starting_state(BLOCK))
 
 
-def test_groups_are_subtrees_and_all_that_is_above_them():
+def test_groups_are_subtrees_and_single_nodes_above_them():
     tree = pose_divided(BLOCK, largest=LARGEST_PART).streamed[0].tree
-    assert grouped(tree, len(tree)) == (tuple(range(len(tree))),)
-    *parts, above = grouped(tree, 3)
-    assert sorted(node for group in (*parts, above) for node in group) == list(range(len(tree)))
-    assert above[-1] == len(tree) - 1
-    for part in parts:
-        assert [tree.nodes[node].parent in part for node in part] == [True] * (len(part) - 1) + [False]
-        assert tree.nodes[part[-1]].parent in above
+    everything = sum(map(front_bytes, tree.nodes))
+    assert grouped(tree, everything) == (tuple(range(len(tree))),)
+    groups = grouped(tree, everything // 2)
+    assert [node for group in groups for node in group] == list(range(len(tree)))
+    assert groups[-1] == (len(tree) - 1,)
+    for group in groups:
+        assert [tree.nodes[node].parent in group for node in group] == [True] * (len(group) - 1) + [False]
+        assert len(group) == 1 or sum(front_bytes(tree.nodes[node]) for node in group) <= everything // 2
+    assert max(map(len, groups)) > 1
 
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():
