@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import resource
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -53,7 +54,7 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
         problem = blocks.pose(block)
         posing = time.perf_counter() - posed
         settings = iteration_settings(block.definition)
-        workers_cpu, own_cpu = [], []
+        workers_cpu, own_cpu, addresses = [], [], set()
         began = time.perf_counter()
 
         def passed(_: object) -> None:
@@ -61,12 +62,20 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
             moved.append(blocks.moved())
             workers_cpu.append(_cpu(blocks.client))
             own_cpu.append(time.process_time())
+            peaks = blocks.client.run(_peak)
+            print(
+                f"{clock[-1]:.0f} s, {workers_cpu[-1]:.0f} + {own_cpu[-1]:.0f} CPU s, MB of workers "
+                f"{' '.join(f'{peak:.0f}' for peak in peaks.values())}, of the client {_peak():.0f}, {moved[-1]}",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+            addresses.update(peaks)
 
         solved = solve_problem(problem, starting_state(block), settings, passed, lambda: False)
         total = time.perf_counter() - began
         workers_cpu.append(_cpu(blocks.client))
         own_cpu.append(time.process_time())
         peaks = blocks.client.run(_peak)
+        addresses.update(peaks)
         tree = blocks.trees[-1]
     # the first iteration loads programs and files; after the last one come cofactors
     iterations = len(clock)
@@ -75,7 +84,7 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
     return {
         "photos": photos, "rays": len(block.photo_points.photo), "workers": workers, "nodes": len(tree),
         "iterations": iterations, "posing": posing, "iteration": (clock[-1] - clock[0]) / rounds,
-        "total": total,
+        "total": total, "died": len(addresses) - len(peaks),
         "cpu_workers": (workers_cpu[-2] - workers_cpu[0]) / rounds, "cpu_client": (own_cpu[-2] - own_cpu[0]) / rounds,
         "cofactors_workers": workers_cpu[-1] - workers_cpu[-2], "cofactors_client": own_cpu[-1] - own_cpu[-2],
         "there": most.there, "back": most.back,
