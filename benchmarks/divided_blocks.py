@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
 import sys
 import tempfile
 import time
@@ -26,6 +25,7 @@ from scipy.spatial import cKDTree
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected
 from orip.bundle.blocking.posing import LARGEST_PART
 from orip.bundle.problem import starting_state
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
@@ -74,6 +74,8 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
         total = time.perf_counter() - began
         workers_cpu.append(_cpu(blocks.client))
         own_cpu.append(time.process_time())
+        in_names = solution_of(solved)
+        results = time.process_time() - own_cpu[-1]
         peaks = blocks.client.run(_peak)
         addresses.update(peaks)
         tree = blocks.trees[-1]
@@ -84,7 +86,8 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
     return {
         "photos": photos, "rays": len(block.photo_points.photo), "workers": workers, "nodes": len(tree),
         "iterations": iterations, "posing": posing, "iteration": (clock[-1] - clock[0]) / rounds,
-        "total": total, "died": len(addresses) - len(peaks),
+        "total": total, "results_client": results, "photos_with_sd": int(np.isfinite(in_names.photos.sd).all(1).sum()),
+        "died": len(addresses) - len(peaks),
         "cpu_workers": (workers_cpu[-2] - workers_cpu[0]) / rounds, "cpu_client": (own_cpu[-2] - own_cpu[0]) / rounds,
         "cofactors_workers": workers_cpu[-1] - workers_cpu[-2], "cofactors_client": own_cpu[-1] - own_cpu[-2],
         "there": most.there, "back": most.back,
@@ -102,7 +105,9 @@ def _cpu(client) -> float:
 
 
 def _peak() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+    """Return the largest MB of this process; its resource usage would count that of the process that started it."""
+    words = Path("/proc/self/status").read_text().split()
+    return float(words[words.index("VmHWM:") + 1]) * 1024.0 / MEGABYTE
 
 
 def flops(tree: DissectionTree) -> float:

@@ -15,7 +15,7 @@ from orip.bundle.problem import starting_state
 from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
-from orip.workflow.cluster import sub_block_files
+from orip.workflow.cluster import dask_passes, sub_block_files
 from orip.workflow.cluster.dask_passes import front_bytes, grouped
 from orip.workflow.cluster.divided_block import DividedBlocks
 from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
@@ -29,7 +29,9 @@ LARGEST_PART = 10
 
 @pytest.fixture(scope="module")
 def client():
-    with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.Client(
+        processes=False, n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+    ) as found:
         yield found
 
 
@@ -95,6 +97,12 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
         file.write_bytes(b"PK\x03\x04 and nothing else")
     with pytest.raises(OripError, match=r"is damaged .*; remove .*, then repeat the command"):
         problem.linearise(starting_state(BLOCK))
+
+
+def test_workers_that_are_too_small_are_told_before_anything_is_computed(blocks, monkeypatch):
+    monkeypatch.setattr(dask_passes, "_PROCESS_BYTES", 10**15)
+    with pytest.raises(OripError, match=r"the workers are too small; each may use \d+ MB, and needs 10000\d+ MB"):
+        blocks.pose(BLOCK)
 
 
 def test_groups_are_subtrees_and_single_nodes_above_them():
