@@ -174,14 +174,15 @@ class DaskPasses:
         """Send values of nodes to the workers that are to compute these."""
         with self._told():
             workers = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
-            if not workers:
-                raise lost_cluster(self.client, _AGAIN)
             futures = []
             for number, nodes in enumerate(self.groups):
                 values = self._pickled([items[node] for node in nodes])
-                worker = workers[number * len(workers) // len(self.groups)]
+                # where there is none at the moment, Dask waits for one
+                chosen = [workers[number * len(workers) // len(self.groups)]] if workers else None
                 futures.append(
-                    self.client.submit(as_sent, values, workers=[worker], allow_other_workers=True, pure=False)
+                    self.client.submit(
+                        as_sent, values, workers=chosen, allow_other_workers=chosen is not None, pure=False
+                    )
                 )
             return Spot(tuple(futures), self.groups)
 

@@ -11,8 +11,8 @@ from orip.workflow.cluster.connection import LostClusterError
 LOOK_SECONDS = 5.0
 """Seconds from one look to the next."""
 
-_MOST_LONELY = 12
-"""Looks without any worker: Dask starts those of its own again."""
+_MOST_LONELY = 36
+"""Looks without any worker: Dask starts those of its own again, which takes more than a minute on a busy machine."""
 
 _MOST_FULL = 24
 """Looks at which all workers had stopped because their memory is full."""

@@ -10,14 +10,14 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 from bundle.blocking.divided_blocks import calibrated, largest_difference
 
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.solve import solve_block
-from orip.workflow.cluster import dask_passes
+from orip.workflow.cluster import dask_passes, worker_watch
 from orip.workflow.cluster.connection import LostClusterError
 from orip.workflow.cluster.divided_block import ClusterRequest, DividedBlocks, divided_blocks
 
@@ -97,13 +97,15 @@ def test_a_worker_that_is_gone_is_told(tmp_path, monkeypatch):
 
 
 def test_workers_that_die_as_soon_as_they_are_there_are_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.2)
+    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.5)
+    monkeypatch.setattr(worker_watch, "_MOST_LONELY", 10**6)
     ended = threading.Event()
 
     def kill_all(blocks: DividedBlocks) -> None:
-        while not ended.wait(0.5):
+        while not ended.wait(2.0):
             for worker in blocks.client.run(os.getpid, on_error="ignore").values():
-                os.kill(worker, signal.SIGKILL)
+                with suppress(ProcessLookupError):
+                    os.kill(worker, signal.SIGKILL)
 
     with divided_blocks(ClusterRequest(None, 1, 1_000_000_000), tmp_path) as blocks:
         blocks.largest = 10
