@@ -167,17 +167,10 @@ def model(found: list[dict[str, float]]) -> None:
     ones = np.ones(len(found))
     of_workers = np.array([one["cpu_workers"] - one["flops"] / RATE for one in found])
     of_client = np.array([one["cpu_client"] for one in found])
-    (a, a0), (c, c0) = (
-        np.linalg.lstsq(np.column_stack([rays, ones]), of, rcond=None)[0] for of in (of_workers, of_client)
-    )
-    sent = np.array([one["there"] + one["back"] for one in found])
-    (s,), (e,) = (
-        np.linalg.lstsq(by[:, None], of, rcond=None)[0]
-        for by, of in (
-            (rays, sent),
-            (np.array([one["separators"] for one in found]), np.array([one["between"] for one in found])),
-        )
-    )
+    (a, a0), (c, c0) = (_fitted(np.column_stack([rays, ones]), of) for of in (of_workers, of_client))
+    (s,) = _fitted(rays[:, None], np.array([one["there"] + one["back"] for one in found]))
+    # neighbouring nodes of small blocks are with the same worker: the largest one counts
+    e = max(found, key=lambda one: one["photos"])["between"] / max(found, key=lambda one: one["photos"])["separators"]
     print(f"workers {1e6 * a:.1f} us a ray + {a0:.2f} s; client {1e6 * c:.1f} us a ray + {c0:.2f} s")
     print(f"bytes {s:.0f} a ray to and from the client, {e:.2f} times the separators between workers")
     tree, known = tree_of(PREDICTED[0]), tree_of(int(found[-1]["photos"]))
@@ -196,6 +189,11 @@ def model(found: list[dict[str, float]]) -> None:
                 "between": e * borders / NETWORK / workers,
             }  # fmt: skip
             print(photos, workers, {name: round(float(value), 1) for name, value in figures.items()})
+
+
+def _fitted(columns: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return the coefficients (k,) of columns (n, k) that leave the least relative differences."""
+    return np.linalg.lstsq(columns / measured[:, None], np.ones(len(measured)), rcond=None)[0]
 
 
 def main() -> None:

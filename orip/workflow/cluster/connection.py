@@ -23,6 +23,10 @@ _CLOSE_SECONDS = 5
 _MOST_DEATHS = 20
 """Workers that may die with a project before it is given up: of a cluster on this machine, where Dask would take 3."""
 
+_RESTART_TIME = "1 hour"
+"""For a worker that died to be there again. Dask would take 15 seconds and then give it up for good: a busy machine
+takes longer to load what a worker needs."""
+
 INSTALL = "pip install 'orip[archive]'"
 
 
@@ -81,7 +85,11 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     import dask
     from distributed import Client, LocalCluster
 
-    settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS, "distributed.worker.profile.enabled": False}
+    settings = {
+        "distributed.scheduler.allowed-failures": _MOST_DEATHS,
+        "distributed.worker.profile.enabled": False,
+        "distributed.deploy.lost-worker-timeout": _RESTART_TIME,
+    }
     with (
         dask.config.set(settings),
         LocalCluster(

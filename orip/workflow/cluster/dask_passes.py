@@ -257,8 +257,25 @@ class DaskPasses:
                 wait(handles.futures, timeout=LOOK_SECONDS)
             except TimeoutError:
                 watch.look(self.client.scheduler_info(n_workers=-1)["workers"])
+                self._free_from_the_dead()
             else:
                 return
+
+    def _free_from_the_dead(self) -> None:
+        """Let other workers compute what was to be where a worker died.
+
+        Dask does so by itself, but not with what waited while there was no worker at all.
+        """
+
+        # a function within a function is sent as it is: the scheduler may have no orip
+        def free(dask_scheduler: Any) -> None:
+            waiting = [task for task in dask_scheduler.unrunnable if task.loose_restrictions]
+            if waiting and dask_scheduler.running:
+                for task in waiting:
+                    task.worker_restrictions = None
+                dask_scheduler.transitions({task.key: "waiting" for task in waiting}, "orip-workers-are-there-again")
+
+        self.client.run_on_scheduler(free)
 
     @contextmanager
     def _told(self) -> Iterator[None]:
