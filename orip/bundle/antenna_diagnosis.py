@@ -29,6 +29,9 @@ _FOR_A_DRIFT = 3
 _ALPHA = 0.05
 """Error probability of a test for significance, as for camera parameters."""
 
+_HELD = 0.1
+"""Redundancy number of an unknown's own a-priori value below which that value holds it, and the stations do not."""
+
 _CAMERA = ("C", "DX", "DY")
 
 _PLAN = frozenset((*LEVER_ARM[:2], *SHIFT[:2], "DX", "DY"))
@@ -93,13 +96,15 @@ def _not_significant(solved: SolvedBlock) -> Iterator[Diagnosis]:
         ("drift", places.drifts, state.drifts, unknowns.drifts),
     ):
         for stretch, value, column in zip(stretches, values, columns, strict=True):
-            if not _differs(solved, value, column):
-                name = block.antennas[stretch.antenna].name
-                of_strips.setdefault((name, kind), []).append("" if stretch.strip is None else stretch.strip)
+            antenna = block.antennas[stretch.antenna]
+            errors = antenna.shift_error if kind == "shift" else antenna.drift_error
+            if not _differs(solved, value, column, errors):
+                of_strips.setdefault((antenna.name, kind), []).append("" if stretch.strip is None else stretch.strip)
     for (name, kind), strips in of_strips.items():
         of = f" of strip {joined(strips)}" if any(strips) else ""
         text = f"the {kind}{of} of antenna {name} is not significant"
-        remedy = f'name those that are with strips = [...] in [[antenna]], or set {kind} = "none"'
+        others = "name those that are with strips = [...] in [[antenna]], or " if any(strips) else ""
+        remedy = f'{others}set {kind} = "none"' + ("" if others else " in [[antenna]]")
         yield Diagnosis("not-significant", f"antenna {name}", text, remedy)
     for antenna, value, column in zip(block.antennas, state.antennas, unknowns.antennas, strict=True):
         for parameters, place in ((BORESIGHT, BORESIGHT_PLACES), ((TIME_OFFSET,), slice(6, 7))):
@@ -108,11 +113,18 @@ def _not_significant(solved: SolvedBlock) -> Iterator[Diagnosis]:
                 yield Diagnosis("not-significant", f"antenna {antenna.name}", text, "hold it constant at zero")
 
 
-def _differs(solved: SolvedBlock, values: FloatArray, columns: IntArray) -> bool:
-    """Return whether unknowns are significant, or cannot be tested."""
+def _differs(
+    solved: SolvedBlock, values: FloatArray, columns: IntArray, errors: tuple[float, ...] | None = None
+) -> bool:
+    """Return whether unknowns are significant, or cannot be tested; those that their a-priori errors hold are not."""
     if solved.normals.removed[columns].any():
         return True
     cofactor = solved.cofactors_of(columns)
+    if errors is not None:
+        tested = np.diag(cofactor) < (1.0 - _HELD) * np.square(errors)
+        if not tested.any():
+            return True
+        values, columns, cofactor = values[tested], columns[tested], cofactor[np.ix_(tested, tested)]
     scale = np.sqrt(np.diag(cofactor))
     scaled = values / scale
     quantity = float(scaled @ np.linalg.solve(cofactor / np.outer(scale, scale), scaled)) / len(columns)

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.starting_points import given_coordinates
+from orip.bundle.points.starting import given_coordinates
 from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles

@@ -25,15 +25,7 @@ from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.left_out_points import (
-    LEAST_WEIGHT_OF_FIT,
-    improved_points,
-    without_contradicting_pairs,
-    without_contradictory_points,
-    without_undetermined_points,
-)
-from orip.bundle.other_places import other_places
-from orip.bundle.point_consensus import (
+from orip.bundle.points.consensus import (
     Moves,
     moves_of_points,
     placed,
@@ -41,7 +33,15 @@ from orip.bundle.point_consensus import (
     with_consensus,
     with_steady_weights,
 )
-from orip.bundle.point_moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
+from orip.bundle.points.left_out import (
+    LEAST_WEIGHT_OF_FIT,
+    improved_points,
+    without_contradicting_pairs,
+    without_contradictory_points,
+    without_undetermined_points,
+)
+from orip.bundle.points.moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
+from orip.bundle.points.other_places import other_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -327,7 +327,15 @@ class Posed(NamedTuple):
 
 
 def posed(block: Block) -> Posed:
-    """Return the parts of a block's problem."""
+    """Return the parts of a block's problem.
+
+    Raises
+    ------
+    InputError
+        For observations that the normal equations have not enough digits for.
+    """
+    for kind in KINDS:
+        kind.refuse(block)
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)

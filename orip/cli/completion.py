@@ -1,4 +1,4 @@
-"""What completion of the shell offers for names: of bundles, photos, cameras, points, samples and formats.
+"""What completion of the shell offers for names: of bundles, photos, cameras, points, control, samples and formats.
 
 What cannot be read offers nothing: a shell has no place for messages while it completes.
 """
@@ -24,11 +24,18 @@ def samples(incomplete: str) -> list[str]:
     return _that_begin(SAMPLES, incomplete)
 
 
-def formats_read(incomplete: str) -> list[str]:
-    """Return the formats that can be imported."""
+def imported(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the formats that can be imported, and the files and folders that begin so; after a format these alone."""
     from orip.exchange.formats import FORMATS
 
-    return _that_begin((form.name for form in FORMATS if form.read is not None), incomplete)
+    formats = [] if context.params.get("words") else [form.name for form in FORMATS if form.read is not None]
+    folder = _folder(context)
+    above = incomplete[: incomplete.rfind("/") + 1]
+    try:
+        files = sorted(f"{above}{path.name}{'/' * path.is_dir()}" for path in (folder / above).iterdir())
+    except OSError:
+        files = []
+    return _that_begin((*formats, *files), incomplete)
 
 
 def formats_written(incomplete: str) -> list[str]:
@@ -68,9 +75,32 @@ def points(context: typer.Context, incomplete: str) -> list[str]:
 
 def of_results(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the cameras, photos or points, whichever the argument before asks for."""
-    named = {"cameras": cameras, "photos": photos, "points": points, "residuals": photos}
-    offered = named.get(str(context.params.get("what")))
-    return [] if offered is None else offered(context, incomplete)
+    named = {
+        "cameras": (cameras,),
+        "photos": (photos,),
+        "points": (points,),
+        "residuals": (photos,),
+        "covariance": (cameras, photos, points),
+    }
+    offered = named.get(str(context.params.get("what")), ())
+    return [name for names in offered for name in names(context, incomplete)]
+
+
+def lines_of_control(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the names in the control text that a group of commands is about: `orip control points`."""
+    from orip.files.control.forms import FORMS
+    from orip.workflow.control.edits import list_control
+    from orip.workflow.project.state import read_project
+
+    group = str(context.parent.info_name) if context.parent else ""
+    kind = next((kind for kind in FORMS if kind == group), None)
+    if kind is None:
+        return []
+    try:
+        table = list_control(read_project(_folder(context)), kind, context.params.get("bundle"))
+    except (OripError, OSError):
+        return []
+    return _that_begin((fields[0] or "" for _, fields, _ in table.rows), incomplete)
 
 
 def of_group(context: typer.Context, incomplete: str) -> list[str]:
@@ -93,12 +123,15 @@ def _state(context: typer.Context, *, with_points: bool = False) -> ProjectState
     """Return the project that the command line is about; None if it cannot be read."""
     from orip.workflow.project.state import read_project
 
-    folder = context.find_root().params.get("folder") or Path()
     parts = ("definitions", "marks", "observations") if with_points else ("definitions",)
     try:
-        return read_project(Path(folder), *parts)
+        return read_project(_folder(context), *parts)
     except (OripError, OSError):
         return None
+
+
+def _folder(context: typer.Context) -> Path:
+    return Path(context.find_root().params.get("folder") or Path())
 
 
 def _that_begin(names: Iterable[str], incomplete: str) -> list[str]:

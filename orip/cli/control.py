@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from orip.cli.completion import lines_of_control
 from orip.cli.confirm import require_confirmation
 from orip.cli.editing import BundleOption, DryRunOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
@@ -22,15 +23,22 @@ if TYPE_CHECKING:
     from orip.workflow.project.state import ProjectState
 
 Name = Annotated[
-    str, typer.Argument(metavar="NAME", help="Name, or the first fields that tell it from others: 'D1 1 2 XYZ'.")
+    str,
+    typer.Argument(
+        metavar="NAME",
+        autocompletion=lines_of_control,
+        help="Name, or the first fields that tell it from others: 'D1 1 2 XYZ'.",
+    ),
 ]
 NewName = Annotated[str, typer.Argument(metavar="NAME", help="Its first field.")]
-Names = Annotated[list[str], typer.Argument(metavar="NAME...")]
-SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME...")]
+Names = Annotated[list[str], typer.Argument(metavar="NAME...", autocompletion=lines_of_control)]
+SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME...", autocompletion=lines_of_control)]
 Values = Annotated[
     list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= removes it.")
 ]
-BeforeOption = Annotated[str, typer.Option("--before", metavar="NAME", help="Before this one.")]
+BeforeOption = Annotated[
+    str, typer.Option("--before", metavar="NAME", autocompletion=lines_of_control, help="Before this one.")
+]
 AllOption = Annotated[bool, typer.Option("--all", help="All lines of the file.")]
 
 _ABOUT: dict[ControlKind, tuple[str, str]] = {

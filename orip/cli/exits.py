@@ -69,8 +69,13 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
     colors: dict[bool, ColorChoice] = {True: "never", False: "auto"}
     never = "--color=never" in arguments or "never" in arguments
     terminal = Terminal(json="--json" in arguments, color=colors[never])
-    message = " ".join(error.format_message().split()).replace("Value error, ", "").rstrip(".")
-    context = getattr(error, "ctx", None)
+    said, context = error.format_message(), getattr(error, "ctx", None)
+    if context and said == context.get_help():  # a group without its command
+        if not terminal.json:
+            terminal.say(said)
+            return UsageError.exit_code
+        said = "a command is missing"
+    message = " ".join(said.split()).replace("Value error, ", "").rstrip(".")
     stop = "" if message.endswith("?") else ";"
     report(terminal, UsageError(f"{message}{stop} see '{context.command_path if context else 'orip'} --help'"))
     with suppress(OripError):

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.starting_points import given_coordinates
+from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.online.answers import Candidate
@@ -71,10 +71,20 @@ def _further_rays(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
     rays = {name: rows[key] for name in names if (key := ObservationKey("photo", photo, name)) in rows}
     equations = [_of_reduced(block, name, ray, rows) for name, ray in rays.items()]
     errors = dict(zip((part.point_names[row] for row in part.photo_points.point), part.photo_points.error, strict=True))
-    for name, (_, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
+    for name, (difference, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
         gain = 0.5 * float(np.log2(np.linalg.det(np.eye(len(cofactor)) + cofactor))) if len(cofactor) else 0.0
         ellipse = _ellipse(cofactor * np.outer(errors[name], errors[name])) if len(cofactor) == 2 else None
-        yield Candidate(photo, name, expected[name], ellipse, gain, _why(block, name))
+        xy = expected[name]
+        if block.equations.has_point(name):
+            # as if measured where the values have it; the solution is somewhere else by as much as is still linear
+            xy = _moved(block, photo, xy, -difference * errors[name])
+        yield Candidate(photo, name, xy, ellipse, gain, _why(block, name))
+
+
+def _moved(block: OnlineBlock, photo: str, stored: tuple[float, float], by: FloatArray) -> tuple[float, float]:
+    """Return stored coordinates of a place in a photo that is moved, mm."""
+    to_photo = block.measurements.inputs.interior.to_photo[record_key(photo)]
+    return _stored(block, photo, {"": to_photo.apply(np.array([stored]))[0] + by})[""]
 
 
 def _why(block: OnlineBlock, name: str) -> str:
@@ -115,20 +125,24 @@ def _expected(block: OnlineBlock, photo: str) -> dict[str, tuple[float, float]]:
     control = {
         name
         for name in measurements.control.points
-        if name not in measurements.points and measurements.control.has_coordinates(name)
+        if not measurements.photos_of(name) and measurements.control.has_coordinates(name)
     }
-    names = sorted(tied | control)
-    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in names)
-    if part is None:
+    names, places = sorted(tied), [block.values.points[name] for name in sorted(tied)]
+    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in sorted(control - tied))
+    if part is not None:
+        # with the other ends of distances, which are not asked for
+        known = dict(zip(part.point_names, _at_values(block, part).point_start, strict=True))
+        names += sorted(control - tied)
+        places += [known[name] for name in sorted(control - tied)]
+    if not names:
         return {}
-    placed = _at_values(block, part)
-    rotation = rotation_from_angles(placed.photo_orientation[:, 3:])[0]
-    rays = (placed.point_start - placed.photo_orientation[0, :3]) @ rotation
-    c, dx, dy = placed.cameras[0].parameters[:3]
+    camera, orientation = _camera(block, photo), block.values.orientations[photo]
+    rays = (np.array(places) - orientation[:3]) @ rotation_from_angles(orientation[None, 3:])[0]
+    c, dx, dy = block.values.cameras.get(camera.name, camera.parameters)[:3]
     with np.errstate(all="ignore"):
         xy = -c * rays[:, :2] / rays[:, 2:] + (dx, dy)
-    seen = (rays[:, 2] * c < 0.0) & _is_inside(placed.cameras[0], xy)
-    return _stored(block, photo, {placed.point_names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
+    seen = (rays[:, 2] * c < 0.0) & _is_inside(camera, xy)
+    return _stored(block, photo, {names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
 
 
 def _stored(block: OnlineBlock, photo: str, places: Mapping[str, FloatArray]) -> dict[str, tuple[float, float]]:

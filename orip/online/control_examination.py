@@ -121,6 +121,10 @@ class ControlExamination:
     def _judge(self, control: list[ObservationKey]) -> None:
         """Suspect the control points that disagree with the majority, and let the others carry the datum."""
         block, snooping = self._block, self._snooping
+        if not control:
+            # photos that the rays alone do not determine have been taken out
+            block.linearise_again()
+            return
         rows = block.rows(block.rays_with_values(points=[key.point for key in control]))
         own = [rows[key] for key in control]
         ends = np.cumsum([0, *(len(one.right) for one in own)])

@@ -13,8 +13,8 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.part_of_block import part_of_block
+from orip.bundle.points.starting import given_coordinates, with_starting_points
 from orip.bundle.solve import solve_block
-from orip.bundle.starting_points import given_coordinates, with_starting_points
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.interior.image_vectors import image_vectors
@@ -92,7 +92,7 @@ class CurrentValues:
         # given orientations are often far off, and what the chain finds is not
         for start in (_without_given, started_block):
             try:
-                started = start(block, lambda _: None)
+                started = start(block, explained_preliminary_values)
             except (NotSolvableError, InputError) as error:
                 reason = str(error).splitlines()[0]
                 self.photos_wait = {photo.name: reason for photo in block.photos}
@@ -208,7 +208,8 @@ class CurrentValues:
         others = [photo for photo in measurements.sharing(mine) if photo in self.orientations]
         if not others:
             return None
-        common = {photo: mine.intersection(measurements.points_in(photo)) for photo in others}
+        # in the order of measuring, as relative orientation draws samples of them
+        common = {photo: [point for point in measurements.points_in(photo) if point in mine] for photo in others}
         best = max(others, key=lambda photo: (len(common[photo]), photo))
         part = measurements.part((photo, point) for photo in (name, best) for point in common[best])
         if part is None:
@@ -285,10 +286,9 @@ def _with_larger_errors(block: Block) -> Block:
     )
 
 
-def _without_given(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
+def _without_given(block: Block, find: Callable[[Block], PreliminaryValues]) -> StartedBlock:
     """Return a block as the chain starts it; photos that it cannot orient are left out, unless they are constant."""
-    values = explained_preliminary_values(block)
-    found(values)
+    values = find(block)
     constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
     return own_start(replace(block, photo_orientation=np.where(constant, block.photo_orientation, np.nan)), values)
 

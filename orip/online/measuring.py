@@ -30,6 +30,12 @@ _FEW_POINTS = 12
 _LATER = 0.1
 """Part by which the measurements have to increase before it is tried again to orient the first photos."""
 
+_MUCH_LATER = 0.25
+"""Part by which they have to increase before all values are found again."""
+
+_TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
+"""Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
+
 
 @dataclass(slots=True)
 class _Found:
@@ -53,8 +59,9 @@ class Measuring:
     def __init__(self, block: OnlineBlock) -> None:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
-        self._next_start = 0.0
+        self._next_start = 0
         self._next_adjustment = 0.0
+        self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
@@ -85,6 +92,8 @@ class Measuring:
             self._snooping.forgive([key])
             self.excluded.discard(key)
         found = self._advance(point, key)
+        if len(self.block.measurements) >= self._begun_with * (1.0 + _MUCH_LATER):
+            found = self._begun_again_if_doubted(found)
         return self._answer(key, before, found)
 
     def exclude(self, photo: str, point: str) -> Answer:
@@ -144,11 +153,13 @@ class Measuring:
             self.block.relinearise()
         if self.suspects:
             self._snooping.review()
-        self.examine_control()
+        self.examine()
 
-    def examine_control(self) -> None:
-        """Look at the control with all that is measured by now, if something of it does not fit."""
+    def examine(self) -> None:
+        """Look at the control with all that is measured by now, and at the values if there are too many suspects."""
         self._control.examine_if_doubted(now=True)
+        if len(self.block.measurements) > self._begun_with:
+            self._begun_again_if_doubted(_Found([], [], [], []))
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
@@ -175,9 +186,11 @@ class Measuring:
     def _advance(self, point: str, key: ObservationKey) -> _Found:
         """Find values that can be found now, take in what has them, and test it."""
         block, found = self.block, _Found([], [], [], [])
-        if not block.values.orientations:
+        if not (block.values.orientations and block.values.points):
+            oriented = set(block.values.orientations)
             self._start([key.photo])
-            found.oriented, found.placed = list(block.values.orientations), list(block.values.points)
+            found.oriented = [photo for photo in block.values.orientations if photo not in oriented]
+            found.placed = list(block.values.points)
             self._scale.estimated()
             found.suspects = self._snooping.snoop(list(block.equations.included), key)
             self._settle()
@@ -203,6 +216,34 @@ class Measuring:
         found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
         return found
 
+    def _begun_again_if_doubted(self, found: _Found) -> _Found:
+        """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
+
+        What is measured first may orient photos wrongly, so that what is right does not fit later.
+
+        Returns
+        -------
+        _Found
+            What has been found all in all.
+        """
+        before, photos = self.suspects, set(self.block.values.orientations)
+        suspects = sum(key.kind == "photo" for key in before)
+        if suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)):
+            return found
+        self._begun_with = len(self.block.measurements)
+        other = Measuring(self.block.begun_again(self.excluded))
+        if len(other.block.equations.included) <= len(self.block.equations.included):
+            return found
+        self.block, self._scale = other.block, other._scale
+        self._snooping, self._control = other._snooping, other._control
+        self._next_adjustment = self._begun_with * (1.0 + _LATER)
+        return _Found(
+            [one for key, one in self.suspects.items() if key not in before or one in found.suspects],
+            [*found.cleared, *(key for key in before if key not in self.suspects)],
+            [photo for photo in self.block.values.orientations if photo in found.oriented or photo not in photos],
+            [point for point in found.placed if point in self.block.values.points],
+        )
+
     def _settle(self) -> None:
         """Linearise the first photos at their solution, what does not fit being out."""
         self.block.settle()
@@ -222,7 +263,7 @@ class Measuring:
             }
             return
         block.values.start(block.measurements)
-        self._next_start = len(block.measurements) * (1.0 + _LATER)
+        self._next_start = int(len(block.measurements) * (1.0 + _LATER))
         if block.values.orientations:
             # at the values of a robust adjustment: what is wrong would only lead away from them
             block.start()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 
@@ -75,6 +76,14 @@ class OnlineBlock:
             rows = zip(given.photos, given.points, given.disregarded, strict=True)
             self.left_out.update(self.key(photo, point) for photo, point, disregarded in rows if disregarded)
 
+    def begun_again(self, excluded: Collection[ObservationKey]) -> OnlineBlock:
+        """Return a block of the same measurements without any values; some are excluded."""
+        measured, inputs = self.measurements.observations, self.measurements.inputs
+        rays = zip(measured.photos, measured.points, strict=True)
+        disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
+        given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
+        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)))
+
     @property
     def sigma0(self) -> float | None:
         """Return the standard error of unit weight of what is in; None without redundancy."""
@@ -131,7 +140,8 @@ class OnlineBlock:
         of_photo = self.included_of(photos=[photo])
         lost = dict.fromkeys(key.point for key in of_photo if key.point and self._rays(key.point) < 3)
         self.equations.exclude_all(dict.fromkeys([*of_photo, *self.included_of(points=lost)]))
-        for name in lost:
+        # without photos there is no block that the others could lie in
+        for name in lost if self.values.orientations else list(self.values.points):
             self.values.points.pop(name, None)
 
     def _rays(self, point: str) -> int:
@@ -304,8 +314,7 @@ class OnlineBlock:
         """Linearise what is in at the values, control with its present weight."""
         included = set(self.equations.included)
         moved = self._valued()
-        assert moved is not None, "there were values before"
-        rows = self.linearised(moved)
+        rows = {} if moved is None else self.linearised(moved)
         self.equations.relinearise({key: rows[key] for key in rows if key in included})
 
     def start(self) -> None:

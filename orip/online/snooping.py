@@ -17,6 +17,9 @@ _ALIKE = 0.9
 _RAYS_AGAINST_CONTROL = 2
 """Rays of a control point that do not fit from which the control may be what is wrong."""
 
+_FITTING = 2
+"""Rays of a point that do not fit from which those that are in may be what is wrong."""
+
 _MANY = 3
 """Points of a photo that do not fit from which its orientation may be wrong."""
 
@@ -77,6 +80,7 @@ class Snooping:
                 found += self._blamed_control(worst.point)
             if len(tested) > _ALL:
                 keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
+        found += self._outvoted(dict.fromkeys(one.key.point for one in found if one.key.kind == "photo"))
         return [one for one in found if one.key in self.suspects]
 
     def tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
@@ -125,6 +129,40 @@ class Snooping:
         self.block.include(self.block.rays_with_values(points=[point]))
         self.block.settle([point])
         return []
+
+    def _outvoted(self, points: Iterable[str]) -> list[Suspect]:
+        """Suspect the rays of points that are in, and not the others, where these are more and fit each other.
+
+        While a photo has few points, its wrong ray may turn it as it likes, and the right ones seem to be wrong.
+        """
+        found: list[Suspect] = []
+        for point in points:
+            out = [key for key in self.suspects if key.kind == "photo" and key.point == point]
+            inside = [key for key in self.block.included_of(points=[point]) if key.kind == "photo"]
+            if len(out) < _FITTING or len(out) <= len(inside):
+                continue
+            before = {key: self.suspects[key] for key in out}
+            self._exchange(point, inside, out)
+            back = [key for key in out if key in self.block.equations.included]
+            if len(back) < len(out) or any(w > limit for w, limit in self.tested(back)):
+                self._exchange(point, back, inside)
+                for one in before.values():
+                    self.suspect(one)
+                continue
+            rows = self.block.rows((key.photo, point) for key in inside)
+            for key in inside:
+                square, checked = self.block.equations.trial(key, rows[key]).square() if key in rows else (0.0, 0)
+                self.suspect(Suspect(key, float(np.sqrt(square)), self.scale.limit(max(checked, 1)), ()))
+                found.append(self.suspects[key])
+        return found
+
+    def _exchange(self, point: str, out: Collection[ObservationKey], back: Collection[ObservationKey]) -> None:
+        """Take some rays of a point out and others in."""
+        for key in out:
+            self.block.leave_out(key)
+        self.forgive(back)
+        self.block.include((key.photo, point) for key in back)
+        self.block.settle([point])
 
     def _gives_up(self, photo: str) -> bool:
         """Take a photo out again whose points mostly do not fit: its orientation is wrong, and not they."""

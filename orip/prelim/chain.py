@@ -72,20 +72,22 @@ def preliminary_values(block: Block) -> PreliminaryValues:
     PreliminaryValues
         In the frame of the block.
     """
-    found = _best_outcome(measured_block(block))
-    return found_values(found.measured, found.best, found.by_models, name_weak_connections=not found.at_once)
+    return _values(_search_by_confirmed_rays(measured_block(block)))
+
+
+def preliminary_values_from_all_rays(block: Block) -> PreliminaryValues:
+    """Find the same without comparing rays: for a block that differs from one whose rays were compared in little."""
+    return _values(_ended(_searches(measured_block(block))))
 
 
 class _Search(NamedTuple):
-    """The best outcome of all routes tried, the route by models, and whether the first route was good enough.
-
-    `measured` is the block without the photo points that are wrong, if it has many of these.
-    """
+    """The best outcome of the routes tried, the route by models, whether that is enough, and the number of routes."""
 
     measured: MeasuredBlock
     best: Outcome | None
     by_models: Route | None
-    at_once: bool
+    is_enough: bool
+    tried: int
 
 
 class _End(NamedTuple):
@@ -99,11 +101,29 @@ class _End(NamedTuple):
     is_convincing: bool
 
 
-def _best_outcome(measured: MeasuredBlock, *, is_confirmed: bool = False) -> _Search:
-    """Try routes until nothing better is to be expected.
+def _values(found: _Search) -> PreliminaryValues:
+    at_once = found.is_enough and found.tried == 1
+    return found_values(found.measured, found.best, found.by_models, name_weak_connections=not at_once)
 
-    Where the first route is not good enough and many rays are contradicted by others, routes are tried without these.
-    """
+
+def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
+    """Try routes; if the first is not good enough and others contradict many rays, begin again without these."""
+    searches = _searches(measured)
+    first = next(searches)
+    if first.is_enough:
+        return first
+    confirmed = confirmed_block(measured)
+    return _ended(searches if confirmed is None else _searches(confirmed))
+
+
+def _ended(searches: Iterator[_Search]) -> _Search:
+    """Return the last of the states of a search."""
+    *_, last = searches
+    return last
+
+
+def _searches(measured: MeasuredBlock) -> Iterator[_Search]:
+    """Try routes until nothing better is to be expected; yield what has been found after each."""
     best: Outcome | None = None
     beaten = (False, -np.inf)
     ends: list[_End] = []
@@ -119,11 +139,10 @@ def _best_outcome(measured: MeasuredBlock, *, is_confirmed: bool = False) -> _Se
                 best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
             if _is_complete(measured, outcome):
                 ends.append(_end(measured, outcome.grown, lengths, misfit))
-        if _is_enough(ends):
-            return _Search(measured, best, by_the_models, number == 0)
-        if number == 0 and not is_confirmed and (confirmed := confirmed_block(measured)) is not None:
-            return _best_outcome(confirmed, is_confirmed=True)
-    return _Search(measured, best, by_the_models, False)
+        is_enough = _is_enough(ends)
+        yield _Search(measured, best, by_the_models, is_enough, number + 1)
+        if is_enough:
+            return
 
 
 def _routes(measured: MeasuredBlock) -> Iterator[Route]:

@@ -13,6 +13,7 @@ from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_ima
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
@@ -114,6 +115,7 @@ class MeasuredBlock:
             np.ones(len(self.rays.photos), dtype=bool),
             self.models,
             held_errors=self.control_errors,
+            blunders=FEW_BLUNDERS if self.confirmed.all() else MANY_BLUNDERS,
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -179,33 +179,56 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
 
 def _with_rays(solution: Solution, number: int) -> list[str]:
     names, kinds = solution.points.names, solution.point_kinds
-    rows = np.flatnonzero(np.array(solution.point_rays, dtype=np.int64) == number).tolist()
-    return [names[row] for row in rows if kinds[row] != "control"]
+    return [names[row] for row in _rows_with_rays(solution, number) if kinds[row] != "control"]
+
+
+def _rows_with_rays(solution: Solution, *numbers: int) -> list[int]:
+    rays = np.array(solution.point_rays, dtype=np.int64)
+    return np.flatnonzero(np.isin(rays, numbers)).tolist()
 
 
 def _unchecked(solution: Solution) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
-    few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
-    residuals = solution.residuals
+    residuals, names = solution.residuals, solution.points.names
+    has_few = np.zeros(len(names) + 1, dtype=bool)  # the last one: of what is no point of the solution
+    has_few[[row for row in _rows_with_rays(solution, 1, 2) if solution.point_kinds[row] != "control"]] = True
     open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
-    open_rows &= ~coded(residuals.point).where(few.__contains__)
-    numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
-    rows = np.flatnonzero((numbers < UNCHECKED) & open_rows)
-    rows = rows[np.argsort(numbers[rows], kind="stable")]
-    spots: dict[str, Spot] = {}
-    for row in rows.tolist():
-        kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
-        where = f"point {point}" if kind == "photo" else f"control point {point}"
-        if where in spots:
-            continue
+    open_rows &= (residuals.redundancy_number < UNCHECKED) & ~np.isnan(residuals.weight_factor)
+    rows = np.flatnonzero(open_rows)
+    point = coded(residuals.point)[rows]
+    is_open = ~has_few[point.places_among(names)]
+    rows, point = rows[is_open], point[is_open]
+    order = np.argsort(residuals.redundancy_number[rows], kind="stable")
+    # the worst row of each point, of its rays and of its control
+    of_photo = coded(residuals.kind)[rows].where("photo".__eq__)
+    _, first = np.unique(2 * point.codes[order] + of_photo[order], return_index=True)
+    numbers = residuals.redundancy_number
+    control: list[Spot] = []
+    points: dict[str, Spot] = {}
+    for row in rows[order[np.sort(first)]].tolist():
+        kind, photo, name = residuals.kind[row], residuals.photo[row], residuals.point[row]
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
-        remedy = "measure it in a further photo" if kind == "photo" else "add control near it"
-        spots[where] = Spot(where, what, remedy)
-    return list(spots.values())
+        if kind == "photo":
+            points[name] = Spot(f"point {name}", what, "measure it in a further photo")
+        else:
+            control.append(Spot(f"control point {name}", what, "add control near it"))
+    remedy = "match between more photos, or have more overlap"
+    return [*control, *_one_or_each(points, "a coordinate hardly checked", remedy)]
 
 
-def _imprecise(solution: Solution) -> list[Spot]:
+def _one_or_each(points: Mapping[str, Spot], what: str, remedy: str) -> Iterable[Spot]:
+    """Return the spots of points, the worst first, or one for all where nobody measures so many by hand."""
+    if len(points) <= _MOST_BY_HAND:
+        return points.values()
+    worst = next(iter(points.values()))
+    whole = Spot(
+        counted(len(points), "point"), f"{what}; the worst: {worst.what}", remedy, first_names([*points], _NAMED)
+    )
+    return [whole]
+
+
+def _imprecise(solution: Solution) -> Iterable[Spot]:
     sd = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
     if not np.isfinite(sd).any():
         return []
@@ -214,14 +237,14 @@ def _imprecise(solution: Solution) -> list[Spot]:
     rows = np.flatnonzero(largest > _FAR_WORSE * typical)
     rows = rows[np.argsort(-largest[rows], kind="stable")]
     decimals = decimals_for([typical])
-    spots = []
+    spots: dict[str, Spot] = {}
     for row in rows.tolist():
         size, axis = float(largest[row]), "XYZ"[int(np.nanargmax(sd[row]))]
         shown = f"sd {fixed(size, decimals)} {solution.ground_unit} in {axis}"
         what = f"{shown}, {significant(size / typical, 2)} times the median; {solution.point_rays[row]} rays"
-        where = f"point {solution.points.names[row]}"
-        spots.append(Spot(where, what, "measure it in photos taken from further apart"))
-    return spots
+        name = solution.points.names[row]
+        spots[name] = Spot(f"point {name}", what, "measure it in photos taken from further apart")
+    return _one_or_each(spots, "much less precise than the median", "match between photos taken from further apart")
 
 
 def _picked(names: Sequence[str], rows: IntArray) -> list[str]:

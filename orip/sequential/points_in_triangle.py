@@ -35,6 +35,10 @@ class PointsInTriangle(dict[str, PointInTriangle]):
         self.coordinates -= len(point.hyper_row.coordinates)
         return point
 
+    def __reduce__(self) -> tuple[type[PointsInTriangle], tuple[dict[str, PointInTriangle]]]:
+        """Return how a copy is made: set item by item, it would count the coordinates twice."""
+        return PointsInTriangle, (dict(self),)
+
     def copy(self) -> PointsInTriangle:
         """Return the same points, to go back to them."""
         return PointsInTriangle(self)

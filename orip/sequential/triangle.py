@@ -172,27 +172,36 @@ class Triangle:
         columns = first + np.flatnonzero(stacked[:, :-1].any(axis=0))
         factor = np.asarray(np.linalg.qr(stacked[:, np.append(columns - first, -1)], mode="r"))
         count = int(np.searchsorted(columns, last))
-        pivotal = self._pivotal_columns(factor, columns[:count])
-        if not pivotal.all():
-            # rows whose pivots are rounding have their say about the columns beyond
-            order = np.concatenate([np.flatnonzero(pivotal), np.flatnonzero(~pivotal), np.arange(count, len(columns))])
-            factor = np.asarray(np.linalg.qr(factor[:, np.append(order, -1)], mode="r"))
-            columns = columns[order]
-        own = factor[: np.count_nonzero(pivotal)]
-        self._factor[np.ix_(columns[: len(own)], columns)] = own[:, :-1]
+        factor, columns, rank = self._with_dependent_columns_last(factor, columns, count)
+        own = factor[:rank]
+        self._factor[np.ix_(columns[:rank], columns)] = own[:, :-1]
         self._factor[first:last, first:last] = np.triu(self._factor[first:last, first:last])
-        self._right[columns[: len(own)]] = own[:, -1]
+        self._right[columns[:rank]] = own[:, -1]
         self._reach[first:last] = end
-        left = np.zeros((len(factor) - len(own), end - last + 1))
-        left[:, columns[count:] - last], left[:, -1] = factor[len(own) :, count:-1], factor[len(own) :, -1]
+        left = np.zeros((len(factor) - rank, end - last + 1))
+        left[:, columns[count:] - last], left[:, -1] = factor[rank:, count:-1], factor[rank:, -1]
         return left
 
-    def _pivotal_columns(self, factor: FloatArray, columns: IntArray) -> BoolArray:
-        """Return which columns (c,) of a panel, the first ones of a factor, do not depend on those before them."""
-        pivots = np.zeros(len(columns))
-        found = np.abs(np.diagonal(factor)[: len(columns)])
-        pivots[: len(found)] = found
-        return np.asarray(pivots > _ZERO_PIVOT * np.sqrt(self._square_sums[columns]))
+    def _with_dependent_columns_last(
+        self, factor: FloatArray, columns: IntArray, count: int
+    ) -> tuple[FloatArray, IntArray, int]:
+        """Return a factor whose first columns do not depend on each other, its columns (c,), and how many these are.
+
+        A column of the panel, the first `count` ones, that depends on those before it goes to the panel's end as soon
+        as it is met, and what is left is factored again: a reflection made of rounding would take a direction from the
+        columns after it, which might seem to depend on others then, and a row from the columns beyond.
+        """
+        rank = 0
+        while rank < min(count, len(factor)):
+            if abs(factor[rank, rank]) > _ZERO_PIVOT * np.sqrt(self._square_sums[columns[rank]]):
+                rank += 1
+                continue
+            count -= 1
+            order = np.r_[:rank, rank + 1 : count + 1, rank, count + 1 : len(columns)]
+            columns = columns[order]
+            factor = factor[:, np.append(order, -1)]
+            factor[rank:, rank:] = np.linalg.qr(factor[rank:, rank:], mode="r")
+        return factor, columns, rank
 
     def saved(self, first: int) -> Replaced:
         """Return what a change of equations whose first unknown is `first` replaces, to undo it."""

@@ -17,6 +17,7 @@ from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
+from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
@@ -181,7 +182,7 @@ class _Adjuster:
 
     def from_given(self) -> _Adjusted:
         """Adjust from the given values, and from those of the chain where some are missing."""
-        return self._from(started_block(self.gathered, self._oriented))
+        return self._from(started_block(self.gathered, self._found))
 
     def from_own(self, doubt: str) -> _Adjusted | None:
         """Adjust from the values of the chain alone; None where it finds none, or none that lead to an adjustment."""
@@ -204,9 +205,10 @@ class _Adjuster:
         )
         return ProjectWarning("given-values", "", text)
 
-    def _oriented(self, values: PreliminaryValues) -> None:
-        self.values = values
-        self.watcher.oriented(values)
+    def _found(self, block: Block) -> PreliminaryValues:
+        self.values = explained_preliminary_values(block)
+        self.watcher.oriented(self.values)
+        return self.values
 
     def _from(self, start: StartedBlock) -> _Adjusted:
         self.watcher.started(start.block)
@@ -244,7 +246,8 @@ def _readjuster(gathered: Block) -> Readjuster:
     """Return what adjusts a block again, complete or not at all."""
 
     def start(changed: Block) -> Block:
-        started = started_block(changed, lambda _: None)
+        # which rays are wrong was looked for in the block as it is; a comparison for each hypothesis takes seconds
+        started = started_block(changed, preliminary_values_from_all_rays)
         if started.left_out:
             raise NotSolvableError("\n".join(map(str, started.left_out)))
         return started.block

@@ -52,7 +52,7 @@ class StartedBlock:
     warnings: tuple[ProjectWarning, ...] = ()
 
 
-def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> StartedBlock:
+def started_block(block: Block, find: Callable[[Block], PreliminaryValues]) -> StartedBlock:
     """Return a gathered block as its adjustment starts: at given values, or the chain's where some are missing.
 
     Photos that can be oriented neither way are left out, with a warning for each.
@@ -60,8 +60,8 @@ def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> S
     Parameters
     ----------
     block : Block
-    found : callable
-        Called with what the chain found, if it had to run.
+    find : callable
+        Runs the chain, where it has to.
 
     Raises
     ------
@@ -71,8 +71,7 @@ def started_block(block: Block, found: Callable[[PreliminaryValues], None]) -> S
     if np.isfinite(block.photo_orientation).all():
         started, warnings = with_starting_values(block)
         return StartedBlock(started, block, warnings=tuple(warnings))
-    values = explained_preliminary_values(block)
-    found(values)
+    values = find(block)
     if values.has_arbitrary_datum:
         # what is given is in another system than the block
         return own_start(block, values)

@@ -44,6 +44,13 @@ def offered(folder: Path, words: str) -> list[str]:
         ("results cameras ", ["C35"]),
         ("observations list --photo l", ["left"]),
         ("export geo", ["geopackage"]),
+        ("import bi", ["bingo"]),
+        ("import FIRST.P", ["FIRST.PNT"]),
+        ("import csv bi", []),
+        ("control points edit ", ["1", "2"]),
+        ("control points kill 1 ", ["1", "2"]),
+        ("control distances edit ", []),
+        ("results covariance ", ["C35", "left", "right"]),
     ],
 )
 def test_names_of_the_project(first, words, names):

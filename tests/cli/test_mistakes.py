@@ -56,6 +56,15 @@ def test_wrong_usage_is_2_also_as_json(project: Path, words: tuple[str, ...], se
     assert sentence in said.document["errors"][0]["message"]
 
 
+def test_a_group_without_a_command_shows_its_help(project: Path) -> None:
+    said = orip(project, "control")
+    assert said.code == 2
+    assert said.err.startswith("Usage: orip control [OPTIONS] COMMAND")
+    assert "\n  points " in said.err
+    said = orip(project, "--json", "control")
+    assert said.document["errors"][0]["message"] == "a command is missing; see 'orip control --help'"
+
+
 def test_commands_out_of_order_say_which_comes_first(project: Path) -> None:
     before = contents(project)
     refused(orip(project, "measure"), 3, "no record stores yet; run 'orip init' first")

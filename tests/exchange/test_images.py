@@ -135,6 +135,15 @@ def test_a_folder_of_images_becomes_a_project(tmp_path: Path) -> None:
     assert orip(tmp_path / "new", "status").code == 0
 
 
+def test_what_is_to_be_measured_comes_before_an_adjustment(tmp_path: Path) -> None:
+    image(tmp_path / "flight" / "d1.jpg", (5472, 3648), FULL, DRONE)
+    said = orip(tmp_path, "import", "images", "flight", "new")
+    assert "next     write measurements into a .MEA file ('POINTS MAIN PHOTO'" in said.err
+    assert orip(tmp_path / "new", "run").code == 3
+    following = "write 'POINTS MAIN PHOTO' blocks into a .MEA file, then: orip run"
+    assert orip(tmp_path / "new", "status", "--json").document["next"] == following
+
+
 def test_damaged_files_are_named(tmp_path: Path) -> None:
     image(tmp_path / "a.jpg", (600, 400), FULL)
     written(tmp_path / "b.jpg", "no image")

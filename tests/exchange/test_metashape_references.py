@@ -192,5 +192,5 @@ def test_a_lens_is_not_adjusted(tmp_path: Path) -> None:
     written(tmp_path / "lens.xml", lens)
     said = orip(tmp_path, "adjust", "lens.xml", "new")
     assert said.code != 0
-    assert "has a camera alone" in said.err
+    assert "has no measurements, and nothing to adjust" in said.err
     assert not (tmp_path / "new").exists()

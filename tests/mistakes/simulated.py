@@ -11,6 +11,7 @@ from orip.bundle.methods import Method, adjust_block
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.readjuster import Readjuster
+from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.records.block import Block
 from orip.records.project.camera import Camera
 from orip.solving.starting_values import started_block
@@ -26,7 +27,7 @@ def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list
     )
 
     def start(other: Block) -> Block:
-        started = started_block(other, lambda _: None)
+        started = started_block(other, preliminary_values_from_all_rays)
         if started.left_out:
             raise NotSolvableError("\n".join(map(str, started.left_out)))
         return started.block

@@ -88,7 +88,7 @@ def test_with_noise_the_adjustment_ends_where_it_ends_from_the_truth(scene: Scen
 
 def from_values(block: Block) -> SolvedBlock:
     """Return the adjustment from what the chain finds."""
-    return solved(started_block(block, lambda _: None).block)
+    return solved(started_block(block, preliminary_values).block)
 
 
 @pytest.mark.parametrize("off", [0.97, 1.05])
@@ -98,7 +98,7 @@ def test_an_unknown_camera_begins_where_the_block_has_it(off: float) -> None:
     camera = made.block.cameras[0]
     given = replace(camera, parameters=(off * camera.parameters[0], *camera.parameters[1:]))
     block = replace(made.block, cameras=(given, *made.block.cameras[1:]))
-    started = started_block(from_nothing(block), lambda _: None).block
+    started = started_block(from_nothing(block), preliminary_values).block
     assert started.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=5e-3)
     assert sigma0(solved(started)) == pytest.approx(sigma0(solved(made.block)), rel=1e-9)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -13,6 +14,7 @@ from monte_carlo.preliminary_records import gathered
 from scipy.spatial.transform import Rotation
 
 from orip.prelim.chain import preliminary_values
+from orip.prelim.growing.growing_block import empty_growing_block
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.relative.given_scale import at_scale
@@ -20,6 +22,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.chance import fits_beyond_chance
+from orip.prelim.resection.known_points import MANY_BLUNDERS
 from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.records.names import record_key
 
@@ -76,6 +79,26 @@ def test_bent_models_are_replaced_by_those_at_the_usual_scale():
     # a rotation from some twenty points of 5 µm at C 153 mm is good to minutes; a bent model is off by degrees
     assert after < 0.5
     assert before > 1.0
+
+
+def test_a_photo_of_tracks_is_added_where_more_than_half_of_its_known_points_are_wrong():
+    records = simulated_records(3, "convergent", largest=12)
+    measured = measured_block(gathered(records))
+    rays, grower = measured.rays, measured.grower()
+    true = np.array([records.coordinates[record_key(name)] for name in rays.points])
+    random = np.random.default_rng(8)
+    seen = random.permutation(measured.index.points[0])
+    wrong = seen[: round(0.55 * len(seen))]
+    coordinates = true.copy()
+    coordinates[wrong] += 0.3 * np.ptp(true, axis=0).max() * random.normal(size=(len(wrong), 3))
+    current = replace(empty_growing_block(rays), coordinates=coordinates, deviations=np.zeros_like(true))
+    known = np.ones(len(true), dtype=bool)
+    assert grower.resection(current, rays, 0, known) is None
+    found = replace(grower, blunders=MANY_BLUNDERS).resection(current, rays, 0, known)
+    _, rotation = records.orientations[record_key(rays.photos[0])]
+    turn = (Rotation.from_matrix(rotation).inv() * Rotation.from_matrix(found.rotation)).magnitude()
+    # errors of 5 µm seen from a principal distance of 8 mm and more, by ten right points; a tenfold margin
+    assert turn < 0.006
 
 
 def test_points_placed_at_random_give_no_model_at_a_scale():

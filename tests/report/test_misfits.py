@@ -19,7 +19,7 @@ from orip.records.results.solution import Solution
 from orip.report.misfits import number_by_chance, suspect_rows, suspects, suspicious_w
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
-from orip.report.trouble import suspect_table
+from orip.report.trouble import suspect_table, weak_spots
 
 
 def with_w(largest: float) -> Solution:
@@ -53,6 +53,21 @@ def test_summary_and_report_count_alike() -> None:
     counts = [re.match(r"(\d+) observations?", text) for text in (misfit, table.note)]
     assert None not in counts
     assert len({found[1] for found in counts if found}) == 1
+
+
+@pytest.mark.parametrize(("unchecked", "spots"), [(40, 40), (70, 1)])
+def test_of_points_that_nobody_measures_again_by_hand_one_hint_says_all(unchecked: int, spots: int) -> None:
+    solution = sample("small_frame_block").solution
+    residuals = solution.residuals
+    first = {point: row for row, point in reversed(list(enumerate(residuals.point))) if residuals.kind[row] == "photo"}
+    numbers = np.ones_like(residuals.redundancy_number)
+    numbers[sorted(first.values())[:unchecked]] = 0.05
+    rays = tuple(max(rays, 3) for rays in solution.point_rays)
+    changed = replace(solution, point_rays=rays, residuals=replace(residuals, redundancy_number=numbers))
+    found = [spot for spot in weak_spots(changed) if "hardly checked" in spot.what]
+    assert len(found) == spots
+    assert found[0].where == ("70 points" if spots == 1 else f"point {min(first, key=first.__getitem__)}")
+    assert ("measure" in found[0].remedy) == (spots > 1)
 
 
 def of_page(solution: Solution) -> ReportInput:

@@ -1,4 +1,4 @@
-"""Small matrices: threads of BLAS would wait for each other."""
+"""Small matrices: threads of BLAS would wait for each other, in the fixtures of a module too."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="module")
 def one_thread() -> Iterator[None]:
     with threadpool_limits(1, user_api="blas"):
         yield

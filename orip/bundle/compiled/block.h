@@ -51,7 +51,7 @@ typedef struct {
 #define ROWS_OF_SHARE 4096
 
 /* Partials by the unknowns of a photo in the order of its columns: X0, Y0, Z0, KAPPA, OMEGA, PHI. */
-static const int photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
+static const int32_t photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO + 2, ROTATION + 2, ROTATION, ROTATION + 1};
 
 /* Length of a photo point's row of partials: by the unknowns of the photo, padded to whole lanes, then of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
@@ -159,6 +159,36 @@ INLINE void begin_ahead(Ahead *a)
         a->cameras[lane] = -1;
 }
 
+/* Write partials by some elements to the row of each lane, multiplied by f, and padded. */
+INLINE void spread_partials(const Lanes *partials, Lanes f, const int32_t *elements, int32_t count, double *const *rows)
+{
+    for (int32_t u = 0; u < PADDED(count); u += LANES) {
+        Lanes scaled[LANES];
+        double *to[LANES];
+        for (int32_t k = 0; k < LANES; k++) {
+            scaled[k] = u + k < count ? f * partials[elements[u + k]] : ALL(0.0);
+            to[k] = rows[k] + u;
+        }
+        spread(scaled, to);
+    }
+}
+
+/* The same for the unknowns of cameras, which mostly are of the same one. */
+INLINE void spread_partials_by_cameras(const Pattern *p, const Lanes *partials, Lanes f, Ahead *a, int c)
+{
+    double *rows[LANES], elsewhere[LANES][PADDED(MOST_CAMERA_UNKNOWNS)];
+    for (int first = 0; first < LANES; first++) {
+        const int32_t camera = a->cameras[first];
+        int is_first = 1;
+        for (int lane = 0; lane < LANES; lane++) {
+            is_first &= lane >= first || a->cameras[lane] != camera;
+            rows[lane] = a->cameras[lane] == camera ? a->row[lane][c] + PHOTO_ROW : elsewhere[lane];
+        }
+        if (is_first)
+            spread_partials(partials, f, p->camera_elements + MOST_CAMERA_UNKNOWNS * camera, p->camera_unknowns[camera], rows);
+    }
+}
+
 /* Linearise the photo points from the k-th of the pattern on; their rows are multiplied by `factor` (2 n). */
 static void go_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
 {
@@ -177,20 +207,11 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
         const Lanes f = GATHERED(factors, c);
         for (int i = 0; i < 3; i++)
             a->of_point[c][i] = f * a->found.partials[c][POINT + i];
-        for (int u = 0; u < PHOTO_UNKNOWNS; u++) {
-            const Lanes scaled = f * a->found.partials[c][photo_elements[u]];
-            for (int lane = 0; lane < LANES; lane++)
-                a->row[lane][c][u] = LANE(scaled, lane);
-        }
-        for (int lane = 0; lane < LANES; lane++) {
-            const int32_t camera = a->cameras[lane], unknowns = p->camera_unknowns[camera];
-            const int32_t *elements = p->camera_elements + MOST_CAMERA_UNKNOWNS * camera;
-            double *row = a->row[lane][c] + PHOTO_ROW;
-            for (int32_t u = 0; u < unknowns; u++)
-                row[u] = LANE(a->found.partials[c][elements[u]], lane) * LANE(f, lane);
-            for (int64_t u = unknowns; u < PADDED(unknowns); u++)
-                row[u] = 0.0;
-        }
+        double *rows_of_photos[LANES];
+        for (int lane = 0; lane < LANES; lane++)
+            rows_of_photos[lane] = a->row[lane][c];
+        spread_partials(a->found.partials[c], f, photo_elements, PHOTO_UNKNOWNS, rows_of_photos);
+        spread_partials_by_cameras(p, a->found.partials[c], f, a, c);
     }
 }
 

@@ -103,20 +103,24 @@ INLINE void polynomials(const double *coefficients, Lanes t, Lanes *value, Lanes
 INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*by_place)[2])
 {
     Lanes of_x[POLYNOMIALS], by_x[POLYNOMIALS], of_y[POLYNOMIALS], by_y[POLYNOMIALS];
+    Lanes product[POLYNOMIALS * POLYNOMIALS][3];
     polynomials(set->polynomials, x, of_x, by_x);
     polynomials(set->polynomials, y, of_y, by_y);
-    for (int row = 0; row < 2; row++) {
-        by_place[row][0] = by_place[row][1] = ALL(0.0);
-        for (int64_t k = 0; k < set->count; k++) {
-            const int32_t product = set->products[row * MOST_ADDITIONAL + k];
-            const int32_t i = product / POLYNOMIALS, j = product % POLYNOMIALS;
-            const double factor = set->factors[row * MOST_ADDITIONAL + k], times = factor * set->values[k];
-            const Lanes by_value = factor * (of_y[i] * of_x[j]);
-            found->residual[row] += set->values[k] * by_value;
-            found->partials[row][ADDITIONAL + k] = by_value;
-            by_place[row][0] += times * (of_y[i] * by_x[j]);
-            by_place[row][1] += times * (by_y[i] * of_x[j]);
+    for (int i = 0; i < POLYNOMIALS; i++)
+        for (int j = 0; j < POLYNOMIALS; j++) {
+            Lanes *of_both = product[i * POLYNOMIALS + j];
+            of_both[0] = of_y[i] * of_x[j], of_both[1] = of_y[i] * by_x[j], of_both[2] = by_y[i] * of_x[j];
         }
+    for (int row = 0; row < 2; row++) {
+        Lanes sums[3] = {found->residual[row], ALL(0.0), ALL(0.0)};
+        for (int64_t k = 0; k < set->count; k++) {
+            const Lanes *of_both = product[set->products[row * MOST_ADDITIONAL + k]];
+            const double factor = set->factors[row * MOST_ADDITIONAL + k], times = factor * set->values[k];
+            found->partials[row][ADDITIONAL + k] = factor * of_both[0];
+            for (int sum = 0; sum < 3; sum++)
+                sums[sum] += times * of_both[sum];
+        }
+        found->residual[row] = sums[0], by_place[row][0] = sums[1], by_place[row][1] = sums[2];
     }
 }
 

@@ -14,6 +14,13 @@
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 /* element k of the array of each lane */
 #define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
+/* four lanes chosen from those of a (0 to 3) and of b (4 to 7) */
+#ifdef __clang__
+#define CHOSEN(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
+#else
+typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
+#define CHOSEN(a, b, i, j, k, l) __builtin_shuffle(a, b, (LaneNumbers){i, j, k, l})
+#endif
 #else
 #define LANES 1
 #define INLINE static inline
@@ -26,11 +33,27 @@ typedef double Lanes;
 #define HAS_AVX2_LOOPS
 #endif
 
-/* Rows are padded to whole vectors of 4, with one lane too: loops of a known length (normals.h) read the padding. */
-#define PADDED(count) (((count) + 3) / 4 * 4)
+/* Rows are padded by zeros to pairs of vectors of 4, with one lane too: sums of products are kept in pairs of registers. */
+#define PADDED(count) (((count) + 7) / 8 * 8)
 #define ALL(number) ((Lanes){0} + (number))
 
 #define AT(doubles) (*(Lanes *)(doubles))
 #define LANE(lanes, number) (((double *)&(lanes))[number])
+
+/* Write as many numbers as there are lanes, each of a lane's, to the array of that lane. */
+INLINE void spread(const Lanes *numbers, double *const *arrays)
+{
+#if LANES == 4
+    const Lanes *n = numbers;
+    const Lanes even_01 = CHOSEN(n[0], n[1], 0, 4, 2, 6), odd_01 = CHOSEN(n[0], n[1], 1, 5, 3, 7);
+    const Lanes even_23 = CHOSEN(n[2], n[3], 0, 4, 2, 6), odd_23 = CHOSEN(n[2], n[3], 1, 5, 3, 7);
+    AT(arrays[0]) = CHOSEN(even_01, even_23, 0, 1, 4, 5);
+    AT(arrays[1]) = CHOSEN(odd_01, odd_23, 0, 1, 4, 5);
+    AT(arrays[2]) = CHOSEN(even_01, even_23, 2, 3, 6, 7);
+    AT(arrays[3]) = CHOSEN(odd_01, odd_23, 2, 3, 6, 7);
+#else
+    arrays[0][0] = numbers[0];
+#endif
+}
 
 #endif

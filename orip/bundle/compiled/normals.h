@@ -184,34 +184,82 @@ INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, con
     }
 }
 
-/* Add what a photo point contributes before its ground point is eliminated; width: the camera's unknowns, padded. */
-INLINE void add_direct(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, int64_t width)
+/* Add what a photo point contributes to the equations of its photo, and to those of its photo and its camera. */
+INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
 {
     const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
-    for (int64_t u = 0; u < at->camera_unknowns; u++) {
-        double *column = s->matrix + (at->camera + u) * s->stride;
-        add_to(column + at->camera, x_camera[u], x_camera, y_camera[u], y_camera, width);
-        add_to(column + at->photo, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
-    }
+    for (int64_t u = 0; u < at->camera_unknowns; u++)
+        add_to(s->matrix + (at->camera + u) * s->stride + at->photo, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
     for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
         add_to(s->matrix + (at->photo + u) * s->stride + at->photo, row[0][u], row[0], row[1][u], row[1], PHOTO_UNKNOWNS);
-    add_to(s->right + at->camera, y[0], x_camera, y[1], y_camera, width);
     add_to(s->right + at->photo, y[0], row[0], y[1], row[1], PHOTO_UNKNOWNS);
-    add_squares(s->diagonal + at->camera, x_camera, y_camera, width);
     add_squares(s->diagonal + at->photo, row[0], row[1], PHOTO_UNKNOWNS);
 }
 
-INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+#define KEPT_ROWS 32
+#define COLUMNS_AT_ONCE 4
+
+/* Rows of partials by the unknowns of one camera. Cameras have many unknowns, and many photo points that
+ * follow each other have the same camera: the products of many rows are summed in registers. */
+typedef struct {
+    int32_t count, camera, unknowns;
+    double row[KEPT_ROWS][PADDED(MOST_CAMERA_UNKNOWNS)], misclosure[KEPT_ROWS];
+} CameraRows;
+
+/* Add the products of the rows that are kept; none is kept then. Columns of the padding are of other unknowns: nothing is
+ * added to them. */
+static void add_camera_rows(const Sums *s, CameraRows *kept)
 {
-    /* loops of a length that the compiler knows are faster */
-    if (at->camera_unknowns == 0)
-        add_direct(s, at, row, y, 0);
-    else if (at->camera_unknowns <= 4)
-        add_direct(s, at, row, y, 4);
-    else if (at->camera_unknowns <= 8)
-        add_direct(s, at, row, y, 8);
-    else
-        add_direct(s, at, row, y, at->camera_unknowns);
+    const int64_t width = PADDED(kept->unknowns);
+    double *right = s->right + kept->camera, *diagonal = s->diagonal + kept->camera;
+    for (int64_t u = 0; u < kept->unknowns; u += COLUMNS_AT_ONCE) {
+        double *column[COLUMNS_AT_ONCE];
+        for (int c = 0; c < COLUMNS_AT_ONCE; c++)
+            column[c] = s->matrix + (kept->camera + u + c) * s->stride + kept->camera;
+        for (int64_t k = u / (2 * LANES) * (2 * LANES); k < width; k += 2 * LANES) {
+            Lanes sums[COLUMNS_AT_ONCE][2];
+            for (int c = 0; c < COLUMNS_AT_ONCE; c++)
+                sums[c][0] = AT(column[c] + k), sums[c][1] = AT(column[c] + k + LANES);
+            for (int32_t r = 0; r < kept->count; r++) {
+                const double *row = kept->row[r];
+                const Lanes one = AT(row + k), other = AT(row + k + LANES);
+                for (int c = 0; c < COLUMNS_AT_ONCE; c++) {
+                    sums[c][0] += row[u + c] * one;
+                    sums[c][1] += row[u + c] * other;
+                }
+            }
+            for (int c = 0; c < COLUMNS_AT_ONCE; c++)
+                AT(column[c] + k) = sums[c][0], AT(column[c] + k + LANES) = sums[c][1];
+        }
+    }
+    for (int64_t k = 0; k < width; k += LANES) {
+        Lanes of_right = AT(right + k), squares = AT(diagonal + k);
+        for (int32_t r = 0; r < kept->count; r++) {
+            const Lanes x = AT(kept->row[r] + k);
+            of_right += kept->misclosure[r] * x;
+            squares += x * x;
+        }
+        AT(right + k) = of_right, AT(diagonal + k) = squares;
+    }
+    kept->count = 0;
+}
+
+/* Keep the rows of a photo point by the unknowns of its camera, after adding those that have no room beside them. */
+INLINE void keep_camera_rows(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, CameraRows *kept)
+{
+    if (!at->camera_unknowns)
+        return;
+    if (kept->count == KEPT_ROWS || at->camera != kept->camera || at->camera_unknowns != kept->unknowns) {
+        add_camera_rows(s, kept);
+        kept->camera = at->camera, kept->unknowns = at->camera_unknowns;
+    }
+    const int64_t width = PADDED(at->camera_unknowns);
+    for (int c = 0; c < 2; c++) {
+        double *to = kept->row[kept->count];
+        for (int64_t k = 0; k < width; k += LANES)
+            AT(to + k) = AT(row[c] + PHOTO_ROW + k);
+        kept->misclosure[kept->count++] = y[c];
+    }
 }
 
 /* Eliminate a point: subtract what its three unknowns explain; the coupling is replaced by H times the coupling. */
@@ -285,12 +333,14 @@ INLINE void mirror(const Reduced *m)
 static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
     Ahead a;
+    CameraRows kept;
     Local local = {.first = numbers, .place = numbers + p->longest};
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
         Sums s;
         local_unknowns(b, p, group, &local);
         place_sums(room, local.size, &s);
+        kept.count = kept.camera = kept.unknowns = 0;
         memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const int64_t block = p->block[place];
@@ -315,6 +365,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                 }
                 add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
                 add_photo_point(&s, &at, a.row[lane], y);
+                keep_camera_rows(&s, &at, a.row[lane], y, &kept);
             }
             /* every ray counts for all three coordinates, other observations for their own */
             const double of_rays = V[0] + V[4] + V[8];
@@ -333,6 +384,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
             multiply(H, given, g);
             eliminate_point(&s, local.size, H, g);
         }
+        add_camera_rows(&s, &kept);
         room += numbers_of_sums(local.size);
     }
 }

@@ -40,6 +40,28 @@ INLINE void take_part(const Reduced *inverse, const Local *local, double *room, 
         }
 }
 
+#define LANES_AT_ONCE 2
+
+/* Some columns of B Q, from the i-th on: their sums are kept in registers. */
+INLINE void times_inverse(const Part *part, int64_t size, const double *const *b, int64_t i, double *const *q)
+{
+    Lanes sums[3][LANES_AT_ONCE];
+    for (int k = 0; k < 3; k++)
+        for (int l = 0; l < LANES_AT_ONCE; l++)
+            sums[k][l] = ALL(0.0);
+    for (int64_t j = 0; j < size; j++) {
+        const double *column = part->inverse + j * part->stride + i;
+        if (b[0][j] == 0.0 && b[1][j] == 0.0 && b[2][j] == 0.0)
+            continue; /* of a photo that does not show the point */
+        for (int l = 0; l < LANES_AT_ONCE; l++)
+            for (int k = 0; k < 3; k++)
+                sums[k][l] += b[k][j] * AT(column + l * LANES);
+    }
+    for (int k = 0; k < 3; k++)
+        for (int l = 0; l < LANES_AT_ONCE; l++)
+            AT(q[k] + i + l * LANES) = sums[k][l];
+}
+
 /* Multiply B by H from the left; then product = B Q, and inner = I + B Q B^T. */
 INLINE void with_inverse(const Part *part, int64_t size, const double *H, double *inner)
 {
@@ -48,22 +70,11 @@ INLINE void with_inverse(const Part *part, int64_t size, const double *H, double
         b[k] = part->coupling + k * part->stride, q[k] = part->product + k * part->stride;
     for (int64_t i = 0; i < size; i += LANES) {
         const Lanes given[3] = {AT(b[0] + i), AT(b[1] + i), AT(b[2] + i)};
-        for (int k = 0; k < 3; k++) {
+        for (int k = 0; k < 3; k++)
             AT(b[k] + i) = H[3 * k] * given[0] + H[3 * k + 1] * given[1] + H[3 * k + 2] * given[2];
-            AT(q[k] + i) = ALL(0.0);
-        }
     }
-    for (int64_t j = 0; j < size; j++) {
-        const double *column = part->inverse + j * part->stride;
-        if (b[0][j] == 0.0 && b[1][j] == 0.0 && b[2][j] == 0.0)
-            continue;
-        const Lanes x = ALL(b[0][j]), y = ALL(b[1][j]), z = ALL(b[2][j]);
-        for (int64_t i = 0; i < size; i += LANES) {
-            AT(q[0] + i) += x * AT(column + i);
-            AT(q[1] + i) += y * AT(column + i);
-            AT(q[2] + i) += z * AT(column + i);
-        }
-    }
+    for (int64_t i = 0; i < size; i += LANES_AT_ONCE * LANES)
+        times_inverse(part, size, (const double *const *)b, i, q);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             double sum = i == j;
@@ -89,26 +100,39 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
     return sum;
 }
 
-/* Return a Q a^T for a row a of a photo point. */
-INLINE double of_unknowns(const Part *part, const Places *at, const double *row)
+/* Add a Q b^T, for each coordinate's rows a and b of partials, with a part of the inverse Q, to what is found. */
+INLINE void add_quadratic(const double *inverse, int64_t stride, const double *const *a, int64_t count,
+                          const double *const *b, int64_t width, double times, double *found)
 {
-    const double *of_camera = row + PHOTO_ROW;
-    double sum = 0.0;
-    for (int64_t u = 0; u < at->camera_unknowns; u++) {
-        const double *column = part->inverse + (at->camera + u) * part->stride;
-        sum += of_camera[u] * sum_of(products(column + at->camera, of_camera, at->camera_unknowns)
-                                     + 2.0 * products(column + at->photo, row, PHOTO_UNKNOWNS));
+    for (int64_t k = 0; k < width; k += 2 * LANES) {
+        Lanes sums[2][2] = {{ALL(0.0), ALL(0.0)}, {ALL(0.0), ALL(0.0)}};
+        for (int64_t u = 0; u < count; u++) {
+            const Lanes one = AT(inverse + u * stride + k), other = AT(inverse + u * stride + k + LANES);
+            for (int c = 0; c < 2; c++)
+                sums[c][0] += a[c][u] * one, sums[c][1] += a[c][u] * other;
+        }
+        for (int c = 0; c < 2; c++)
+            found[c] += times * sum_of(sums[c][0] * AT(b[c] + k) + sums[c][1] * AT(b[c] + k + LANES));
     }
-    for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
-        sum += row[u] * sum_of(products(part->inverse + (at->photo + u) * part->stride + at->photo, row, PHOTO_UNKNOWNS));
-    return sum;
 }
 
-/* Return a Q a^T - 2 a (Q B^T) t + t (I + B Q B^T) t with t = H p, for a row a, p of a photo point. */
-INLINE double leverage_of(const Part *part, const Places *at, const double *row, const double *p, const double *H,
-                          const double *inner)
+/* Find a Q a^T for both rows a of a photo point. */
+INLINE void of_unknowns(const Part *part, const Places *at, const double (*row)[ROW], double *found)
 {
-    double t[3], with_inner[3], sum = of_unknowns(part, at, row);
+    const double *photo[2] = {row[0], row[1]}, *camera[2] = {row[0] + PHOTO_ROW, row[1] + PHOTO_ROW};
+    const double *of_camera = part->inverse + at->camera * part->stride, *of_photo = part->inverse + at->photo * part->stride;
+    const int64_t unknowns = at->camera_unknowns;
+    found[0] = found[1] = 0.0;
+    add_quadratic(of_camera + at->camera, part->stride, camera, unknowns, camera, PADDED(unknowns), 1.0, found);
+    add_quadratic(of_camera + at->photo, part->stride, camera, unknowns, photo, PHOTO_ROW, 2.0, found);
+    add_quadratic(of_photo + at->photo, part->stride, photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW, 1.0, found);
+}
+
+/* Return - 2 a (Q B^T) t + t (I + B Q B^T) t with t = H p, for a row a, p of a photo point. */
+INLINE double of_point(const Part *part, const Places *at, const double *row, const double *p, const double *H,
+                       const double *inner)
+{
+    double t[3], with_inner[3], sum = 0.0;
     multiply(H, p, t);
     multiply(inner, t, with_inner);
     for (int k = 0; k < 3; k++) {
@@ -160,10 +184,13 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                 if (!again.found.in_front[lane])
                     continue;
                 const Places at = places_of(b, p, &local, p->order[k], again.cameras[lane], last);
+                double *leverage = c->leverage + 2 * (int64_t)p->order[k];
+                of_unknowns(&part, &at, again.row[lane], leverage);
                 for (int i = 0; i < 2; i++) {
-                    const double of_point[3] = {LANE(again.of_point[i][0], lane), LANE(again.of_point[i][1], lane),
-                                                LANE(again.of_point[i][2], lane)};
-                    c->leverage[2 * p->order[k] + i] = leverage_of(&part, &at, again.row[lane][i], of_point, H, inner);
+                    double partials[3];
+                    for (int axis = 0; axis < 3; axis++)
+                        partials[axis] = LANE(again.of_point[i][axis], lane);
+                    leverage[i] += of_point(&part, &at, again.row[lane][i], partials, H, inner);
                 }
             }
         }

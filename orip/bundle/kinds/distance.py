@@ -83,23 +83,30 @@ class ConstantDistanceObservations(ExactObservations, DistanceObservations):
 
 
 def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
-    """Return the weighted and the disregarded distances.
+    """Return the weighted and the disregarded distances."""
+    chosen = [distance for distance in block.distances if distance.error != 0.0]
+    error = np.array([distance.error for distance in chosen], dtype=np.float64)
+    return DistanceObservations(*_between(block, unknowns, chosen, DISTANCE, np.abs(error), error > 0.0))
+
+
+def refuse_too_precise_distances(block: Block) -> None:
+    """Refuse distances that are so precise that their normal equations would leave the others too few digits.
 
     Raises
     ------
     InputError
-        For a distance that is so precise that its equation would leave the others too few digits.
+        For the most precise one.
     """
-    chosen = [distance for distance in block.distances if distance.error != 0.0]
-    error = np.array([distance.error for distance in chosen], dtype=np.float64)
-    if chosen and 0.0 < error[error > 0.0].min(initial=np.inf) < (least := _LEAST_PART * photo_error_on_ground(block)):
-        name = chosen[int(np.argmin(np.where(error > 0.0, error, np.inf)))].name
+    weighted = [distance for distance in block.distances if distance.error > 0.0]
+    if not weighted:
+        return
+    first, least = min(weighted, key=lambda distance: distance.error), _LEAST_PART * photo_error_on_ground(block)
+    if first.error < least:
         message = (
-            f"distance {name} has an a-priori error of {error[error > 0.0].min():.2g}, less than a ten-thousandth of a "
+            f"distance {first.name} has an a-priori error of {first.error:.2g}, less than a ten-thousandth of a "
             f"photo error on the ground; write one above {least:.2g}, or 0 for a distance that is exactly known"
         )
         raise InputError.single(message)
-    return DistanceObservations(*_between(block, unknowns, chosen, DISTANCE, np.abs(error), error > 0.0))
 
 
 def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:
@@ -140,6 +147,6 @@ def _between(
 
 
 KINDS = (
-    KindEquations(DISTANCE, observe_distances, tied_by_distances),
+    KindEquations(DISTANCE, observe_distances, tied_by_distances, refuse_too_precise_distances),
     KindEquations(CONSTANT_DISTANCE, observe_constant_distances, tied_by_distances),
 )

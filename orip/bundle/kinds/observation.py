@@ -102,6 +102,10 @@ def _ties_no_points(_: Block) -> frozenset[int]:
     return frozenset()
 
 
+def _refuses_nothing(_: Block) -> None:
+    pass
+
+
 @dataclass(frozen=True, slots=True)
 class KindEquations:
     """How a kind of observation enters the adjustment; the module of a kind lists its own as `KINDS`.
@@ -113,8 +117,11 @@ class KindEquations:
         Finds the kind's observations in a block.
     tied_points : callable
         Indices of the points that its observations tie to each other; they are not eliminated.
+    refuse : callable
+        Raises an InputError for observations whose normal equations would have too few digits at the starting values.
     """
 
     kind: ObservationKind
     observe: Callable[[Block, Unknowns], Observations]
     tied_points: Callable[[Block], frozenset[int]] = _ties_no_points
+    refuse: Callable[[Block], None] = _refuses_nothing

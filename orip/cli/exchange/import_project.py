@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from orip.cli.completion import imported
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     from orip.workflow.exchange.imported import ImportedProject
 
 WORDS = typer.Argument(
-    metavar="[FORMAT] SOURCE [DIR]", help="Format, its file or folder, and the new project's folder."
+    metavar="[FORMAT] SOURCE [DIR]",
+    autocompletion=imported,
+    help="Format, its file or folder, and the new project's folder.",
 )
 
 
@@ -140,7 +143,7 @@ def tell_formats(terminal: Terminal, *, is_read: bool) -> None:
 
 def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, is_last: bool = True) -> None:
     """Print what was imported, how it fits and what is lost; where it was written if nothing else follows."""
-    from orip.workflow.exchange.texts import summary_lines
+    from orip.workflow.exchange.texts import summary_lines, what_to_write
 
     block = imported.block
     lines = summary_lines(block)
@@ -153,10 +156,8 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         return
     terminal.point("wrote", f"{folder}: {', '.join(imported.file_names)}")
     quoted = shlex.quote(str(folder)) if os.name == "posix" else str(folder)
-    if block.project.is_calibration:
-        terminal.point("next", f"write photos of the camera into {folder / 'orip.toml'}", "bold")
-    else:
-        terminal.point("next", f"orip -C {quoted} run", "bold")
+    first = what_to_write(block)
+    terminal.point("next", (f"{first}; then: " if first else "") + f"orip -C {quoted} run", "bold")
     if terminal.json:
         has_residuals = block.found.lengths.size > 0
         stated = block.project.stated

@@ -117,7 +117,7 @@ def _register_rename(group: typer.Typer) -> None:
         owner: Annotated[
             str, typer.Argument(metavar="PHOTO", autocompletion=photos, help="A photo; '*' in quotes: all.")
         ],
-        name: Annotated[str, typer.Argument(metavar="NAME")],
+        name: Annotated[str, typer.Argument(metavar="NAME", autocompletion=points)],
         new_name: Annotated[str, typer.Argument(metavar="NEW_NAME")],
         options: EditOptions,
     ) -> None:

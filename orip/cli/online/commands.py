@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _LOOKS_EVERY = 0.5
 """Seconds after which measurement files are looked at again, while nothing is asked."""
 
-_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS = 2, 4, 3
+_BLUNDERS = 3
 """Of the simulated session."""
 
 Demo = Annotated[
@@ -114,14 +114,18 @@ def _play(invocation: Invocation) -> None:
     from orip.online.answers import words_of
     from orip.online.measuring import Measuring
     from orip.online.online_block import OnlineBlock
-    from orip.online.simulation import simulated_session
+    from orip.online.simulation import simplon_like_session
     from orip.online.summary import summary
+    from orip.workflow.online.showing import statistics_of
 
     say = invocation.terminal.say
     with limited_threads(None):
-        session = simulated_session(_STRIPS, _PHOTOS_A_STRIP, _BLUNDERS)
-        photos = _STRIPS * _PHOTOS_A_STRIP
-        say(f"{len(session.measurements)} measurements in {photos} photos; wrong are:")
+        session = simplon_like_session(_BLUNDERS)
+        photos, points, _ = (set(column) for column in zip(*session.measurements, strict=True))
+        say(
+            f"{len(session.measurements)} measurements of {len(points)} points in {len(photos)} photos, seven elements "
+            "of orientation, no control; wrong are:"
+        )
         for blunder in session.blunders:
             say(f"  {blunder.point} in {blunder.photo} by ({blunder.error[0]:.3f}, {blunder.error[1]:.3f}) mm")
         measuring = Measuring(OnlineBlock(session.inputs))
@@ -135,6 +139,11 @@ def _play(invocation: Invocation) -> None:
                 say(f"{at} suspect is {words_of(suspect.key)}{also}; w {suspect.w:.1f}, limit {suspect.limit:.1f}")
             for key in answer.cleared:
                 say(f"{at} {words_of(key)} fits now")
+        found = statistics_of(measuring)
+        say(
+            f"{found['equations']} observations, {found['unknowns']} unknowns, redundancy {found['redundancy']}; "
+            f"{2 * len(measuring.suspects)} observations are out"
+        )
         named = [words_of(key) for key in measuring.suspects]
         invocation.terminal.answer(
             "online-demo",

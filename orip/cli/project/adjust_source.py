@@ -29,13 +29,14 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.exchange.exported import EXPORTED_FROM, export, write_export
         from orip.workflow.exchange.imported import read_source, write_project
         from orip.workflow.exchange.temporary import folder_in_the_making
+        from orip.workflow.exchange.texts import what_to_write
         from orip.workflow.project.bundle_state import read_bundle
 
         terminal = invocation.terminal
         name, given, folder = split_words(words or [], "adjust")
         imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
-        if imported.block.project.is_calibration:
-            message = f"{given} has a camera alone, and nothing to adjust; 'orip import {given}' makes a project of it"
+        if what_to_write(imported.block):
+            message = f"{given} has no measurements, and nothing to adjust; 'orip import {given}' makes a project of it"
             raise UsageError(message)
         target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
         with folder_in_the_making(target) as temporary:

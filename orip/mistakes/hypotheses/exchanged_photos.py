@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
+from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.starting_points import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding

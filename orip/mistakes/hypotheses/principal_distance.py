@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.starting_points import given_coordinates
 from orip.errors import ProjectWarning
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles

@@ -20,7 +20,9 @@ from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
 from orip.prelim.refinement.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.configuration import image_configuration
+from orip.prelim.resection.known_points import FEW_BLUNDERS
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
@@ -41,7 +43,7 @@ _SCALE_CHECKED = 3
 """Known points of a model: three reveal a wrong one."""
 
 FITTING = 0.6
-"""Part of the known points that has to fit a resection."""
+"""Part of the known points that has to fit a resection; fewer where many may be wrong, if it is no chance."""
 
 _FEWEST_FOR_MODEL = 5
 
@@ -89,6 +91,8 @@ class BlockGrower:
         Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
         A-priori errors of the coordinates of points that do not change; None: they are exact.
+    blunders : float
+        Largest part of the known points of a photo that may be wrong.
     """
 
     rays: ImageRays
@@ -99,6 +103,7 @@ class BlockGrower:
     models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
     branching: bool = True
     held_errors: FloatArray | None = None
+    blunders: float = FEW_BLUNDERS
 
     @property
     def held_points(self) -> BoolArray:
@@ -237,13 +242,23 @@ class BlockGrower:
         points = self.rays.point[rows]
         deviation = np.sqrt((current.deviations[points] ** 2).sum(axis=1) / 3.0)
         error = float(self.rays.error[rows].mean())
-        found = resect(seen.vectors[rows], current.coordinates[points], deviation, error_mm=error)
+        found = resect(
+            seen.vectors[rows], current.coordinates[points], deviation, error_mm=error, blunders=self.blunders
+        )
         if not isinstance(found, Resected) or len(found.alternatives.centres) or found.redundancy < 2:
             return None
-        if np.mean(found.weight_factor >= 1.0) < FITTING:
+        if not self._enough_fit(found, self.rays.xy[rows]):
             return None
         spread = image_configuration(self.rays.xy[rows], None, self.rays.xy[self.index.rows[photo]])
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
+
+    def _enough_fit(self, found: Resected, xy: FloatArray) -> bool:
+        """Tell whether so many known points fit a resection, or fit it so well, that it is no chance."""
+        fitting: BoolArray = np.asarray(found.weight_factor >= 1.0)
+        part = np.mean(fitting)
+        return bool(part >= FITTING) or (
+            bool(part >= 1.0 - self.blunders) and fits_beyond_chance(xy, found.residuals, fitting)
+        )
 
     def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
         """Return the block with the photos that see exactly three known points, each in its most likely position.

@@ -20,6 +20,9 @@ def solve_step(bundle: BundleState) -> Step:
     """
     project, command = bundle.project, bundle.command
     head = bundle.state.head(bundle.name)
+    if head is None and not bundle.observations.points:
+        text = f"write 'POINTS {bundle.name} PHOTO' blocks into a .MEA file, then: orip run"
+        return Step(command, "missing", f"bundle {bundle.name} has no photo points", text)
     if head is None:
         return Step(command, "missing", f"bundle {bundle.name} has not been adjusted")
     if not bundle.is_measured or record_key(bundle.name) not in bundle.records.bundles:

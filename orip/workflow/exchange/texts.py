@@ -324,6 +324,15 @@ def summary_lines(block: ImportedBlock) -> list[str]:
     return lines
 
 
+def what_to_write(block: ImportedBlock) -> str:
+    """Return what the project needs before it can be adjusted; empty where it has everything."""
+    if block.project.is_calibration:
+        return "write photos of the camera into orip.toml, and measurements into a .MEA file"
+    if not block.project.rays.photo.size:
+        return f"write measurements into a .MEA file ('POINTS {BUNDLE} PHOTO', then lines of point and coordinates)"
+    return ""
+
+
 def _stated(block: ImportedBlock) -> str:
     stated = block.project.stated
     if stated is None:
@@ -341,7 +350,8 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
     lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.name}`.", ""]
     lines += [f"- {line}" for line in summary_lines(block)]
     back = f"; write the result back with `orip export {source.format} DIR`" if source.is_written else ""
-    lines += ["", "Add photos to `orip.toml`." if block.project.is_calibration else f"Adjust it with `orip run`{back}."]
+    first = what_to_write(block)
+    lines += ["", f"{first[0].upper()}{first[1:]}; then `orip run`." if first else f"Adjust it with `orip run`{back}."]
     lines += ["", "## Cameras", ""]
     for converted in block.cameras:
         sensor = converted.camera.sensor

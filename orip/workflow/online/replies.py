@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from orip.bundle.methods import Method
 from orip.errors import OripError, UsageError
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.summary import summary
@@ -53,20 +54,21 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
             session.measuring.relinearise()
             return {"summary": summary(session.measuring)}
         case "solve":
-            return _solved(session, folder)
+            return _solved(session, folder, Method(prune=request.prune))
         case _:
             return shown(session, request.what)
 
 
-def _solved(session: OnlineSession, folder: Path) -> Reply:
+def _solved(session: OnlineSession, folder: Path, method: Method) -> Reply:
     """Do what `orip measure` and `orip solve` do."""
     commit(measure(read_project(folder, *MEASURED_FROM)))
-    outcome = commit(solve(read_bundle(folder, session.bundle.name, *ADJUSTED_FROM))).outcome
+    outcome = commit(solve(read_bundle(folder, session.bundle.name, *ADJUSTED_FROM), method=method)).outcome
     solution = outcome.solution
     return {
         "status": solution.status,
         "sigma0": solution.sigma0,
         "left out": list(outcome.left_out),
+        "held": [one.text for one in solution.diagnosis if one.code == "pruned"],
         "files": [path.name for path in outcome.files],
     }
 
@@ -78,7 +80,7 @@ def shown(session: OnlineSession, what: Shown) -> Reply:
         case "waiting":
             return {"waiting": list(measuring.waiting().values())}
         case "suspects":
-            measuring.examine_control()
+            measuring.examine()
             return {"suspects": [_suspect(one) for one in measuring.suspects.values()]}
         case "todo":
             advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)

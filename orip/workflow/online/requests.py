@@ -14,6 +14,14 @@ Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinea
 Shown = Literal["summary", "waiting", "suspects", "todo", "photos", "points", "cameras", "residuals", "statistics"]
 
 _OF_POINT = frozenset({"measure", "remove", "exclude", "include"})
+_ALLOWED = {
+    **dict.fromkeys(_OF_POINT, frozenset({"photo", "point"})),
+    "measure": frozenset({"photo", "point", "x", "y"}),
+    "show": frozenset({"what"}),
+    "solve": frozenset({"prune"}),
+}
+"""The keys of a request beside `do`."""
+
 _LONGEST = 4096
 """Characters of a line; a longer one is no request."""
 
@@ -31,6 +39,8 @@ class Request:
         Of `measure`: as in a measurement file, plate millimetres or pixels.
     what : Shown
         Of `show`.
+    prune : bool
+        Of `solve`: whether camera parameters that are not determinable or not significant are held.
     """
 
     do: Do
@@ -38,6 +48,7 @@ class Request:
     point: str = ""
     xy: tuple[float, float] = (0.0, 0.0)
     what: Shown = "summary"
+    prune: bool = False
 
 
 def read_request(line: str) -> Request:
@@ -53,8 +64,7 @@ def read_request(line: str) -> Request:
     if do not in get_args(Do):
         message = f'"do" is {_shown(do)}; it is one of {", ".join(get_args(Do))}'
         raise UsageError(message)
-    allowed = {"photo", "point"} if do in _OF_POINT else {"what"} if do == "show" else set()
-    allowed |= {"x", "y"} if do == "measure" else set()
+    allowed = _ALLOWED.get(str(do), frozenset())
     wrong = sorted(set(given) - allowed)
     if wrong:
         message = (
@@ -63,6 +73,8 @@ def read_request(line: str) -> Request:
         raise UsageError(message)
     if do == "show":
         return Request("show", what=_what(given.get("what", "summary")))
+    if do == "solve":
+        return Request("solve", prune=_flag(given, "prune"))
     if do not in _OF_POINT:
         return Request(cast(Do, do))
     photo, point = (_name(given, key) for key in ("photo", "point"))
@@ -98,6 +110,14 @@ def _name(given: dict[str, object], key: str) -> str:
     if fault := name_fault(name):
         raise UsageError(fault)
     return name
+
+
+def _flag(given: dict[str, object], key: str) -> bool:
+    value = given.get(key, False)
+    if not isinstance(value, bool):
+        message = f'"{key}" is {_shown(value)}; it is true or false'
+        raise UsageError(message)
+    return value
 
 
 def _number(given: dict[str, object], key: str) -> float:

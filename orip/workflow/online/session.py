@@ -31,8 +31,8 @@ from orip.workflow.project.texts import EDITS_FILE
 LOG = Path(EDITS_FILE)
 """Where measurements are written: it is replayed after all other measurement files."""
 
-_DECIMALS = 6
-"""Decimals of what is typed in that count: a pixel's ten-thousandth part shows in the last digits of residuals."""
+_DECIMALS = 9
+"""Decimals of what is typed in that count: a millionth of a millimetre shows in the last digits of what is printed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from bundle.stations_of_block import MADE, stations, with_stations
 
 from orip.records.observations.station import NOT_GIVEN
 from orip.records.project.antenna import Antenna
-from orip.records.results.solution import Diagnosis
+from orip.records.results.solution import Diagnosis, Solution
 
 
 def diagnosed(antenna: Antenna, *, control: bool = True, camera: tuple[str, ...] = (), **changes) -> list[Diagnosis]:
@@ -96,6 +96,22 @@ def test_shifts_that_are_not_significant_are_named_together() -> None:
     found = diagnosed(Antenna("GNSS", shift="strip"), angles=NOT_GIVEN, angle_error=NOT_GIVEN)
     (text,) = [each.text for each in found if each.code == "not-significant"]
     assert text == "the shift of strip 1, 2 and 3 of antenna GNSS is not significant"
+
+
+@pytest.mark.parametrize(("size", "is_named"), [(1.5, True), (2.4, False)])
+def test_of_a_shift_whose_plan_is_held_the_height_alone_is_tested(size: float, is_named: bool) -> None:
+    """Fisher's F at 5 % has the limit 1.96² for one unknown, and 2.6, an error of 2.8, if the other two counted."""
+    antenna = Antenna("GNSS", shift="session", shift_error=(1e-4, 1e-4, 200.0))
+    attitude = {"angles": NOT_GIVEN, "angle_error": NOT_GIVEN}
+
+    def shifted(height: float) -> Solution:
+        observed = stations(error=0.03, shifts=np.tile([0.0, 0.0, height], (3, 1)))
+        return solution(with_stations(tuple(replace(each, **attitude) for each in observed), antenna, noisy(MADE, 11)))
+
+    (without,) = [each for each in shifted(0.0).antennas if each.name == "SZ"]
+    found = shifted(size * without.sd - without.value)
+    remedies = [each.remedy for each in found.diagnosis if each.code == "not-significant"]
+    assert remedies == ['set shift = "none" in [[antenna]]'] * is_named
 
 
 STRIP = with_photos(MADE, 5)

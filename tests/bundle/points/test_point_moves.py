@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 
-from orip.bundle.point_moves import with_points_moved
+from orip.bundle.points.moves import with_points_moved
 from orip.bundle.problem import pose_problem, starting_state
 
 CENTRES = np.array([[0.0, 0.0, 100.0], [60.0, 0.0, 100.0], [0.0, 40.0, 100.0]])

@@ -14,8 +14,8 @@ import numpy as np
 from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.point_consensus import rays_of_points, with_consensus
-from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.points.consensus import rays_of_points, with_consensus
+from orip.bundle.points.moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.projection import PROJECTIONS

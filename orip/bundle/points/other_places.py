@@ -18,8 +18,8 @@ from orip.adjustment.equations import Equations, OtherPlace
 from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
-from orip.bundle.point_consensus import PointRays
-from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.points.consensus import PointRays
+from orip.bundle.points.moves import points_by_photos_alone
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.image_vectors import image_vectors

@@ -10,8 +10,8 @@ from support.synthetic_block import synthetic_block
 
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.weights import danish_costs, danish_weights
-from orip.bundle.point_consensus import PointRays, with_steady_weights
-from orip.bundle.point_moves import points_by_photos_alone
+from orip.bundle.points.consensus import PointRays, with_steady_weights
+from orip.bundle.points.moves import points_by_photos_alone
 from orip.bundle.problem import pose_problem, starting_state
 
 LIMIT = 5.0
