@@ -67,6 +67,14 @@ class MeasuredBlock:
         return self.block.is_free_network
 
     @property
+    def blunders(self) -> float:
+        """Return the largest part of the known points of a photo that may be wrong.
+
+        Among the rays that others do not contradict are those that could not be compared.
+        """
+        return FEW_BLUNDERS if self.confirmed.all() else MANY_BLUNDERS
+
+    @property
     def known_coordinates(self) -> int:
         """Return the number of ground coordinates that are known."""
         return int(np.isfinite(self.control.coordinates).sum() + np.isfinite(self.centres.coordinates).sum())
@@ -115,7 +123,7 @@ class MeasuredBlock:
             np.ones(len(self.rays.photos), dtype=bool),
             self.models,
             held_errors=self.control_errors,
-            blunders=FEW_BLUNDERS if self.confirmed.all() else MANY_BLUNDERS,
+            blunders=self.blunders,
         )
 
 
