@@ -22,7 +22,7 @@ from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY
 from orip.threads import limited_threads
 from orip.workflow.adjust.gathering import block_input
-from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
+from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve_with_equations
 from orip.workflow.observations.measure import MEASURED_FROM, measure, measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, carry_out, commit
@@ -179,9 +179,8 @@ class Project:
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune, variance_components)
         with limited_threads(None):
-            change = solve(self._bundle(bundle), watcher, method)
-        outcome = change.outcome
-        return Solution(outcome.solution, outcome.solved, partial(self._save, change))
+            change, solved = solve_with_equations(self._bundle(bundle), watcher, method)
+        return Solution(change.outcome.solution, solved, partial(self._save, change))
 
     def solution(self, bundle: str | None = None) -> Solution:
         """Return the last solution of a bundle that was saved, by a command or by `Solution.save`.

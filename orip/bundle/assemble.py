@@ -19,7 +19,7 @@ from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.observations.station import Station
@@ -282,12 +282,12 @@ def _ground_observations(
     )
 
 
-def _constant_points(point_names: Sequence[str], ground: Control, definition: BundleDefinition) -> NDArray[np.bool_]:
+def _constant_points(point_names: tuple[str, ...], ground: Control, definition: BundleDefinition) -> NDArray[np.bool_]:
     """Return which coordinates (number of points, 3) control holds; in a free network it holds none."""
     constant = np.zeros((len(point_names), 3), dtype=bool)
     if definition.datum == "free":
         return constant
-    place = {name: index for index, name in enumerate(point_names)}
+    place = places_of_names(point_names)
     for point in ground.points:
         if not point.rejected:
             constant[place[point.name]] = [error == 0.0 for error in point.errors]
@@ -318,12 +318,11 @@ def theodolite_sets(block: Block) -> tuple[TheodoliteSet, ...]:
     return tuple(sets)
 
 
-def _photo_points(keys: Sequence[str], point_names: Sequence[str], inputs: BlockInput) -> IndexedPhotoPoints:
+def _photo_points(keys: Sequence[str], point_names: tuple[str, ...], inputs: BlockInput) -> IndexedPhotoPoints:
     observations = inputs.observations
     key_place = {key: place for place, key in enumerate(keys)}
-    point_place = {name: place for place, name in enumerate(point_names)}
     photo = coded(observations.photos).numbers(lambda name: key_place.get(record_key(name), -1))
-    point = coded(observations.points).places(point_place)
+    point = coded(observations.points).places_among(point_names)
     xy = np.empty_like(observations.measured)
     default = np.empty_like(observations.measured)
     precision = inputs.definition.measurement_precision

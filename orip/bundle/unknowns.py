@@ -153,7 +153,9 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         points[point] = _number("POINT", block.point_names[point], POINT_COORDINATES, free, names)
 
     reduced = len(names)
-    eliminated = np.setdiff1d(np.arange(len(block.point_names)), tied)
+    is_tied = np.zeros(len(block.point_names), dtype=bool)
+    is_tied[tied] = True
+    eliminated = np.flatnonzero(~is_tied)
     held = block.constant_points[eliminated]
     points[eliminated] = np.where(held, CONSTANT, reduced + np.arange(3 * len(eliminated)).reshape(-1, 3))
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])

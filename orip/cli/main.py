@@ -10,19 +10,7 @@ from typing import Annotated
 
 import typer
 
-from orip.cli import (
-    adjust,
-    archive,
-    control,
-    digitise,
-    drive,
-    exchange,
-    observations,
-    online,
-    project,
-    records,
-    stations,
-)
+from orip.cli.commands import Commands
 from orip.cli.exits import exit_on_error, report, report_usage, warnings_kept_back
 from orip.cli.options import Color, Invocation, Json, Quiet, SharedOptions, Threads, Verbose
 from orip.cli.terminal import Terminal, output_taken
@@ -31,6 +19,7 @@ from orip.version import __version__
 
 app = typer.Typer(
     name="orip",
+    cls=Commands,
     invoke_without_command=True,
     no_args_is_help=False,
     add_completion=True,
@@ -38,37 +27,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-for group in (
-    project.init,
-    project.new,
-    observations.measure,
-    adjust.prelim,
-    adjust.solve,
-    project.run,
-    project.status,
-    adjust.results,
-    adjust.report,
-    drive.commands,
-    drive.watch,
-    digitise.commands,
-    online,
-    observations.commands,
-    adjust.update,
-    adjust.check,
-    adjust.compare,
-    project.stores,
-    records.commands,
-    records.camera_plot,
-    control,
-    stations,
-    project.export_toml,
-    exchange.import_project,
-    exchange.export_project,
-    project.adjust_source,
-    archive,
-):
-    group.register(app)
 
 
 def _print_version(wanted: bool) -> None:
@@ -104,8 +62,10 @@ def before_command(
     options = SharedOptions(quiet, verbose, json, color, threads)
     context.obj = Invocation(folder, options, options.terminal())
     if context.invoked_subcommand is None:
+        from orip.cli.project import status
+
         with exit_on_error(context.obj.terminal):
-            project.status.show(context.obj)
+            status.show(context.obj)
 
 
 def main() -> None:

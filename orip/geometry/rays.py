@@ -37,13 +37,18 @@ def intersect_rays(
     Linear: sum (I - d d^T) X = sum (I - d d^T) X0.
     """
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    projector = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-    matrix = np.zeros((point_count, 3, 3))
-    right = np.zeros((point_count, 3))
+    projector = unit[:, :, None] * unit[:, None, :]
+    np.subtract(np.eye(3), projector, out=projector)
     # distances are taken from a nearby origin, so that large coordinates cost no digits
     base = origins.mean(axis=0) if len(origins) else np.zeros(3)
-    np.add.at(matrix, point_index, projector)
-    np.add.at(right, point_index, (projector @ (origins - base)[:, :, None])[:, :, 0])
+    moved = (projector @ (origins - base)[:, :, None])[:, :, 0]
+    matrix = np.empty((point_count, 3, 3))
+    right = np.empty((point_count, 3))
+    for row in range(3):
+        right[:, row] = np.bincount(point_index, moved[:, row], point_count)
+        for column in range(row + 1):
+            matrix[:, row, column] = np.bincount(point_index, projector[:, row, column], point_count)
+            matrix[:, column, row] = matrix[:, row, column]
     eigenvalues = np.linalg.eigvalsh(matrix)
     meets = eigenvalues[:, 0] > _PARALLEL * np.maximum(eigenvalues[:, 2], 1e-300)
     matrix[~meets] = np.eye(3)

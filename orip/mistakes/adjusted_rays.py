@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,15 +38,19 @@ class AdjustedRays:
 
     def __init__(self, block: Block, solution: Solution) -> None:
         self.block, self.solution = block, solution
-        cameras = tuple(
-            replace(camera, parameters=tuple(values))
-            for camera, values in zip(block.cameras, solution.cameras.values.tolist(), strict=True)
-        )
-        self._vectors = _vectors_in_parts(replace(block, cameras=cameras))
         self._centres = block.ground.to_local(solution.photos.values[:, :3])
         rotations = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
         axes = block.ground.axes_at(solution.photos.values[:, :3])
         self._rotations = np.swapaxes(axes, 1, 2) @ rotations
+
+    @cached_property
+    def _vectors(self) -> FloatArray:
+        """Return the image vectors (n, 3); of a sound block no ray is asked for."""
+        cameras = tuple(
+            replace(camera, parameters=tuple(values))
+            for camera, values in zip(self.block.cameras, self.solution.cameras.values.tolist(), strict=True)
+        )
+        return _vectors_in_parts(replace(self.block, cameras=cameras))
 
     def limit(self, row: int) -> float:
         """Return how far (mm) a photo point may be from the image of a position and still show it."""

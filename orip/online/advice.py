@@ -125,20 +125,24 @@ def _expected(block: OnlineBlock, photo: str) -> dict[str, tuple[float, float]]:
     control = {
         name
         for name in measurements.control.points
-        if name not in measurements.points and measurements.control.has_coordinates(name)
+        if not measurements.photos_of(name) and measurements.control.has_coordinates(name)
     }
-    names = sorted(tied | control)
-    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in names)
-    if part is None:
+    names, places = sorted(tied), [block.values.points[name] for name in sorted(tied)]
+    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in sorted(control - tied))
+    if part is not None:
+        # with the other ends of distances, which are not asked for
+        known = dict(zip(part.point_names, _at_values(block, part).point_start, strict=True))
+        names += sorted(control - tied)
+        places += [known[name] for name in sorted(control - tied)]
+    if not names:
         return {}
-    placed = _at_values(block, part)
-    rotation = rotation_from_angles(placed.photo_orientation[:, 3:])[0]
-    rays = (placed.point_start - placed.photo_orientation[0, :3]) @ rotation
-    c, dx, dy = placed.cameras[0].parameters[:3]
+    camera, orientation = _camera(block, photo), block.values.orientations[photo]
+    rays = (np.array(places) - orientation[:3]) @ rotation_from_angles(orientation[None, 3:])[0]
+    c, dx, dy = block.values.cameras.get(camera.name, camera.parameters)[:3]
     with np.errstate(all="ignore"):
         xy = -c * rays[:, :2] / rays[:, 2:] + (dx, dy)
-    seen = (rays[:, 2] * c < 0.0) & _is_inside(placed.cameras[0], xy)
-    return _stored(block, photo, {placed.point_names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
+    seen = (rays[:, 2] * c < 0.0) & _is_inside(camera, xy)
+    return _stored(block, photo, {names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
 
 
 def _stored(block: OnlineBlock, photo: str, places: Mapping[str, FloatArray]) -> dict[str, tuple[float, float]]:

@@ -28,7 +28,7 @@ def ray_states(measuring: Measuring) -> Iterator[RayState]:
     Whether one is checked is told by the number of rays, and by control; an answer tells it from redundancy numbers.
     """
     block = measuring.block
-    included = block.equations.included
+    included, is_checked = block.equations.included, _checked_points(measuring)
     for photo in block.measurements.photos:
         for point in block.measurements.points_in(photo):
             key = ObservationKey("photo", photo, point)
@@ -41,6 +41,12 @@ def ray_states(measuring: Measuring) -> Iterator[RayState]:
             elif key not in included:
                 yield RayState(photo, point, xy, "waiting")
             else:
-                rays = block.included_of(points=[point])
-                checked = len(rays) >= _CHECKED_RAYS or any(other.kind == "control" for other in rays)
-                yield RayState(photo, point, xy, "included" if checked else "unchecked")
+                yield RayState(photo, point, xy, "included" if point in is_checked else "unchecked")
+
+
+def _checked_points(measuring: Measuring) -> set[str]:
+    """Return the points with control, or with as many rays as check each other."""
+    rays: dict[str, int] = {}
+    for key in measuring.block.equations.included:
+        rays[key.point] = rays.get(key.point, 0) + (_CHECKED_RAYS if key.kind == "control" else 1)
+    return {point for point, count in rays.items() if count >= _CHECKED_RAYS}

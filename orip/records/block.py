@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from types import MappingProxyType
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.records.ground import PLAIN, GroundSystem
+from orip.records.names import places_of_names
 from orip.records.observations.control import (
     ControlDirection,
     ControlDistance,
@@ -138,10 +137,4 @@ class Block:
 
     def point_index(self) -> Mapping[str, int]:
         """Return the place of each point by its name."""
-        return _index(self.point_names)
-
-
-@lru_cache(maxsize=2)
-def _index(names: tuple[str, ...]) -> Mapping[str, int]:
-    # every kind of observation asks for it
-    return MappingProxyType({name: index for index, name in enumerate(names)})
+        return places_of_names(self.point_names)

@@ -7,13 +7,14 @@ different names, and the answers are taken by their numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, repeat
-from typing import TypeVar, final, overload
+from itertools import chain, compress, repeat
+from typing import Any, TypeVar, final, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, IntArray
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 
 T = TypeVar("T")
 
@@ -27,20 +28,20 @@ class CodedNames(Sequence[str]):
     distinct : sequence of str, length m
         Without repetitions; some may not occur among the rows.
     codes : array (n,) of int
-        Numbers of the rows' names among them.
+        Numbers of the rows' names among them; kept with 32 bits.
     """
 
     __slots__ = ("codes", "distinct")
 
-    def __init__(self, distinct: Sequence[str], codes: IntArray) -> None:
+    def __init__(self, distinct: Sequence[str], codes: NDArray[np.integer[Any]]) -> None:
         self.distinct = tuple(distinct)
-        self.codes = codes
+        self.codes: NDArray[np.int32] = codes.astype(np.int32, copy=False)
 
     def __len__(self) -> int:
         return len(self.codes)
 
     def __iter__(self) -> Iterator[str]:
-        return map(self.distinct.__getitem__, self.codes.tolist())
+        return iter(np.array(self.distinct, dtype=object)[self.codes].tolist())
 
     @overload
     def __getitem__(self, at: int) -> str: ...
@@ -67,8 +68,25 @@ class CodedNames(Sequence[str]):
 
     def occurring(self) -> tuple[str, ...]:
         """Return the different names among the rows, in the order of their first ones."""
-        codes, first = np.unique(self.codes, return_index=True)
-        return tuple(map(self.distinct.__getitem__, codes[np.argsort(first)].tolist()))
+        first = self.first_rows()
+        there = np.flatnonzero(first < len(self))
+        return tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+
+    def first_rows(self) -> IntArray:
+        """Return the first row (m,) of each different name; n for a name that no row has."""
+        count = len(self)
+        first = np.full(len(self.distinct), count)
+        first[self.codes[::-1]] = np.arange(count - 1, -1, -1)  # the last one written stays
+        return first
+
+    def without_unused(self) -> CodedNames:
+        """Return the same names without those that no row has; the others keep their order."""
+        is_used = np.zeros(len(self.distinct), dtype=bool)
+        is_used[self.codes] = True
+        if is_used.all():
+            return self
+        number = np.cumsum(is_used) - 1
+        return CodedNames(tuple(compress(self.distinct, is_used.tolist())), number[self.codes])
 
     def numbers(self, number_of: Callable[[str], int]) -> IntArray:
         """Return the number (n,) that a function gives the name of each row."""
@@ -77,6 +95,12 @@ class CodedNames(Sequence[str]):
     def places(self, place: Mapping[str, int]) -> IntArray:
         """Return the place (n,) of the name of each row; -1 where it has none."""
         return np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))[self.codes]
+
+    def places_among(self, names: tuple[str, ...]) -> IntArray:
+        """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
+        if self.distinct[: len(names)] == names:  # nearly always: the points of a block, and what measurements add
+            return np.where(self.codes < len(names), self.codes.astype(np.int64), -1)
+        return self.places(places_of_names(names))
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
         """Return for which rows (n,) a condition on the name holds."""
@@ -92,7 +116,10 @@ def coded(names: Sequence[str]) -> CodedNames:
     """Return names as `CodedNames`, the different ones in the order in which they come first."""
     if isinstance(names, CodedNames):
         return names
-    number = {name: place for place, name in enumerate(dict.fromkeys(names))}
+    distinct = tuple(dict.fromkeys(names))
+    if len(distinct) == len(names):
+        return CodedNames(distinct, np.arange(len(names)))
+    number = dict(zip(distinct, range(len(distinct)), strict=True))
     return CodedNames(tuple(number), np.fromiter(map(number.__getitem__, names), np.int64, len(names)))
 
 
@@ -103,10 +130,15 @@ def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
         return columns[0] if columns else CodedNames((), np.zeros(0, dtype=np.int64))
     first, *others = columns
     # the first column has mostly nearly all names: they keep their numbers
-    number = dict(zip(first.distinct, range(len(first.distinct)), strict=True))
+    known = places_of_names(first.distinct)
+    further: dict[str, int] = {}
     for name in chain.from_iterable(column.distinct for column in others):
-        number.setdefault(name, len(number))
-    return CodedNames(tuple(number), np.concatenate([first.codes, *(column.places(number) for column in others)]))
+        if name not in known:
+            further.setdefault(name, len(known) + len(further))
+    number = {**known, **further} if further else known
+    distinct = (*first.distinct, *further) if further else first.distinct
+    codes = [first.codes, *(column.places(number).astype(np.int32) for column in others)]
+    return CodedNames(distinct, np.concatenate(codes))
 
 
 def repeated(name: str, count: int) -> CodedNames:

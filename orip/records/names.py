@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from functools import lru_cache
+from types import MappingProxyType
 
 from orip.wording import listed_names
 
@@ -42,16 +45,27 @@ def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
     return twins
 
 
+@lru_cache(maxsize=8)
+def places_of_names(names: tuple[str, ...]) -> Mapping[str, int]:
+    """Return the place of each name; remembered, as everything asks for that of a block's points."""
+    return MappingProxyType({name: place for place, name in enumerate(names)})
+
+
 def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Return groups of different point names that differ only in case or leading zeros."""
     distinct = tuple(dict.fromkeys(names))
-    keys = [name.upper().lstrip("0") for name in distinct]
+    keys = _without_case_and_zeros(distinct)
     if len(set(keys)) == len(keys):  # nearly always, and blocks have a million names
         return []
     groups: dict[str, list[str]] = defaultdict(list)
     for name, key in zip(distinct, keys, strict=True):
         groups[key].append(name)
     return [tuple(group) for group in groups.values() if len(group) > 1]
+
+
+def _without_case_and_zeros(names: Sequence[str]) -> list[str]:
+    text = "\n".join(names).upper()  # names are one word; one call for all is several times faster
+    return re.sub("^0+", "", text, flags=re.MULTILINE).split("\n")
 
 
 def near_names(name: str, known: Iterable[str]) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
 from orip.records.coded_names import coded
+from orip.records.names import places_of_names
 from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
 from orip.records.results.solution import Residuals, Solution
 from orip.report.numbers import decimals_for, deviation, fixed, significant
@@ -38,7 +39,7 @@ def control_table(solution: Solution) -> PageTable | None:
     if not points:
         return None
     residuals, unit = solution.residuals, solution.ground_unit
-    place = {name: row for row, name in enumerate(solution.points.names)}
+    place = places_of_names(solution.points.names)
     errors = [residuals.a_priori[row] for rows in points.values() for row in rows.values()]
     decimals = decimals_for(np.abs(errors), 5)
     columns = [

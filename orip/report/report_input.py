@@ -18,6 +18,7 @@ from orip.records.project.photo import Photo, Template
 from orip.records.project.report_details import ReportDetails
 from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
+from orip.report.photo_vectors import PhotoVectors, photo_vectors
 from orip.units import DEGREES_PER_RADIAN
 
 
@@ -55,6 +56,11 @@ class ReportInput:
     test_level: float | None = None
 
     @cached_property
+    def photo_vectors(self) -> Mapping[str, PhotoVectors]:
+        """Return the residual vectors of each photo that has photo points."""
+        return photo_vectors(self.solution.residuals)
+
+    @cached_property
     def axes(self) -> FloatArray:
         """Return the directions (photos, 3) in which the photos look, ground coordinates."""
         return -rotation_from_angles(self.solution.photos.values[:, 3:] / DEGREES_PER_RADIAN)[:, :, 2]
@@ -77,9 +83,8 @@ class ReportInput:
         """Return the rows of the points that each photo of the solution has, in the order of the points."""
         residuals, photos, points = self.solution.residuals, self.solution.photos.names, self.solution.points.names
         photo_row = {name: row for row, name in enumerate(photos)}
-        point_row = {name: row for row, name in enumerate(points)}
         photo = coded(residuals.photo).places(photo_row)
-        point = coded(residuals.point).places(point_row)
+        point = coded(residuals.point).places_among(points)
         of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (photo >= 0) & (point >= 0)
         both = np.sort(photo[of_photos] * len(points) + point[of_photos])
         both = both[np.diff(both, prepend=-1) > 0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from orip.bundle.groups.words import probability_in_words
@@ -87,10 +87,11 @@ def summary(
         Error probability of the test of one observation; None: 5 % for all of the block together.
     """
     lines: tuple[SummaryLine, ...] = ()
+    sections = _sections(solution, gates, error_listing, test_level)
     for most, notes, left_out in _SHORTER:
         lines = tuple(
             line
-            for label, section in _sections(solution, gates, error_listing, test_level).items()
+            for label, section in sections.items()
             if label not in left_out
             for line in section(notes if label == "note" else most)
         )
@@ -99,7 +100,7 @@ def summary(
     return lines
 
 
-Section = Callable[[int], Iterator[SummaryLine]]
+Section = Callable[[int], Iterable[SummaryLine]]
 
 
 def _sections(
@@ -107,20 +108,27 @@ def _sections(
 ) -> dict[str, Section]:
     """Return the sections by their questions; each takes the most entries it may have."""
     usable = solution.status in {"converged", "doubtful"}
+    found = suspects(solution, test_level)
     sections: dict[str, Section] = {
-        "status": lambda _most: _trust(solution, gates),
+        "status": _whole(_trust(solution, gates)),
         "gate": lambda most: _gates(gates, most),
-        "misfit": lambda most: _misfits(suspects(solution, test_level), solution, error_listing, most),
+        "misfit": lambda most: _misfits(found, solution, error_listing, most),
         "note": lambda most: _notes(solution, error_listing, most),
     }
     if usable:
         sections |= {
-            "weak": lambda _most: _weak(solution),
-            "points": lambda _most: _precision(solution, "Points"),
-            "photos": lambda _most: _precision(solution, "Photos"),
+            "weak": _whole(_weak(solution)),
+            "points": _whole(_precision(solution, "Points")),
+            "photos": _whole(_precision(solution, "Photos")),
             "camera": lambda most: _cameras(solution, most),
         }
     return sections
+
+
+def _whole(lines: Iterable[SummaryLine]) -> Section:
+    """Return a section that has the same lines however many entries it may have."""
+    found = tuple(lines)
+    return lambda _most: found
 
 
 def _height(line: SummaryLine) -> int:

@@ -179,31 +179,42 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
 
 def _with_rays(solution: Solution, number: int) -> list[str]:
     names, kinds = solution.points.names, solution.point_kinds
-    rows = np.flatnonzero(np.array(solution.point_rays, dtype=np.int64) == number).tolist()
-    return [names[row] for row in rows if kinds[row] != "control"]
+    return [names[row] for row in _rows_with_rays(solution, number) if kinds[row] != "control"]
+
+
+def _rows_with_rays(solution: Solution, *numbers: int) -> list[int]:
+    rays = np.array(solution.point_rays, dtype=np.int64)
+    return np.flatnonzero(np.isin(rays, numbers)).tolist()
 
 
 def _unchecked(solution: Solution) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
-    few = {*_with_rays(solution, 1), *_with_rays(solution, 2)}
-    residuals = solution.residuals
+    residuals, names = solution.residuals, solution.points.names
+    has_few = np.zeros(len(names) + 1, dtype=bool)  # the last one: of what is no point of the solution
+    has_few[[row for row in _rows_with_rays(solution, 1, 2) if solution.point_kinds[row] != "control"]] = True
     open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
-    open_rows &= ~coded(residuals.point).where(few.__contains__)
-    numbers = np.where(np.isnan(residuals.weight_factor), np.nan, residuals.redundancy_number)
-    rows = np.flatnonzero((numbers < UNCHECKED) & open_rows)
-    rows = rows[np.argsort(numbers[rows], kind="stable")]
-    control: dict[str, Spot] = {}
+    open_rows &= (residuals.redundancy_number < UNCHECKED) & ~np.isnan(residuals.weight_factor)
+    rows = np.flatnonzero(open_rows)
+    point = coded(residuals.point)[rows]
+    is_open = ~has_few[point.places_among(names)]
+    rows, point = rows[is_open], point[is_open]
+    order = np.argsort(residuals.redundancy_number[rows], kind="stable")
+    # the worst row of each point, of its rays and of its control
+    of_photo = coded(residuals.kind)[rows].where("photo".__eq__)
+    _, first = np.unique(2 * point.codes[order] + of_photo[order], return_index=True)
+    numbers = residuals.redundancy_number
+    control: list[Spot] = []
     points: dict[str, Spot] = {}
-    for row in rows.tolist():
-        kind, photo, point = residuals.kind[row], residuals.photo[row], residuals.point[row]
+    for row in rows[order[np.sort(first)]].tolist():
+        kind, photo, name = residuals.kind[row], residuals.photo[row], residuals.point[row]
         in_photo = f" in photo {photo}" if photo else ""
         what = f"{residuals.component[row]}{in_photo} hardly checked (redundancy number {numbers[row]:.2f})"
         if kind == "photo":
-            points.setdefault(point, Spot(f"point {point}", what, "measure it in a further photo"))
+            points[name] = Spot(f"point {name}", what, "measure it in a further photo")
         else:
-            control.setdefault(point, Spot(f"control point {point}", what, "add control near it"))
+            control.append(Spot(f"control point {name}", what, "add control near it"))
     remedy = "match between more photos, or have more overlap"
-    return [*control.values(), *_one_or_each(points, "a coordinate hardly checked", remedy)]
+    return [*control, *_one_or_each(points, "a coordinate hardly checked", remedy)]
 
 
 def _one_or_each(points: Mapping[str, Spot], what: str, remedy: str) -> Iterable[Spot]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.bundle.results.figures import figure
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
+from orip.records.names import places_of_names
 from orip.records.results.gate import GATE_FIGURES
 from orip.records.results.solution import Solution
 from orip.report.misfits import number_by_chance
@@ -68,7 +69,7 @@ def check_point_table(solution: Solution) -> PageTable | None:
     points = solution.check_points
     if not points:
         return None
-    place = {name: row for row, name in enumerate(solution.points.names)}
+    place = places_of_names(solution.points.names)
     unknown = np.full(3, np.nan)
     sd = np.array([solution.points.sd[place[point.name]] if point.name in place else unknown for point in points])
     decimals = decimals_for(sd)

@@ -11,8 +11,6 @@ from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve_step import solve_step
-from orip.workflow.drive.loaded_table import download_step
-from orip.workflow.drive.table import DRIVEN_FROM, drive_step
 from orip.workflow.observations.measure import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
@@ -70,6 +68,8 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
     if link is not None and any(map(_is_driven(state), project.bundle_names)):
+        from orip.workflow.drive.loaded_table import download_step  # few projects have a plate processor
+
         download = download_step(state, link)
         if isinstance(download, Step):
             steps.append(download)
@@ -110,6 +110,8 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
 def _drive_steps(state: ProjectState) -> Iterator[Step]:
     for name in state.project.bundle_names:
         if state.definitions.bundle(name).models:
+            from orip.workflow.drive.table import DRIVEN_FROM, drive_step  # few bundles have models
+
             bundle = state.read_again(*DRIVEN_FROM, bundles=[name])
             step = drive_step(BundleState(bundle, name))
             if step is not None:

@@ -142,8 +142,9 @@ def test_triangle_and_leftovers_of_a_random_session(seed: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-def test_triangle_and_leftovers_of_ten_thousand_steps() -> None:
-    session = _Session(7)
+@pytest.mark.parametrize("seed", [7, 8, 9])
+def test_triangle_and_leftovers_of_ten_thousand_steps(seed: int) -> None:
+    session = _Session(seed)
     for step in range(10_000):
         session.step()
         if step % 10 == 0:

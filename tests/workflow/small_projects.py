@@ -72,3 +72,24 @@ def replace_in(path: Path, old: str, new: str) -> None:
 def contents(folder: Path) -> dict[str, bytes]:
     """Return the bytes of every file, by name."""
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+Point = tuple[str, str, float, float]
+"""Photo, name and coordinates as in the log."""
+
+
+def without_points(folder: Path) -> list[Point]:
+    """Take the photo points out of the log of a project, and return them."""
+    found: list[Point] = []
+    log = folder / "FIRST.MEA"
+    kept, photo = [], ""
+    for line in log.read_text(encoding="utf-8").splitlines():
+        words = line.split("!")[0].split()
+        if words[:1] == ["POINTS"]:
+            photo = words[2]
+        elif photo and words:
+            found.append((photo, words[0], float(words[1]), float(words[2])))
+        else:
+            kept.append(line)
+    log.write_text("\n".join([*kept, ""]), encoding="utf-8")
+    return found

@@ -10,7 +10,7 @@ import pytest
 from support.sample_projects import sample
 from threadpoolctl import threadpool_limits
 from workflow.quiet import run_quietly
-from workflow.small_projects import first_project, replace_in
+from workflow.small_projects import Point, first_project, replace_in, without_points
 
 from orip.errors import UsageError
 from orip.workflow.online.replies import Reply, reply_to
@@ -20,30 +20,11 @@ from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
 from orip.workflow.records.initialise import initialise
 
-Point = tuple[str, str, float, float]
-
 
 @pytest.fixture(autouse=True)
 def one_thread():
     with threadpool_limits(1, user_api="blas"):
         yield
-
-
-def _without_points(folder: Path) -> list[Point]:
-    """Take the photo points out of the log of a project, and return them."""
-    found: list[Point] = []
-    log = folder / "FIRST.MEA"
-    kept, photo = [], ""
-    for line in log.read_text(encoding="utf-8").splitlines():
-        words = line.split("!")[0].split()
-        if words[:1] == ["POINTS"]:
-            photo = words[2]
-        elif photo and words:
-            found.append((photo, words[0], float(words[1]), float(words[2])))
-        else:
-            kept.append(line)
-    log.write_text("\n".join([*kept, ""]), encoding="utf-8")
-    return found
 
 
 def _measure(session: OnlineSession, folder: Path, point: Point) -> Reply:
@@ -60,7 +41,7 @@ def _reply(session: OnlineSession, folder: Path, **request: object) -> Reply:
 @pytest.fixture
 def project(tmp_path: Path) -> tuple[Path, list[Point]]:
     folder = first_project(tmp_path / "first")
-    points = _without_points(folder)
+    points = without_points(folder)
     commit(initialise(read_project(folder, "definitions")))
     return folder, points
 
@@ -246,14 +227,15 @@ def test_faulty_requests(line: str, wrong: str) -> None:
         read_request(line)
 
 
-def test_garbled_lines_change_nothing(project) -> None:
+@pytest.mark.parametrize("lines", [500, pytest.param(100_000, marks=[pytest.mark.long, pytest.mark.timeout(3600)])])
+def test_garbled_lines_change_nothing(project, lines: int) -> None:
     folder, points = project
     session = OnlineSession(folder, None)
     _measure(session, folder, points[0])
     before = (folder / "EDITS.MEA").read_bytes()
     noise = random.Random(5)
     line = json.dumps({"do": "measure", "photo": "NONE", "point": "7", "x": 1.0, "y": 2.0})
-    for _ in range(2000):
+    for _ in range(lines):
         characters = list(line)
         for _ in range(noise.randrange(1, 6)):
             characters[noise.randrange(len(characters))] = chr(noise.randrange(1, 0x2000))

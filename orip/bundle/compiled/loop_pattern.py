@@ -123,7 +123,9 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
     block = np.where(first >= 0, first // 3, -1)
     # a constant point has no column from which its block follows; any block without unknowns will do
     constant = np.flatnonzero((unknowns.points == CONSTANT).all(axis=1))
-    free = np.setdiff1d(np.arange(unknowns.layout.blocks), block[block >= 0])
+    is_taken = np.zeros(unknowns.layout.blocks, dtype=bool)
+    is_taken[block[block >= 0]] = True
+    free = np.flatnonzero(~is_taken)
     block[constant[: len(free)]] = free
     return np.asarray(block)
 

@@ -22,7 +22,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.coded_names import joined, repeated
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
@@ -131,8 +131,11 @@ def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
 
 
 def _point_kinds(block: Block) -> tuple[PointKind, ...]:
-    kinds: dict[str, PointKind] = {point.name: point.kind for point in block.control_points}
-    return tuple([kinds.get(name, "tie") for name in block.point_names])
+    kinds: list[PointKind] = ["tie"] * len(block.point_names)
+    place = block.point_index()
+    for point in block.control_points:
+        kinds[place[point.name]] = point.kind
+    return tuple(kinds)
 
 
 def _residuals(solved: SolvedBlock) -> Residuals:
@@ -262,7 +265,7 @@ def _antenna_correlations(solved: SolvedBlock) -> tuple[Correlation, ...]:
 
 
 def _check_points(block: Block, points: Estimates) -> tuple[CheckPoint, ...]:
-    place = {name: index for index, name in enumerate(points.names)}
+    place = places_of_names(points.names)
     found = []
     for point in block.control_points:
         if point.kind == "check" and np.isfinite(points.sd[place[point.name]]).all():

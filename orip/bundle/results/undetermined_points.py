@@ -32,11 +32,12 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
     columns = solved.problem.unknowns.points
     unknown = columns != CONSTANT
     found = unknown & solved.normals.removed[columns]
-    rays, distance = _rays(solved)
+    rays, direction = _rays(solved)
+    distance = np.linalg.norm(direction, axis=1)
     point = solved.block.photo_points.point[rays]
-    direction = _directions(solved, rays)
+    of_found = found.any(axis=1)[point]
     along = np.zeros_like(found)
-    np.logical_or.at(along, point, np.abs(direction) > _ALONG * distance[:, None])
+    np.logical_or.at(along, point[of_found], np.abs(direction[of_found]) > _ALONG * distance[of_found, None])
     found |= unknown & along & found.any(axis=1, keepdims=True)
     doubtful = _doubtful(solved, cofactors, point, distance) & ~found.any(axis=1)
     mine = doubtful[point]
@@ -48,15 +49,11 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
 
 
 def _rays(solved: SolvedBlock) -> tuple[IntArray, FloatArray]:
-    """Return the photo points (k,) that take part, and their distances from the projection centres."""
-    taking_part = solved.weight_factors[: 2 * len(solved.block.photo_points.point)].reshape(-1, 2).any(axis=1)
-    rays = np.flatnonzero(taking_part)
-    return rays, np.linalg.norm(_directions(solved, rays), axis=1)
-
-
-def _directions(solved: SolvedBlock, rays: IntArray) -> FloatArray:
+    """Return the photo points (k,) that take part, and where their points are from the projection centres (k, 3)."""
     points, state = solved.block.photo_points, solved.state
-    return np.asarray(state.points[points.point[rays]] - state.centres[points.photo[rays]])
+    taking_part = solved.weight_factors[: 2 * len(points.point)].reshape(-1, 2).any(axis=1)
+    rays = np.flatnonzero(taking_part)
+    return rays, state.points[points.point[rays]] - state.centres[points.photo[rays]]
 
 
 def _doubtful(solved: SolvedBlock, cofactors: FloatArray, point: IntArray, distance: FloatArray) -> BoolArray:

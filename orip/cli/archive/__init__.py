@@ -1,5 +1,1 @@
 """`orip archive`."""
-
-from orip.cli.archive.commands import register
-
-__all__ = ["register"]

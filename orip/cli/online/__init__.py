@@ -1,5 +1,1 @@
 """`orip online`."""
-
-from orip.cli.online.commands import register
-
-__all__ = ["register"]

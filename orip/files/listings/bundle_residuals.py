@@ -94,10 +94,19 @@ def largest_residual_lines(solution: Solution) -> list[str]:
     """Return the table of the largest standard residuals of observations that have an influence."""
     residuals = solution.residuals
     size = np.where(np.isfinite(residuals.weight_factor), np.abs(residuals.standard_residual), np.nan)
-    order = np.argsort(-np.nan_to_num(size, nan=-1.0, posinf=np.inf), kind="stable")[:LARGEST]
-    rows = [i for i in order.tolist() if not np.isnan(size[i])]
+    rows = _largest(np.nan_to_num(size, nan=-1.0, posinf=np.inf))
+    rows = [i for i in rows if not np.isnan(size[i])]
     lines = table_lines(component_columns(residuals, rows, solution.ground_unit))
     return [*lines, *LEGEND] if residuals.kind else lines
+
+
+def _largest(sizes: FloatArray) -> list[int]:
+    """Return the rows of the `LARGEST` sizes, the largest first; of equal ones those that come first."""
+    candidates = np.arange(len(sizes))
+    if len(sizes) > LARGEST:
+        candidates = np.flatnonzero(sizes >= np.partition(sizes, -LARGEST)[-LARGEST])
+    order = np.argsort(-sizes[candidates], kind="stable")[:LARGEST]
+    return list(map(int, candidates[order]))
 
 
 def ground_residual_lines(solution: Solution, choose: Callable[[str], bool]) -> list[str]:

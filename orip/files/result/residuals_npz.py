@@ -14,7 +14,7 @@ from typing import IO, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.records.coded_names import CodedNames, coded
+from orip.records.coded_names import coded
 from orip.records.results.solution import Reliability, Residuals
 
 _SAMPLE, _GAIN = 1 << 16, 0.5
@@ -43,7 +43,7 @@ def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iter
 
 def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[str, NDArray[Any]]]:
     for name in ("kind", "photo", "point", "component"):
-        column = _occurring(coded(getattr(residuals, name)))
+        column = coded(getattr(residuals, name)).without_unused()
         yield f"{name}s", np.array(column.distinct, dtype=np.str_)
         yield name, column.codes.astype(np.min_scalar_type(max(len(column.distinct) - 1, 0)))
     for name in ("observed", "residual", "a_priori"):
@@ -53,12 +53,6 @@ def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[st
     yield "adjusted_sd", reliability.adjusted_sd.astype(_SINGLE)
     yield "minimal_detectable_bias", reliability.minimal_detectable_bias.astype(_SINGLE)
     yield "external_reliability", reliability.external.astype(_SINGLE)
-
-
-def _occurring(column: CodedNames) -> CodedNames:
-    """Return the same names without those that do not occur, in their order."""
-    used, codes = np.unique(column.codes, return_inverse=True)
-    return CodedNames(tuple(map(column.distinct.__getitem__, used.tolist())), codes)
 
 
 def _npy(values: NDArray[Any]) -> bytes:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -79,6 +80,17 @@ def _numbers(values: NDArray[Any]) -> bytes:
 
 
 def _part(data: bytes) -> bytes:
+    first = data[:1]
+    # codes, flags and equal a-priori errors: most places have one byte throughout
+    return _constant_part(first, len(data)) if data == first * len(data) else _judged_part(data)
+
+
+@lru_cache(maxsize=64)
+def _constant_part(byte: bytes, count: int) -> bytes:
+    return _judged_part(byte * count)
+
+
+def _judged_part(data: bytes) -> bytes:
     sample = data[:_SAMPLE]
     is_compressed = len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
     kept = zlib.compress(data, _LEVEL) if is_compressed else data

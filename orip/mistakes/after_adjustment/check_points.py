@@ -12,6 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
+from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 
 _DOUBTED = 5.0
@@ -66,7 +67,7 @@ def _compared(solution: Solution) -> _Compared | None:
     points = solution.check_points
     if not points:
         return None
-    place = {name: row for row, name in enumerate(solution.points.names)}
+    place = places_of_names(solution.points.names)
     rows = [place[point.name] for point in points]
     differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
     adjusted = solution.points.values[rows]

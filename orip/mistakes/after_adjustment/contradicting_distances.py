@@ -13,6 +13,7 @@ from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.length_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
+from orip.records.names import places_of_names
 from orip.records.observations.control import ControlDistance
 from orip.records.results.solution import Solution
 
@@ -94,7 +95,7 @@ def _other_ends(solution: Solution, distance: ControlDistance, tolerance: float)
     if distance.code != "XYZ":
         return []
     points = solution.points
-    place = {name: row for row, name in enumerate(points.names)}
+    place = places_of_names(points.names)
     pairs, chances = [], 0.0
     for end in (distance.start, distance.end):
         lengths = np.linalg.norm(points.values - points.values[place[end]], axis=1)

@@ -16,6 +16,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.adjusted_rays import AdjustedRays
 from orip.mistakes.doubted_observations import doubted_photo_points
 from orip.records.block import Block
+from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
@@ -57,7 +58,7 @@ class _DoubtedPhotoPoints:
     def __init__(self, block: Block, solution: Solution, rows: Sequence[int]) -> None:
         self.block, self.solution = block, solution
         self.rays = AdjustedRays(block, solution)
-        self.place = {name: row for row, name in enumerate(solution.points.names)}
+        self.place = places_of_names(solution.points.names)
         # Photo points that lost weight because all residuals are larger than they should be are no blunders. Without
         # its own ray the position of a point is no better known than that ray: hence the factor.
         self.rows = [row for row in rows if not self._distance(row) <= np.sqrt(2.0) * self.rays.limit(row)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.errors import ProjectWarning
-from orip.records.block import Block
+from orip.records.block import Block, IndexedPhotoPoints
 
 _FEWEST = 5
 """Least number of common points; fewer may have the same coordinates by chance, as in photos taken in one line."""
@@ -23,19 +23,41 @@ def photos_under_two_names(block: Block) -> list[ProjectWarning]:
     """Return a warning for each pair of photos that show all their common points at the same coordinates."""
     points = block.photo_points
     order = np.argsort(points.point, kind="stable")
+    near = _SAME * np.ptp(points.xy, axis=0).max() if len(points.xy) else 0.0
+    # nearly always no two photos have so many points at one place, and nothing else need be looked at
+    at_one_place = _shared(points, order, near, near)
+    photos = np.unique([pair[:2] for pair in _same(at_one_place)])
+    shared = _shared(points, order[np.isin(points.photo[order], photos)], near, np.inf)
+    return [_warning(block, *pair) for pair in _same(shared)]
+
+
+def _shared(points: IndexedPhotoPoints, order: IntArray, near: float, reach: float) -> IntArray:
+    """Return the photos of two measurements of a point, and whether these are at the same coordinates (k, 3).
+
+    Parameters
+    ----------
+    points : IndexedPhotoPoints
+    order : array of int
+        Their rows, point after point.
+    near : float
+        Largest difference of the same coordinates, mm.
+    reach : float
+        Those farther apart in x are left out, mm.
+    """
     point, photo, xy, error = points.point[order], points.photo[order], points.xy[order], points.error[order]
-    same = _SAME * np.ptp(points.xy, axis=0).max() if len(points.xy) else 0.0
+    x = xy[:, 0].copy()
     parts = [np.empty((0, 3), dtype=np.int64)]
     for offset in range(1, int(np.bincount(point).max(initial=0))):
+        first = np.flatnonzero((point[:-offset] == point[offset:]) & (np.abs(x[:-offset] - x[offset:]) <= reach))
         # a point that is measured twice in a photo is no second photo
-        first = np.flatnonzero((point[:-offset] == point[offset:]) & (photo[:-offset] != photo[offset:]))
+        first = first[photo[first] != photo[first + offset]]
         other = first + offset
         difference = np.abs(xy[first] - xy[other])
-        limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), same)
+        limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), near)
         one, two = photo[first], photo[other]
         is_same = (difference <= limit).all(axis=1)
         parts.append(np.column_stack([np.minimum(one, two), np.maximum(one, two), is_same]))
-    return [_warning(block, *pair) for pair in _same(np.concatenate(parts))]
+    return np.concatenate(parts)
 
 
 def _same(shared: IntArray) -> list[tuple[int, int, int]]:

@@ -35,7 +35,7 @@ def observed_before(observations: PhotoObservations) -> IntArray:
     """Return how often each of n photo observations was measured before, as `measured_before`; photos by their keys."""
     number: dict[str, int] = {}
     photo = coded(observations.photos).numbers(lambda name: number.setdefault(record_key(name), len(number)))
-    return measured_before(photo, coded(observations.points).codes)
+    return measured_before(photo, coded(observations.points).codes.astype(np.int64))
 
 
 def measurement_name(point: str, before: int) -> str:

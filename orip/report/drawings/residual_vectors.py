@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.interior.fiducial_system import frame_corners
-from orip.records.coded_names import coded
 from orip.records.names import record_key
-from orip.records.results.solution import Residuals
 from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
 from orip.report.numbers import counted, probability
+from orip.report.photo_vectors import PhotoVectors
 from orip.report.report_input import ReportInput
 
 MOST_PHOTOS = 48
@@ -29,30 +28,6 @@ _LENGTH = 0.10
 
 _PIXELS, _MEAN_PIXELS, _MARGIN = 216.0, 400.0, 10.0
 _ALPHA = 0.01
-
-
-@dataclass(frozen=True, slots=True)
-class PhotoVectors:
-    """Residual vectors of n photo points.
-
-    Parameters
-    ----------
-    photo : str
-    xy, residual : arrays (n, 2), mm
-        Measured coordinates, and adjusted minus measured ones.
-    sound : array (n,) of bool
-        Neither component is down-weighted or disregarded.
-    """
-
-    photo: str
-    xy: FloatArray
-    residual: FloatArray
-    sound: NDArray[np.bool_]
-
-    @property
-    def rms(self) -> float:
-        """Return the root mean square (mm) of the components of the sound points, 0 where there are none."""
-        return float(np.sqrt(np.mean(self.residual[self.sound] ** 2))) if self.sound.any() else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,22 +57,6 @@ class VectorSheet:
     finding: str
     photos: tuple[Markup, ...]
     note: str
-
-
-def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
-    """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
-    of_x = coded(residuals.kind).where("photo".__eq__) & coded(residuals.component).where("x".__eq__)
-    rows = np.flatnonzero(of_x)
-    pairs = np.stack([rows, rows + 1], axis=1)
-    sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
-    photo = coded(residuals.photo)[rows]
-    count = np.bincount(photo.codes, minlength=len(photo.distinct))
-    members = np.split(np.argsort(photo.codes, kind="stable"), np.cumsum(count)[:-1])
-    of_photo = dict(zip(photo.distinct, members, strict=False))  # without photos there is still one part
-    return {
-        name: PhotoVectors(name, residuals.observed[pairs[mine]], residuals.residual[pairs[mine]], sound[mine])
-        for name, mine in ((name, of_photo[name]) for name in photo.occurring())
-    }
 
 
 def measured_reach(given: ReportInput, camera: str) -> float:
@@ -169,7 +128,7 @@ def _finding(means: CellMeans) -> str:
 
 
 def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
-    found = photo_vectors(given.solution.residuals)
+    found = given.photo_vectors
     mine = {key for key, photo in given.photos.items() if record_key(photo.camera) == record_key(camera)}
     return [found[name] for name in given.solution.photos.names if record_key(name) in mine and name in found]
 

@@ -25,7 +25,7 @@ from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
-from orip.workflow.adjust.solve import run_of_solution, solve
+from orip.workflow.adjust.solve import run_of_solution, solve_with_equations
 from orip.workflow.project.bundle_state import BundleState
 
 MOST_FIGURES = 10_000
@@ -64,9 +64,9 @@ def covariance_matrix(bundle: BundleState, names: Sequence[str]) -> CovarianceMa
     """
     stored = bundle.adjusted
     records = _chosen(list(_records(stored)), names)
-    outcome = solve(bundle, method=_method(bundle, stored)).outcome
-    found = [record.figures(outcome.solved, record.row) for record in records]
-    matrix = covariance(outcome.solved, found, found)
+    _, solved = solve_with_equations(bundle, method=_method(bundle, stored))
+    found = [record.figures(solved, record.row) for record in records]
+    matrix = covariance(solved, found, found)
     labels = [f"{record.kind} {record.name}.{kind}" for record in records for kind in record.kinds]
     units = [unit_of_unknown(kind, stored.ground_unit) for record in records for kind in record.kinds]
     values = np.array([value for record in records for value in record.values])

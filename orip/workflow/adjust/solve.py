@@ -13,7 +13,7 @@ from orip.prelim.ground.project_coordinates import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.results.gate import GateResult
+from orip.records.results.gate import Gate, GateResult
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
@@ -35,11 +35,10 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 
 @dataclass(frozen=True, slots=True)
 class SolveOutcome:
-    """A solution, the adjustment it comes from, the results of gates, the files to write, and photos left out."""
+    """A solution, the results of gates, the files to write, and photos left out."""
 
     project: ProjectFolder
     solution: Solution
-    solved: SolvedBlock
     gates: tuple[GateResult, ...]
     files: tuple[Path, ...]
     left_out: tuple[str, ...] = ()
@@ -73,21 +72,46 @@ def solve(
     ------
     InputError, NotSolvableError, UsageError
     """
-    project = bundle.project
-    gates = project_gates(project, expressions)
+    gates = project_gates(bundle.project, expressions)
+    # the equations take half of the memory, and are released before anything is written
+    adjusted = _adjusted(bundle, watcher, method, pose)[0]
+    return _change(bundle, adjusted, gates)
+
+
+def solve_with_equations(
+    bundle: BundleState, watcher: SolveWatcher = NOBODY, method: Method = PLAIN
+) -> tuple[Change[SolveOutcome], SolvedBlock]:
+    """Adjust one bundle as `solve` does, and return also the adjusted block with its equations."""
+    gates = project_gates(bundle.project, ())
+    adjusted, solved = _adjusted(bundle, watcher, method, pose_problem)
+    return _change(bundle, adjusted, gates), solved
+
+
+@dataclass(frozen=True, slots=True)
+class _Adjusted:
+    """The solution of a project's bundle, and the listing of preliminary values, if they had to be found."""
+
+    solution: Solution
+    listed: tuple[TextOutput, ...]
+
+
+def _adjusted(bundle: BundleState, watcher: SolveWatcher, method: Method, pose: Pose) -> tuple[_Adjusted, SolvedBlock]:
     found: list[PreliminaryValues] = []
     solution, solved = solve_bundle(block_input(bundle), method, _that_keeps(watcher, found), pose)
-    solution = _of_project(bundle, solution, method)
     listed = tuple(_preliminary_output(bundle, values, solved.block.ground) for values in found)
-    outputs = (*listed, *solution_outputs(project, solution, bundle.observations))
-    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in listed))
+    return _Adjusted(_of_project(bundle, solution, method), listed), solved
+
+
+def _change(bundle: BundleState, adjusted: _Adjusted, gates: Sequence[Gate]) -> Change[SolveOutcome]:
+    project, solution = bundle.project, adjusted.solution
+    files = (*project.outputs(bundle.name).written(solution), *(output.path for output in adjusted.listed))
     return Change(
         bundle.state,
-        SolveOutcome(project, solution, solved, check_solution(solution, gates), files, _left_out(bundle, solution)),
+        SolveOutcome(project, solution, check_solution(solution, gates), files, _left_out(bundle, solution)),
         StoredParts(solutions={record_key(bundle.name): solution}),
         locks=(project.exterior,),
         is_compared=False,
-        outputs=outputs,
+        outputs=(*adjusted.listed, *solution_outputs(project, solution, bundle.observations)),
         superseded=superseded_outputs(project, solution),
         restores_outputs=True,
     )

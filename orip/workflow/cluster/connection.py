@@ -26,6 +26,16 @@ _MOST_DEATHS = 20
 INSTALL = "pip install 'orip[archive]'"
 
 
+_OWN_CLUSTER = {
+    "distributed.scheduler.allowed-failures": _MOST_DEATHS,
+    "distributed.worker.profile.enabled": False,
+    # as they are usually set, what watches over idle processes takes 8 % of a core with two workers
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.admin.system-monitor.disk": False,
+}
+"""Settings of a cluster on this machine."""
+
 _SILENT = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
 """Values that tasks are computed from are sent with them, so that these can be repeated."""
 
@@ -81,9 +91,8 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     import dask
     from distributed import Client, LocalCluster
 
-    settings = {"distributed.scheduler.allowed-failures": _MOST_DEATHS, "distributed.worker.profile.enabled": False}
     with (
-        dask.config.set(settings),
+        dask.config.set(_OWN_CLUSTER),
         LocalCluster(
             n_workers=workers or cores(),
             threads_per_worker=1,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from itertools import groupby
 
 import numpy as np
 
 from orip.interior.fiducial_system import frame_corners
 from orip.link.watch import Document
+from orip.online.answers import words_of
 from orip.online.measuring import Measuring
 from orip.online.ray_states import ray_states
 from orip.records.names import record_key
@@ -63,22 +65,23 @@ class OnlinePage:
     def _document(self) -> Document:
         measuring = self._measuring()
         records, interior = measuring.block.measurements.inputs.records, measuring.block.measurements.inputs.interior
-        photos: dict[str, Document] = {}
-        for ray in ray_states(measuring):
-            photo = photos.get(ray.photo)
-            if photo is None:
-                corners = frame_corners(records.camera_of(records.photos[record_key(ray.photo)]))
-                photo = photos[ray.photo] = {
-                    "name": ray.photo,
-                    "oriented": ray.photo in measuring.block.values.orientations,
+        photos: list[Document] = []
+        for name, group in groupby(ray_states(measuring), key=lambda ray: ray.photo):
+            rays = list(group)
+            corners = frame_corners(records.camera_of(records.photos[record_key(name)]))
+            places = interior.to_photo[record_key(name)].apply(np.array([ray.xy for ray in rays])).round(3).tolist()
+            photos.append(
+                {
+                    "name": name,
+                    "oriented": name in measuring.block.values.orientations,
                     "frame": None if corners is None else [*corners[0].tolist(), *corners[1].tolist()],
-                    "points": [],
+                    "points": [[ray.point, x, y, ray.state] for ray, (x, y) in zip(rays, places, strict=True)],
                 }
-            x, y = interior.to_photo[record_key(ray.photo)].apply(np.array([ray.xy]))[0].tolist()
-            photo["points"].append([ray.point, round(x, 3), round(y, 3), ray.state])
+            )
         return {
-            "photos": list(photos.values()),
+            "photos": photos,
             "answer": self._answer,
+            "suspects": [words_of(key) for key in measuring.suspects],
             "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
             "history": self._history,
         }

@@ -10,7 +10,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.measuring import Measuring
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.sequential.observation_rows import ObservationKey
+from orip.sequential.standing import Standing
 
 Shown = dict[str, Any]
 
@@ -78,14 +78,13 @@ def residuals_of(measuring: Measuring) -> list[Shown]:
     equations = measuring.block.equations
     keys = [key for key in equations.included if key.kind == "photo"]
     found = [
-        {"photo": key.photo, "point": key.point, **_standing(measuring, key)}
-        for key in keys
-    ]  # fmt: skip
+        {"photo": key.photo, "point": key.point, **_shown(measuring, standing)}
+        for key, standing in zip(keys, equations.standings(keys), strict=True)
+    ]
     return sorted(found, key=lambda one: -one["w"] / one["limit"])
 
 
-def _standing(measuring: Measuring, key: ObservationKey) -> Shown:
-    standing = measuring.block.equations.standing(key)
+def _shown(measuring: Measuring, standing: Standing) -> Shown:
     square, checked = standing.square()
     return {
         "v": standing.residual.tolist(),

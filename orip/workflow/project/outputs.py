@@ -6,13 +6,8 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from orip.files.listings.bundle import bundle_listing_lines
-from orip.files.listings.errors import error_listing_lines
-from orip.files.listings.interior import interior_listing
 from orip.files.listings.title import run_of_listing
 from orip.files.result.json_text import result_pieces, run_of_result
-from orip.files.result.residuals_csv import residuals_csv_pieces
-from orip.files.result.residuals_npz import residuals_npz_pieces
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
@@ -46,6 +41,8 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     """
     # slow to import, and most commands write no solution
     from orip.bundle.results.reliability import reliability_of
+    from orip.files.listings.bundle import bundle_listing_lines
+    from orip.files.listings.errors import error_listing_lines
     from orip.report.misfits import suspect_rows
 
     files = project.outputs(solution.bundle)
@@ -67,6 +64,9 @@ def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path
 
 def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes]:
     """Return the residuals of a solution as a text table, or as arrays where they are many."""
+    from orip.files.result.residuals_csv import residuals_csv_pieces
+    from orip.files.result.residuals_npz import residuals_npz_pieces
+
     write = residuals_npz_pieces if solution.is_large else residuals_csv_pieces
     return write(solution.residuals, found)
 
@@ -76,6 +76,8 @@ def interior_output(project: ProjectFolder, interior: Interior, run: str) -> Tex
     definition = project.definition
 
     def listing() -> list[str]:
+        from orip.files.listings.interior import interior_listing
+
         return [interior_listing(interior.adjustments, definition.name, definition.user, run)]
 
     return TextOutput(project.interior_listing, listing, _REMEDY)
