@@ -21,6 +21,9 @@ from orip.records.results.preliminary import NotOriented, RelativeOrientation, S
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points that suffice to orient a photo, and points that suffice where models are listed point by point."""
 
+_MANY_CONTRADICTED = 0.05
+"""Part of the rays; fewer may be those of a photo that was measured wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredBlock:
@@ -70,9 +73,10 @@ class MeasuredBlock:
     def blunders(self) -> float:
         """Return the largest part of the known points of a photo that may be wrong.
 
-        Among the rays that others do not contradict are those that could not be compared.
+        Where many are contradicted, many are wrong of those that could not be compared, too.
         """
-        return FEW_BLUNDERS if self.confirmed.all() else MANY_BLUNDERS
+        contradicted = np.count_nonzero(~self.confirmed)
+        return MANY_BLUNDERS if contradicted > _MANY_CONTRADICTED * len(self.confirmed) else FEW_BLUNDERS
 
     @property
     def known_coordinates(self) -> int:
