@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected
 from orip.bundle.blocking.posing import LARGEST_PART
 from orip.bundle.problem import starting_state
+from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
@@ -53,7 +54,7 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
         problem = blocks.pose(block)
         posing = time.perf_counter() - posed
         settings = iteration_settings(block.definition)
-        workers_cpu, own_cpu = [], []
+        workers_cpu, own_cpu, addresses = [], [], set()
         began = time.perf_counter()
 
         def passed(_: object) -> None:
@@ -61,12 +62,22 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
             moved.append(blocks.moved())
             workers_cpu.append(_cpu(blocks.client))
             own_cpu.append(time.process_time())
+            peaks = blocks.client.run(_peak)
+            print(
+                f"{clock[-1]:.0f} s, {workers_cpu[-1]:.0f} + {own_cpu[-1]:.0f} CPU s, MB of workers "
+                f"{' '.join(f'{peak:.0f}' for peak in peaks.values())}, of the client {_peak():.0f}, {moved[-1]}",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+            addresses.update(peaks)
 
         solved = solve_problem(problem, starting_state(block), settings, passed, lambda: False)
         total = time.perf_counter() - began
         workers_cpu.append(_cpu(blocks.client))
         own_cpu.append(time.process_time())
+        in_names = solution_of(solved)
+        results = time.process_time() - own_cpu[-1]
         peaks = blocks.client.run(_peak)
+        addresses.update(peaks)
         tree = blocks.trees[-1]
     # the first iteration loads programs and files; after the last one come cofactors
     iterations = len(clock)
@@ -75,7 +86,8 @@ def measured(photos: int, points: int, workers: int, memory_mb: int) -> dict[str
     return {
         "photos": photos, "rays": len(block.photo_points.photo), "workers": workers, "nodes": len(tree),
         "iterations": iterations, "posing": posing, "iteration": (clock[-1] - clock[0]) / rounds,
-        "total": total,
+        "total": total, "results_client": results, "photos_with_sd": int(np.isfinite(in_names.photos.sd).all(1).sum()),
+        "died": len(addresses) - len(peaks),
         "cpu_workers": (workers_cpu[-2] - workers_cpu[0]) / rounds, "cpu_client": (own_cpu[-2] - own_cpu[0]) / rounds,
         "cofactors_workers": workers_cpu[-1] - workers_cpu[-2], "cofactors_client": own_cpu[-1] - own_cpu[-2],
         "there": most.there, "back": most.back,
@@ -93,7 +105,9 @@ def _cpu(client) -> float:
 
 
 def _peak() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000.0
+    """Return the largest MB of this process; its resource usage would count that of the process that started it."""
+    words = Path("/proc/self/status").read_text().split()
+    return float(words[words.index("VmHWM:") + 1]) * 1024.0 / MEGABYTE
 
 
 def flops(tree: DissectionTree) -> float:
@@ -153,17 +167,10 @@ def model(found: list[dict[str, float]]) -> None:
     ones = np.ones(len(found))
     of_workers = np.array([one["cpu_workers"] - one["flops"] / RATE for one in found])
     of_client = np.array([one["cpu_client"] for one in found])
-    (a, a0), (c, c0) = (
-        np.linalg.lstsq(np.column_stack([rays, ones]), of, rcond=None)[0] for of in (of_workers, of_client)
-    )
-    sent = np.array([one["there"] + one["back"] for one in found])
-    (s,), (e,) = (
-        np.linalg.lstsq(by[:, None], of, rcond=None)[0]
-        for by, of in (
-            (rays, sent),
-            (np.array([one["separators"] for one in found]), np.array([one["between"] for one in found])),
-        )
-    )
+    (a, a0), (c, c0) = (_fitted(np.column_stack([rays, ones]), of) for of in (of_workers, of_client))
+    (s,) = _fitted(rays[:, None], np.array([one["there"] + one["back"] for one in found]))
+    # neighbouring nodes of small blocks are with the same worker: the largest one counts
+    e = max(found, key=lambda one: one["photos"])["between"] / max(found, key=lambda one: one["photos"])["separators"]
     print(f"workers {1e6 * a:.1f} us a ray + {a0:.2f} s; client {1e6 * c:.1f} us a ray + {c0:.2f} s")
     print(f"bytes {s:.0f} a ray to and from the client, {e:.2f} times the separators between workers")
     tree, known = tree_of(PREDICTED[0]), tree_of(int(found[-1]["photos"]))
@@ -182,6 +189,11 @@ def model(found: list[dict[str, float]]) -> None:
                 "between": e * borders / NETWORK / workers,
             }  # fmt: skip
             print(photos, workers, {name: round(float(value), 1) for name, value in figures.items()})
+
+
+def _fitted(columns: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return the coefficients (k,) of columns (n, k) that leave the least relative differences."""
+    return np.linalg.lstsq(columns / measured[:, None], np.ones(len(measured)), rcond=None)[0]
 
 
 def main() -> None:

@@ -11,6 +11,9 @@ from orip.archive.tables import NAME_COLUMN, VALUES, Cell, Row
 ANGLES = frozenset({"omega", "phi", "kappa"})
 _CIRCLE = 360.0
 
+OUTCOME = "outcome"
+"""Name of the word that tells how a whole project ended."""
+
 Key = tuple[Cell, ...]
 
 
@@ -77,6 +80,41 @@ def _times(column: str, one: Row, other: Row) -> tuple[float, float, float]:
     deviations = [_number(row[f"sd_{column}"]) for row in (one, other)]
     largest = max((value for value in deviations if not math.isnan(value)), default=0.0)
     return (difference / largest if largest > 0.0 else math.inf), was, is_now
+
+
+def changed_outcomes(before: Sequence[Row], after: Sequence[Row]) -> Iterator[Changed]:
+    """Yield how projects ended otherwise, or were in one of the runs alone; of those adjusted in both, their bundles.
+
+    Parameters
+    ----------
+    before, after : sequences of Row
+        Of the table of projects.
+    """
+    old, new = _by_project(before), _by_project(after)
+    adjusted = set()
+    for project in sorted(old.keys() | new.keys()):
+        one, other = _outcome(old.get(project, ())), _outcome(new.get(project, ()))
+        if one != other:
+            yield Changed(project, "", OUTCOME, one, other)
+        else:
+            adjusted.add(project)
+    old_rows, new_rows = ([row for row in rows if row["project"] in adjusted] for rows in (before, after))
+    yield from changed_words(old_rows, new_rows, None, ("state", "status", "message"))
+
+
+def _by_project(rows: Iterable[Row]) -> Mapping[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(str(row["project"]), []).append(row)
+    return found
+
+
+def _outcome(rows: Sequence[Row]) -> str:
+    """Return how a project ended; a project without a bundle has one row, with its error."""
+    if not rows:
+        return ""
+    failed = [f"{row['state']}: {row['message']}" for row in rows if not row["bundle"]]
+    return failed[0] if failed else "adjusted"
 
 
 def changed_words(

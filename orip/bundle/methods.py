@@ -60,7 +60,8 @@ def adjust_block(
     stop_asked : callable
         Asked after each iteration; True ends the adjustment with the current state.
     pose : callable
-        Returns the problem of a block that is adjusted with Danish weights: as a whole, or divided.
+        Returns the problem of a block, as a whole or divided; a search for blunders and variance components, which ask
+        for the rows of single observations, have it as a whole.
 
     Returns
     -------
@@ -89,7 +90,9 @@ def adjust_block(
         solved, blunders = snooped.solved, snooped.blunders
         advice += snooping_diagnosis(solved, snooped.findings)
     if method.prune and not stop_asked():
-        pruned = prune(solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked))
+        pruned = prune(
+            solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked, pose=pose)
+        )
         solved = pruned.solved
         advice += pruning_diagnosis(pruned.removed)
     components: tuple[VarianceComponent, ...] = ()

@@ -14,6 +14,8 @@ from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
 from orip.errors import OripError
+from orip.files.archive.layout import ResultsFolder
+from orip.files.text.lock import locked
 from orip.workflow.cluster.connection import require_fit_workers
 from orip.workflow.cluster.facts import WorkerFacts, worker_facts
 
@@ -73,6 +75,16 @@ def test_wrong_words_are_refused(tmp_path: Path, words: tuple[str, ...], said: s
     found = orip(tmp_path, "archive", *words)
     assert found.code == 2
     assert said in found.err
+
+
+def test_a_run_that_is_only_starting_is_told(tmp_path: Path) -> None:
+    lock = ResultsFolder(tmp_path / "archive_results").lock
+    lock.parent.mkdir()
+    lock.touch()
+    with locked(lock, "results"):
+        found = orip(tmp_path, "archive", "status")
+    assert found.code == 6
+    assert "is starting its workers; ask again in a few seconds" in found.err
 
 
 def test_damaged_results_are_named(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from documentation.pages import DOCS
 from files.hand_built_solutions import awkward
 from support.json_schemas import schema_faults
 
-from orip.archive.differences import Changed, Moved, changed_words, moved_values
+from orip.archive.differences import Changed, Moved, changed_outcomes, changed_words, moved_values
 from orip.archive.outcome import ProjectOutcome, rows_of_error
 from orip.archive.rows import AdjustedBundle, rows_of_bundles
 from orip.archive.tables import SCHEMA, TABLES, Row
@@ -128,6 +128,20 @@ def test_gates_that_changed_or_are_in_one_run_alone() -> None:
         Changed("p", "M", "a", "pass", "FAIL"),
         Changed("p", "M", "b", "pass", ""),
         Changed("p", "M", "c", "", "pass"),
+    ]
+
+
+def test_a_project_that_ended_otherwise_is_told_in_one_line() -> None:
+    def project(name: str, bundle: str, state: str, status: str, message: str = "") -> Row:
+        return {"project": name, "bundle": bundle, "state": state, "status": status, "message": message}
+
+    before = [project("a", "M", "adjusted", "converged"), project("b", "M", "adjusted", "converged")]
+    before += [project("c", "", "wrong", "", "x.MEA:1: why"), project("d", "", "wrong", "", "as it was")]
+    after = [project("a", "", "wrong", "", "orip.toml:1: why"), project("b", "M", "adjusted", "doubtful"), before[-1]]
+    assert list(changed_outcomes(before, after)) == [
+        Changed("a", "", "outcome", "adjusted", "wrong: orip.toml:1: why"),
+        Changed("c", "", "outcome", "wrong: x.MEA:1: why", ""),
+        Changed("b", "M", "status", "converged", "doubtful"),
     ]
 
 

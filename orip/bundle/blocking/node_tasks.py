@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.dissection.fronts import adjusted_front
+from orip.adjustment.factorisation.dissection.fronts import adjusted_front, triangle_of
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.blocking.sub_block import SubBlockSource
 from orip.bundle.compiled.photo_loop import Contributions, StreamedCoupling
@@ -54,7 +54,7 @@ class NodeCoupling(NamedTuple):
 
 
 class NodeNormals(NamedTuple):
-    """Normal equations (f, f) of a front, the points that were eliminated from them, and their coupling."""
+    """Normal equations of a front, a triangle (f (f + 1) / 2,), with the eliminated points and their coupling."""
 
     matrix: FloatArray
     points: NodePoints
@@ -97,7 +97,7 @@ def eliminate(source: SubBlockSource, state: BlockState, given: NodeEquations, a
     assert isinstance(found.coupling, StreamedCoupling), "the loop has no other"
     blocks = found.blocks
     points = NodePoints(found.right, found.diagonal, blocks.half, blocks.pivots, blocks.removed, found.block_right)
-    return NodeNormals(found.matrix, points, NodeCoupling(state, found.coupling.factor, blocks.half))
+    return NodeNormals(triangle_of(found.matrix), points, NodeCoupling(state, found.coupling.factor, blocks.half))
 
 
 def matrix_of(normals: NodeNormals) -> FloatArray:

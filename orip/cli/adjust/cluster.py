@@ -66,7 +66,7 @@ class ClusterOptions(NamedTuple):
             yield pose_problem, watcher
             return
         self._require_own_workers()
-        _require_plain(method)
+        _require_divisible(method)
         from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
         scheduler = None if self.dask == _LOCAL else self.dask
@@ -99,12 +99,11 @@ class ClusterOptions(NamedTuple):
             raise UsageError(message)
 
 
-def _require_plain(method: Method) -> None:
-    from orip.solving.solve import PLAIN
-
-    if method != PLAIN:
+def _require_divisible(method: Method) -> None:
+    if method.snooping is not None or method.variance_components:
         message = (
-            "--dask adjusts with reduced weights only; leave out --snoop, --prune and --variance-components, or --dask"
+            "--snoop and --variance-components ask for the equations of single observations, which --dask leaves with "
+            "the workers; leave them out, or --dask"
         )
         raise UsageError(message)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from orip.archive.differences import Changed, Moved, changed_words, moved_values
+from orip.archive.differences import OUTCOME, Changed, Moved, changed_outcomes, changed_words, moved_values
 from orip.archive.tables import NAME_COLUMN, Cell, Row
 from orip.errors import UsageError
 from orip.files.archive.dataset import read_shard
@@ -65,9 +65,12 @@ def archive_differences(before: Path, after: Path, sigma: float) -> ArchiveDiffe
         for done, shard in enumerate(SHARDS, start=1):
             old, new = (read_shard(results, "projects", shard) for results in folders)
             compared += len(_keys(old) & _keys(new))
-            changed += changed_words(old, new, None, ("state", "status", "message"))
+            outcomes = list(changed_outcomes(old, new))
+            elsewhere = {word.project for word in outcomes if word.name == OUTCOME}
             old, new = (read_shard(results, "gates", shard) for results in folders)
-            changed += changed_words(old, new, "gate", ("passed",))
+            gates = changed_words(old, new, "gate", ("passed",))
+            # a project that was not adjusted has no gates
+            changed += [*outcomes, *(word for word in gates if word.project not in elsewhere)]
             moved += _moved(folders, shard, sigma)
             advance(done)
     moved.sort(key=lambda value: (-value.times, value.project, value.bundle, value.name))

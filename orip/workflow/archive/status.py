@@ -41,9 +41,15 @@ def archive_status(folder: Path) -> ArchiveStatus:
     ------
     UsageError
         If the folder holds no results of an archive.
+    LockedError
+        If a run is starting that will write them.
     InputError
     """
-    plan, results = read_plan(folder, str(folder)), ResultsFolder(folder)
+    results = ResultsFolder(folder)
+    if not results.plan.exists() and _is_locked(results):
+        message = f"a run that writes to '{folder}' is starting its workers; ask again in a few seconds"
+        raise LockedError(message)
+    plan = read_plan(folder, str(folder))
     names = frozenset(plan.projects)
     progress, wrong, last = Progress(len(names)), [], plan.began
     for head in read_heads(results):

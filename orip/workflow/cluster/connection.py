@@ -23,6 +23,10 @@ _CLOSE_SECONDS = 5
 _MOST_DEATHS = 20
 """Workers that may die with a project before it is given up: of a cluster on this machine, where Dask would take 3."""
 
+_RESTART_TIME = "1 hour"
+"""For a worker that died to be there again. Dask would take 15 seconds and then give it up for good: a busy machine
+takes longer to load what a worker needs."""
+
 INSTALL = "pip install 'orip[archive]'"
 
 
@@ -33,6 +37,7 @@ _OWN_CLUSTER = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.system-monitor.disk": False,
+    "distributed.deploy.lost-worker-timeout": _RESTART_TIME,
 }
 """Settings of a cluster on this machine."""
 

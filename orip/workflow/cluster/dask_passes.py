@@ -1,7 +1,7 @@
 """Passes over a dissection tree as graphs of Dask.
 
-Nodes that belong together, the lower parts of the tree, are one task. What a task returns stays with the worker; where
-that dies, Dask computes it again from what it was computed from: values that were sent, and files.
+The lower parts of the tree are one task each, and so is every node above them. What a task returns stays with the
+worker; where that dies, Dask computes it again from what it was computed from: values that were sent, and files.
 """
 
 from __future__ import annotations
@@ -9,16 +9,17 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
-from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
 from orip.errors import OripError
 from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
+from orip.workflow.cluster.worker_watch import LOOK_SECONDS, WorkerWatch, memory_advice
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
 _PARTS_A_WORKER = 2
 """Parts of the tree for each worker: the more, the evener the work, and the more messages."""
 
-_LOOK, _MOST_LONELY = 10.0, 6
-"""Seconds after which it is looked whether there are workers, and how often there may be none: Dask starts those of its
-own again."""
+_PIECES = 40
+"""Parts that would fill the memory of a worker: it has copies of what it computes, sends, or writes to the disk."""
+
+_PROCESS_BYTES, _COPIES = 250_000_000, 6
+"""What a worker needs: for its programs and photo points, and squares of the largest front while that is computed."""
 
 _AGAIN = "it begins from the start"
 
@@ -94,11 +97,27 @@ class _Argument:
     number: int
 
 
-class Values(list[Any]):
-    """Values that move between workers as one piece: Dask's buffers are not aligned as the compiled loops need."""
+@dataclass(frozen=True, slots=True)
+class Values(Sequence[Any]):
+    """Values of several nodes.
+
+    They move between workers as one piece, for Dask's buffers are not aligned as the compiled loops need, and have
+    their true size, by which Dask decides what to write to the disk.
+    """
+
+    items: Sequence[Any]
+
+    def __getitem__(self, place: Any) -> Any:
+        return self.items[place]
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def __sizeof__(self) -> int:
+        return object.__sizeof__(self) + array_bytes(self.items)
 
     def __reduce__(self) -> tuple[Callable[[bytes], Values], tuple[bytes]]:
-        return as_sent, (pickle.dumps(list(self)),)
+        return as_sent, (pickle.dumps(self.items),)
 
 
 def as_sent(values: bytes) -> Values:
@@ -109,7 +128,7 @@ def as_sent(values: bytes) -> Values:
 def run_each(task: bytes, *arguments: Values) -> Values:
     """Apply a function to nodes of a group."""
     found: _Task = pickle.loads(task)
-    return Values(found.function(*row) for row in found.rows(arguments))
+    return Values([found.function(*row) for row in found.rows(arguments)])
 
 
 def run_upward(task: bytes, *arguments: Values) -> Values:
@@ -142,7 +161,7 @@ class DaskPasses:
     client : Client
     tree : DissectionTree
     groups : tuple of tuples of int
-        Numbers of the nodes that are computed together, ascending: parts of the tree, and last what is above these.
+        Numbers of the nodes that are computed together, ascending: parts of the tree, and single nodes above these.
     sent : Sent
     """
 
@@ -153,22 +172,23 @@ class DaskPasses:
 
     def kept(self, items: Sequence[Any]) -> Spot:
         """Send values of nodes to the workers that are to compute these."""
-        with _told(self.client):
+        with self._told():
             workers = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
-            if not workers:
-                raise lost_cluster(self.client, _AGAIN)
             futures = []
             for number, nodes in enumerate(self.groups):
                 values = self._pickled([items[node] for node in nodes])
-                worker = workers[number * len(workers) // len(self.groups)]
+                # where there is none at the moment, Dask waits for one
+                chosen = [workers[number * len(workers) // len(self.groups)]] if workers else None
                 futures.append(
-                    self.client.submit(as_sent, values, workers=[worker], allow_other_workers=True, pure=False)
+                    self.client.submit(
+                        as_sent, values, workers=chosen, allow_other_workers=chosen is not None, pure=False
+                    )
                 )
             return Spot(tuple(futures), self.groups)
 
     def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Spot:
         """Apply a function to every node, or to some."""
-        with _told(self.client):
+        with self._told():
             futures, groups = [], []
             for number, nodes in enumerate(self.groups):
                 chosen = nodes if only is None else tuple(node for node in only if node in nodes)
@@ -184,7 +204,7 @@ class DaskPasses:
 
     def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Spot:
         """Apply a function from the bottom up."""
-        with _told(self.client):
+        with self._told():
             kept: list[Any] = []
             passed: dict[int, Any] = {}
             for number, nodes in enumerate(self.groups):
@@ -200,7 +220,7 @@ class DaskPasses:
 
     def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Spot:
         """Apply a function from the root down."""
-        with _told(self.client):
+        with self._told():
             kept: list[Any] = []
             passed: dict[int, Any] = {}
             for number, nodes in reversed(list(enumerate(self.groups))):
@@ -216,7 +236,7 @@ class DaskPasses:
 
     def gathered(self, handles: Spot) -> list[Any]:
         """Return the values of handles, in the order of the nodes."""
-        with _told(self.client):
+        with self._told():
             self._wait_for(handles)
             found = self.client.gather(list(handles.futures))
         self.sent.back += sum(map(array_bytes, found))
@@ -228,20 +248,64 @@ class DaskPasses:
         return [values[node] for node in sorted(values)]
 
     def _wait_for(self, handles: Spot) -> None:
-        """Wait until values are there, as long as there are workers."""
+        """Wait until values are there, as long as the workers get on with them."""
         from distributed import wait
 
-        lonely = 0
+        watch = WorkerWatch(least_memory(self.tree))
         while True:
             try:
-                wait(handles.futures, timeout=_LOOK)
+                wait(handles.futures, timeout=LOOK_SECONDS)
             except TimeoutError:
-                lonely = 0 if self.client.scheduler_info(n_workers=-1)["workers"] else lonely + 1
-                if lonely >= _MOST_LONELY:
-                    message = "no worker is left; start workers again, and repeat the command: it begins from the start"
-                    raise LostClusterError(message) from None
+                watch.look(self.client.scheduler_info(n_workers=-1)["workers"])
+                self._free_from_the_dead()
             else:
                 return
+
+    def _free_from_the_dead(self) -> None:
+        """Let other workers compute what was to be where a worker died.
+
+        Dask does so by itself, but not with what waited while there was no worker at all.
+        """
+
+        # a function within a function is sent as it is: the scheduler may have no orip
+        def free(dask_scheduler: Any) -> None:
+            waiting = [task for task in dask_scheduler.unrunnable if task.loose_restrictions]
+            if waiting and dask_scheduler.running:
+                for task in waiting:
+                    task.worker_restrictions = None
+                dask_scheduler.transitions({task.key: "waiting" for task in waiting}, "orip-workers-are-there-again")
+
+        self.client.run_on_scheduler(free)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Say what went wrong with the cluster in terms of what to do.
+
+        Raises
+        ------
+        LostClusterError
+            If the scheduler, or all workers, are gone, or workers die again and again.
+        OripError
+            If a worker is not fit.
+        """
+        from asyncio import CancelledError
+
+        try:
+            yield
+        except OripError:
+            raise
+        except UnfitWorkerError as error:
+            raise OripError(str(error)) from None
+        except (CancelledError, OSError, TimeoutError) as error:
+            raise lost_cluster(self.client, _AGAIN) from error
+        except Exception as error:
+            if self.client.status != "running":
+                raise lost_cluster(self.client, _AGAIN) from error
+            if type(error).__name__ == "KilledWorker":
+                workers = self.client.scheduler_info(n_workers=-1)["workers"]
+                message = f"workers died again and again; {memory_advice(least_memory(self.tree), workers)}"
+                raise LostClusterError(message) from None
+            raise
 
     def _children_outside(self, nodes: Sequence[int]) -> list[int]:
         inside = set(nodes)
@@ -275,57 +339,53 @@ class DaskPasses:
 
 
 def array_bytes(found: Any) -> int:
-    """Return the bytes of all arrays in lists and tuples."""
+    """Return the bytes of all arrays in sequences and records."""
     if isinstance(found, np.ndarray):
         return found.nbytes
-    return sum(map(array_bytes, found)) if isinstance(found, list | tuple) else 0
+    if isinstance(found, list | tuple | Values):
+        return sum(map(array_bytes, found))
+    return sum(array_bytes(getattr(found, one.name)) for one in fields(found)) if is_dataclass(found) else 0
 
 
 def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
-    """Return the passes of a tree over the workers of a client."""
-    workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-    return DaskPasses(client, tree, grouped(tree, max(1, len(tree) // (_PARTS_A_WORKER * workers))), sent)
-
-
-def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:
-    """Return the largest subtrees of so many nodes at most, and as the last group all nodes above them."""
-    sizes = [1] * len(tree)
-    for number, node in enumerate(tree.nodes):
-        sizes[number] += sum(sizes[child] for child in node.children)
-    parts = [
-        tuple(range(number - sizes[number] + 1, number + 1))
-        for number, node in enumerate(tree.nodes)
-        if sizes[number] <= most and (node.parent < 0 or sizes[node.parent] > most)
-    ]
-    above = tuple(number for number in range(len(tree)) if sizes[number] > most)
-    return (*parts, above) if above else tuple(parts)
-
-
-@contextmanager
-def _told(client: Client) -> Iterator[None]:
-    """Say what went wrong with the cluster in terms of what to do.
+    """Return the passes of a tree over the workers of a client.
 
     Raises
     ------
-    LostClusterError
-        If the scheduler, or all workers, are gone.
     OripError
-        If a worker is not fit, or dies again and again.
+        If workers have less memory than the largest front needs.
     """
-    from asyncio import CancelledError
+    workers = client.scheduler_info(n_workers=-1)["workers"]
+    limits = [worker["memory_limit"] for worker in workers.values() if worker["memory_limit"]]
+    if limits and min(limits) < least_memory(tree):
+        message = f"the workers are too small; {memory_advice(least_memory(tree), workers)}"
+        raise OripError(message)
+    even = sum(map(front_bytes, tree.nodes)) // (_PARTS_A_WORKER * max(len(workers), 1))
+    return DaskPasses(client, tree, grouped(tree, min([even, *(limit // _PIECES for limit in limits)])), sent)
 
-    try:
-        yield
-    except OripError:
-        raise
-    except UnfitWorkerError as error:
-        raise OripError(str(error)) from None
-    except (CancelledError, OSError, TimeoutError) as error:
-        raise lost_cluster(client, _AGAIN) from error
-    except Exception as error:
-        if type(error).__name__ == "KilledWorker":
-            message = "workers died again and again; give each more memory (--worker-memory), or take more workers"
-            raise OripError(message) from None
-        if client.status != "running":
-            raise lost_cluster(client, _AGAIN) from error
-        raise
+
+def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:
+    """Return the largest subtrees whose fronts have so many bytes at most, and each node above them by itself.
+
+    The fronts above are the largest of all, and no worker has room for all of them.
+    """
+    sizes, count = [front_bytes(node) for node in tree.nodes], [1] * len(tree)
+    for number, node in enumerate(tree.nodes):
+        sizes[number] += sum(sizes[child] for child in node.children)
+        count[number] += sum(count[child] for child in node.children)
+    return tuple(
+        tuple(range(number - count[number] + 1, number + 1)) if sizes[number] <= most else (number,)
+        for number, node in enumerate(tree.nodes)
+        if sizes[number] > most or node.parent < 0 or sizes[node.parent] > most
+    )
+
+
+def front_bytes(node: Node) -> int:
+    """Return the bytes of the triangle of a node's front."""
+    size = len(node.own) + len(node.border)
+    return 4 * size * (size + 1)
+
+
+def least_memory(tree: DissectionTree) -> int:
+    """Return the bytes without which a worker cannot compute the largest front of a tree."""
+    return _PROCESS_BYTES + _COPIES * 2 * max(map(front_bytes, tree.nodes))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bundle.blocking.divided_blocks import (
@@ -17,6 +19,7 @@ from bundle.blocking.divided_blocks import (
 from orip.adjustment.normals import solve_normals
 from orip.bundle.blocking.posing import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
+from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import iteration_settings, solve_problem
@@ -119,3 +122,17 @@ def test_the_solution_in_the_user_s_names_is_the_same():
     assert [(one.a, one.b) for one in divided.correlations] == [(one.a, one.b) for one in whole.correlations]
     difference = np.array([one.r for one in divided.correlations]) - [one.r for one in whole.correlations]
     assert np.abs(difference).max() < 1e-8
+
+
+def test_parameters_that_are_not_significant_are_removed_from_divided_blocks_as_well():
+    block = calibrated(LEAST_PHOTOS)
+    (camera,) = block.cameras
+    block = replace(block, cameras=(replace(camera, unknown=(*camera.unknown, "P1", "P2")),))
+    whole, divided = (
+        adjust_block(block, Method(prune=True), lambda _: None, lambda: False, pose=pose)[0]
+        for pose in (pose_problem, lambda part: pose_divided(part, largest=LARGEST_PART))
+    )
+    pruned = [found.text for found in whole.diagnosis if found.code == "pruned"]
+    assert any(text.startswith("P1, P2 of camera CAM was held at zero") for text in pruned)
+    assert [found.text for found in divided.diagnosis if found.code == "pruned"] == pruned
+    assert np.allclose(divided.photos.sd, whole.photos.sd, rtol=1e-7)

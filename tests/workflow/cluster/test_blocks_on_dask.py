@@ -15,8 +15,8 @@ from orip.bundle.problem import starting_state
 from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
-from orip.workflow.cluster import sub_block_files
-from orip.workflow.cluster.dask_passes import grouped
+from orip.workflow.cluster import dask_passes, sub_block_files
+from orip.workflow.cluster.dask_passes import front_bytes, grouped
 from orip.workflow.cluster.divided_block import DividedBlocks
 from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
 
@@ -29,7 +29,9 @@ LARGEST_PART = 10
 
 @pytest.fixture(scope="module")
 def client():
-    with distributed.Client(processes=False, n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+    with distributed.Client(
+        processes=False, n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+    ) as found:
         yield found
 
 
@@ -97,15 +99,23 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
         problem.linearise(starting_state(BLOCK))
 
 
-def test_groups_are_subtrees_and_all_that_is_above_them():
+def test_workers_that_are_too_small_are_told_before_anything_is_computed(blocks, monkeypatch):
+    monkeypatch.setattr(dask_passes, "_PROCESS_BYTES", 10**15)
+    with pytest.raises(OripError, match=r"the workers are too small; each may use \d+ MB, and needs 10000\d+ MB"):
+        blocks.pose(BLOCK)
+
+
+def test_groups_are_subtrees_and_single_nodes_above_them():
     tree = pose_divided(BLOCK, largest=LARGEST_PART).streamed[0].tree
-    assert grouped(tree, len(tree)) == (tuple(range(len(tree))),)
-    *parts, above = grouped(tree, 3)
-    assert sorted(node for group in (*parts, above) for node in group) == list(range(len(tree)))
-    assert above[-1] == len(tree) - 1
-    for part in parts:
-        assert [tree.nodes[node].parent in part for node in part] == [True] * (len(part) - 1) + [False]
-        assert tree.nodes[part[-1]].parent in above
+    everything = sum(map(front_bytes, tree.nodes))
+    assert grouped(tree, everything) == (tuple(range(len(tree))),)
+    groups = grouped(tree, everything // 2)
+    assert [node for group in groups for node in group] == list(range(len(tree)))
+    assert groups[-1] == (len(tree) - 1,)
+    for group in groups:
+        assert [tree.nodes[node].parent in group for node in group] == [True] * (len(group) - 1) + [False]
+        assert len(group) == 1 or sum(front_bytes(tree.nodes[node]) for node in group) <= everything // 2
+    assert max(map(len, groups)) > 1
 
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():

@@ -9,14 +9,17 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import pytest
 from bundle.blocking.divided_blocks import calibrated, largest_difference
 
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.solve import solve_block
+from orip.workflow.cluster import dask_passes, worker_watch
 from orip.workflow.cluster.connection import LostClusterError
-from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
+from orip.workflow.cluster.divided_block import ClusterRequest, DividedBlocks, divided_blocks
 
 pytest.importorskip("distributed")
 pytestmark = [
@@ -49,7 +52,9 @@ def test_a_worker_that_is_killed_in_every_iteration_changes_nothing(tmp_path):
     assert largest_difference(whole, divided) < 1e-9
 
 
-def test_a_lost_scheduler_is_told(tmp_path):
+@contextmanager
+def separate_cluster(*worker_words: str) -> Iterator[tuple[str, subprocess.Popen[str], subprocess.Popen[str]]]:
+    """Yield the address of a scheduler that was started separately, its process and that of its worker."""
     scheduler = subprocess.Popen(
         [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard"],
         stderr=subprocess.PIPE, text=True,
@@ -58,18 +63,54 @@ def test_a_lost_scheduler_is_told(tmp_path):
     while address is None:
         found = re.search(r"(tcp://\S+:\d+)", scheduler.stderr.readline())
         address = found and found[1]
+    words = [address, "--no-dashboard", "--nthreads", "1", *worker_words]
     worker = subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-dashboard", "--nthreads", "1"],
-        stderr=subprocess.DEVNULL,
+        [sys.executable, "-m", "distributed.cli.dask_worker", *words], stderr=subprocess.DEVNULL, text=True
     )
-    began = time.monotonic()
     try:
-        with divided_blocks(ClusterRequest(address), tmp_path) as blocks:
-            blocks.largest = 10
-            with pytest.raises(LostClusterError, match="no longer answers; start it again and repeat the command"):
-                solve_block(BLOCK, lambda _: scheduler.kill(), lambda: False, pose=blocks.pose)
+        yield address, scheduler, worker
     finally:
         for process in (worker, scheduler):
             process.kill()
             process.communicate()
+
+
+def test_a_lost_scheduler_is_told(tmp_path):
+    with separate_cluster() as (address, scheduler, _):
+        began = time.monotonic()
+        with divided_blocks(ClusterRequest(address), tmp_path) as blocks:
+            blocks.largest = 10
+            with pytest.raises(LostClusterError, match="no longer answers; start it again and repeat the command"):
+                solve_block(BLOCK, lambda _: scheduler.kill(), lambda: False, pose=blocks.pose)
     assert time.monotonic() - began < 300.0
+
+
+def test_a_worker_that_is_gone_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.5)
+    with (
+        separate_cluster("--no-nanny") as (address, _, worker),
+        divided_blocks(ClusterRequest(address), tmp_path) as blocks,
+    ):
+        blocks.largest = 10
+        with pytest.raises(LostClusterError, match="no worker is left; start workers again, and repeat the command"):
+            solve_block(BLOCK, lambda _: worker.kill(), lambda: False, pose=blocks.pose)
+
+
+def test_workers_that_die_as_soon_as_they_are_there_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.5)
+    monkeypatch.setattr(worker_watch, "_MOST_LONELY", 10**6)
+    ended = threading.Event()
+
+    def kill_all(blocks: DividedBlocks) -> None:
+        while not ended.wait(2.0):
+            for worker in blocks.client.run(os.getpid, on_error="ignore").values():
+                with suppress(ProcessLookupError):
+                    os.kill(worker, signal.SIGKILL)
+
+    with divided_blocks(ClusterRequest(None, 1, 1_000_000_000), tmp_path) as blocks:
+        blocks.largest = 10
+        killer = threading.Thread(target=kill_all, args=[blocks])
+        with pytest.raises(LostClusterError, match=r"died again and again.* each may use 1000 MB, and needs \d+ MB"):
+            solve_block(BLOCK, lambda _: killer.is_alive() or killer.start(), lambda: False, pose=blocks.pose)
+        ended.set()
+        killer.join()

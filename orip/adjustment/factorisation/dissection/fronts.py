@@ -2,14 +2,17 @@
 
 With the own unknowns first a front is (A, B^T; B, C). Its factor has L with L L^T = A and E = B L^-T, and what remains
 for the nodes above is C - E E^T.
+
+Symmetric matrices (n, n) are kept and passed on as their lower triangles, row by row: arrays (n (n + 1) / 2,).
 """
 
 from __future__ import annotations
 
+from math import isqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import blas, lapack, solve_triangular
 
 from orip.arrays import FloatArray, IntArray
 
@@ -43,40 +46,63 @@ class FrontFactor(NamedTuple):
     below: FloatArray
 
 
+def triangle_of(matrix: FloatArray) -> FloatArray:
+    """Return the lower triangle (n (n + 1) / 2,) of a matrix (n, n), row by row."""
+    # LAPACK counts by columns: its upper triangle of the transpose
+    return np.asarray(lapack.dtrttp(matrix.T, uplo="U")[0])
+
+
+def lower_of(triangle: FloatArray) -> FloatArray:
+    """Return a matrix (n, n) with a lower triangle, and zeros above."""
+    size = (isqrt(8 * len(triangle) + 1) - 1) // 2
+    return np.asarray(lapack.dtpttr(size, triangle, uplo="U")[0].T) if size else np.zeros((0, 0))
+
+
+def symmetric_of(triangle: FloatArray) -> FloatArray:
+    """Return the symmetric matrix (n, n) of a triangle."""
+    found = lower_of(triangle)
+    return found + np.tril(found, -1).T
+
+
 def eliminate_front(
     matrix: FloatArray, shape: Shape, scale: FrontScale, *of_children: FloatArray | None
 ) -> tuple[FrontFactor | None, FloatArray | None]:
-    """Return the factor of a front and what remains for the border (r, r); None where it has no factor.
+    """Return the factor of a front and, as a triangle, what remains for the border; None where it has no factor.
 
     Parameters
     ----------
-    matrix : array (f, f)
+    matrix : array (f (f + 1) / 2,)
         What the node's own observations add to the normal equations.
     shape : Shape
     scale : FrontScale
     of_children : arrays or None
-        What remained of the children's fronts.
+        Triangles of what remained of the children's fronts.
     """
     remainders = [remainder for remainder in of_children if remainder is not None]
     if len(remainders) < len(of_children):
         return None, None
-    front = matrix * scale.factors * scale.factors[:, None]
+    front = lower_of(matrix)
+    front *= scale.factors
+    front *= scale.factors[:, None]
     # what is not finite has no part in anything either
     removed = scale.factors == 0.0
     front[removed], front[:, removed] = 0.0, 0.0
     for places, remainder in zip(shape.children, remainders, strict=True):
-        front[np.ix_(places, places)] += remainder
+        # places ascend, so that a lower triangle stays one
+        front[np.ix_(places, places)] += lower_of(remainder)
     own = shape.own
     front[np.arange(own), np.arange(own)] += scale.added
     if not own:
-        return FrontFactor(np.zeros((0, 0)), np.zeros((len(front), 0))), front
+        return FrontFactor(np.zeros((0, 0)), np.zeros((len(front), 0))), triangle_of(front)
     if not np.isfinite(front).all():
         return None, None
     lower, info = lapack.dpotrf(front[:own, :own], lower=1, clean=1)
     if info != 0:
         return None, None
     below = solve_triangular(lower, front[own:, :own].T, lower=True).T
-    return FrontFactor(np.asarray(lower), np.asarray(below)), front[own:, own:] - below @ below.T
+    rest = below @ below.T
+    np.subtract(front[own:, own:], rest, out=rest)
+    return FrontFactor(np.asarray(lower), np.asarray(below)), triangle_of(rest)
 
 
 def pivots_of(factor: FrontFactor | None) -> FloatArray | None:
@@ -111,25 +137,32 @@ def substitute_front(
 def invert_front(
     factor: FrontFactor, shape: Shape, of_border: FloatArray | None
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return the inverse of the whole matrix in the places of a front (f, f), and those of its children's borders.
+    """Return the inverse of the whole matrix in the places of a front, and those of its children's borders.
 
-    With G = -E L^-1 and the inverse Z of the border it is (L^-T L^-1 + G^T Z G, G^T Z; Z G, Z): Takahashi's recursion
-    (1973) by fronts.
+    All are triangles. With G = -E L^-1 and the inverse Z of the border it is (L^-T L^-1 + G^T Z G, G^T Z; Z G, Z):
+    Takahashi's recursion (1973) by fronts.
     """
     own = shape.own
-    border = np.zeros((0, 0)) if of_border is None else of_border
+    border = np.zeros((0, 0)) if of_border is None else lower_of(of_border)
     inverse = solve_triangular(factor.lower, np.eye(own), lower=True) if own else np.zeros((0, 0))
     multiplier = -factor.below @ inverse
-    below = border @ multiplier
-    found = np.empty((own + len(border),) * 2)
+    below = _symmetric_times(border, multiplier)
+    found = np.zeros((own + len(border),) * 2)
     found[:own, :own] = inverse.T @ inverse + multiplier.T @ below
-    found[own:, :own], found[:own, own:], found[own:, own:] = below, below.T, border
-    return found, [found[np.ix_(places, places)] for places in shape.children]
+    found[own:, :own], found[own:, own:] = below, border
+    return triangle_of(found), [triangle_of(found[np.ix_(places, places)]) for places in shape.children]
 
 
 def front_times(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the equations of a node times vectors (f, k)."""
-    return np.asarray(matrix @ vectors)
+    """Return the equations of a node, a triangle, times vectors (f, k)."""
+    return _symmetric_times(lower_of(matrix), vectors)
+
+
+def _symmetric_times(lower: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return the symmetric matrix of a lower triangle (n, n) times vectors (n, k)."""
+    if not vectors.size:
+        return np.zeros(vectors.shape)
+    return np.asarray(blas.dsymm(1.0, lower.T, vectors, lower=0))
 
 
 def is_finite(matrix: FloatArray) -> bool:
@@ -138,15 +171,20 @@ def is_finite(matrix: FloatArray) -> bool:
 
 
 def elements(matrix: FloatArray, rows: IntArray, columns: IntArray) -> FloatArray:
-    """Return some elements of a front."""
-    return np.asarray(matrix[rows, columns])
+    """Return some elements of a front that is given as a triangle; rows and columns are broadcast."""
+    later, earlier = np.maximum(rows, columns), np.minimum(rows, columns)
+    return np.asarray(matrix[later * (later + 1) // 2 + earlier])
 
 
-def own_rows(matrix: FloatArray, count: int) -> FloatArray:
-    """Return the rows of the own unknowns."""
-    return np.ascontiguousarray(matrix[:count])
+def own_rows(matrix: FloatArray, own: int) -> FloatArray:
+    """Return the rows (o, f) of the own unknowns of a triangle."""
+    return elements(matrix, np.arange(own)[:, None], np.arange((isqrt(8 * len(matrix) + 1) - 1) // 2))
 
 
-def adjusted_front(matrix: FloatArray, factors: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return a front with rows and columns multiplied by factors (f,), less L R^T of matrices (f, k)."""
-    return np.asarray(matrix * factors * factors[:, None] - left @ right.T)
+def adjusted_front(triangle: FloatArray, factors: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
+    """Return a front (f, f) with rows and columns multiplied by factors (f,), less L R^T of matrices (f, k)."""
+    found = symmetric_of(triangle)
+    found *= factors
+    found *= factors[:, None]
+    found -= left @ right.T
+    return found

@@ -38,7 +38,8 @@ class DissectedMatrix:
     ----------
     tree : DissectionTree
     passes : Passes
-    parts : handles of arrays (f, f)
+    parts : handles of arrays (f (f + 1) / 2,)
+        Triangles, row by row.
     factors : array (m,)
         By which rows and columns are multiplied.
     added : array (m,)
