@@ -73,19 +73,24 @@ demo: $(RUNS)
 	@[ '$(SAMPLE)' = '$(SECOND_SAMPLE)' ] || { echo; \
 	  echo 'Next: make SAMPLE=$(SECOND_SAMPLE) demo     real photos with control points that are wrong, which orip names'; }
 
+# the tests start commands by the hundred; where Python writes no bytecode each of them would compile orip again
+.PHONY: bytecode
+bytecode: $(READY)
+	@$(BIN)/python -m compileall -qq -j 0 orip
+
 .PHONY: test
-test: $(READY)
+test: bytecode
 	$(BIN)/python -m pytest -q -n 2 $(PYTEST_ARGS)
 
 .PHONY: test-all
-test-all: $(READY)
+test-all: bytecode
 	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
 
 # under other kernels of OpenBLAS than the tests, and without what is compiled
 KERNELS :=
 
 .PHONY: test-kernels
-test-kernels: $(READY)
+test-kernels: bytecode
 	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
 
 # both C extensions built with gcc's address and undefined-behaviour sanitizers; says what is missing where that cannot be

@@ -5,7 +5,7 @@
 **Answers**: a session is begun with all photos of a simulated block except the last three (5 x 10 photos and 2000 rays,
 20 x 25 and 20 000), whose points are then measured. Each answer has what `orip online` computes for it: preliminary
 values, equations, tests, and what to measure next. Percentiles of the clock and of the processor's time, which differ
-on a machine that is used otherwise; the file of the measurements is not written.
+on a machine that is used otherwise; the file of the measurements is not written. Then what `show` takes.
 
 **Equations**: blocks of `aerial_blocks.py` with 40 points a photo, linearised at the values that they were made from.
 Rays are taken out and in again: those of the last two strips, as at an instrument, and then any of the block.
@@ -29,10 +29,12 @@ from orip.online.simulation import simulated_session
 from orip.records.observations.measurement import PhotoObservations
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.sequential.sequential_block import SequentialBlock
+from orip.workflow.online.showing import photos_of, points_of, residuals_of, statistics_of
 
 POINTS_A_PHOTO = 40
 RAYS = 100
 LAST_PHOTOS = 3
+TODO = 20
 
 
 def _timed(action: Callable[[], object]) -> float:
@@ -98,6 +100,17 @@ def _answer(photos: int) -> None:
         processor.append(1000.0 * (time.process_time() - began))
     _percentiles("answer", clock)
     _percentiles("answer, processor's time", processor)
+    shown: dict[str, Callable[[], object]] = {
+        "photos": lambda: photos_of(measuring),
+        "points": lambda: points_of(measuring),
+        "statistics": lambda: statistics_of(measuring),
+        "todo": lambda: measuring.next(measuring.block.measurements.photos, TODO),
+        "residuals": lambda: residuals_of(measuring),
+    }
+    for name, show in shown.items():
+        began = time.process_time()
+        show()
+        print(f"  {f'show {name}, processor':<34} {1000.0 * (time.process_time() - began):8.0f} ms")
 
 
 if __name__ == "__main__":

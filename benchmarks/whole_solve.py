@@ -83,7 +83,7 @@ def command_figures(folder: Path, command: str) -> dict[str, float]:
     with (folder / f"{command}.log").open("wb") as log:
         words = [sys.executable, "-m", "orip", "-C", str(folder), command]
         output = [(os.POSIX_SPAWN_DUP2, log.fileno(), place) for place in (1, 2)]
-        child = os.posix_spawn(sys.executable, words, {**os.environ, **_ONE_THREAD}, file_actions=output)
+        child = os.posix_spawn(sys.executable, words, _environment(), file_actions=output)
         _, status, used = os.wait4(child, 0)
     if os.waitstatus_to_exitcode(status):
         raise SystemExit(f"orip {command} failed:\n" + (folder / f"{command}.log").read_text())
@@ -92,6 +92,11 @@ def command_figures(folder: Path, command: str) -> dict[str, float]:
         f"{command}_wall": time.perf_counter() - start,
         f"{command}_peak": used.ru_maxrss / 1024.0,
     }
+
+
+def _environment() -> dict[str, str]:
+    """Return an environment with one thread, in which compiled modules are kept, as where orip is installed."""
+    return {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"} | _ONE_THREAD
 
 
 def size_of_outputs(folder: Path) -> float:

@@ -22,7 +22,7 @@ from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_l
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
 from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
-from orip.bundle.kinds.all_kinds import KINDS
+from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import (
@@ -327,15 +327,8 @@ class Posed(NamedTuple):
 
 
 def posed(block: Block) -> Posed:
-    """Return the parts of a block's problem.
-
-    Raises
-    ------
-    InputError
-        For observations that the normal equations have not enough digits for.
-    """
-    for kind in KINDS:
-        kind.refuse(block)
+    """Return the parts of a block's problem; see `require_enough_digits` for what is refused."""
+    require_enough_digits(block)
     tied = frozenset[int]().union(*(kind.tied_points(block) for kind in KINDS))
     unknowns = number_unknowns(block, tied)
     observations = tuple(kind.observe(block, unknowns) for kind in KINDS)

@@ -151,12 +151,12 @@ class Measuring:
         """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
         for _ in range(3):
             self.block.relinearise()
-        if self.suspects:
-            self._snooping.review()
         self.examine()
 
     def examine(self) -> None:
-        """Look at the control with all that is measured by now, and at the values if there are too many suspects."""
+        """Look again at what does not fit, with all that is measured by now; at the values if that is too much."""
+        if self.suspects:
+            self._snooping.review()
         self._control.examine_if_doubted(now=True)
         if len(self.block.measurements) > self._begun_with:
             self._begun_again_if_doubted(_Found([], [], [], []))

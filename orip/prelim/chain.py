@@ -182,7 +182,7 @@ def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:
 
 
 def _end(measured: MeasuredBlock, grown: GrowingBlock, lengths: FloatArray, misfit: float) -> _End:
-    misplaced = np.flatnonzero(misplaced_photos(measured.rays, grown, lengths))
+    misplaced = np.flatnonzero(misplaced_photos(measured.rays, grown, lengths, measured.blunders))
     held: BoolArray = np.asarray(np.isfinite(measured.full_control()).all(axis=1))
     degrees = redundancy(measured.rays, held, ~np.isnan(lengths))
     fits = is_strong(degrees, len(measured.rays.photos)) or fits_by_chance(robust_square_sum(lengths), degrees)

@@ -106,7 +106,8 @@ def _cameras(measured: MeasuredBlock, grown: GrowingBlock) -> Iterator[CameraSta
 
 def _doubtful_photos(measured: MeasuredBlock, best: Outcome) -> Iterator[str]:
     if best.on_ground:
-        yield from doubtful_photos(measured.rays, best.grown, lengths_of_residuals(measured, best))
+        lengths = lengths_of_residuals(measured, best)
+        yield from doubtful_photos(measured.rays, best.grown, lengths, measured.blunders)
 
 
 def _weak_connections(measured: MeasuredBlock) -> Iterator[str]:

@@ -21,6 +21,9 @@ from orip.records.results.preliminary import NotOriented, RelativeOrientation, S
 _ENOUGH, _ENOUGH_LISTED = 30, 80
 """Points that suffice to orient a photo, and points that suffice where models are listed point by point."""
 
+_MANY_CONTRADICTED = 0.05
+"""Part of the rays; fewer may be those of a photo that was measured wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeasuredBlock:
@@ -65,6 +68,15 @@ class MeasuredBlock:
     def is_free(self) -> bool:
         """Return whether the block is a free network, which needs nothing that is known on the ground."""
         return self.block.is_free_network
+
+    @property
+    def blunders(self) -> float:
+        """Return the largest part of the known points of a photo that may be wrong.
+
+        Where many are contradicted, many are wrong of those that could not be compared, too.
+        """
+        contradicted = np.count_nonzero(~self.confirmed)
+        return MANY_BLUNDERS if contradicted > _MANY_CONTRADICTED * len(self.confirmed) else FEW_BLUNDERS
 
     @property
     def known_coordinates(self) -> int:
@@ -115,7 +127,7 @@ class MeasuredBlock:
             np.ones(len(self.rays.photos), dtype=bool),
             self.models,
             held_errors=self.control_errors,
-            blunders=FEW_BLUNDERS if self.confirmed.all() else MANY_BLUNDERS,
+            blunders=self.blunders,
         )
 
 

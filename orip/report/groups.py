@@ -47,12 +47,20 @@ def group_table(solution: Solution) -> PageTable | None:
 
 def _estimated_errors(solution: Solution) -> Iterator[PageColumn]:
     """Yield the column of variance components, where they were estimated."""
-    factors = {
-        (str(row.kind), row.of, row.component): _with_sd(row.factor, row.sd) for row in solution.variance_components
-    }
-    if factors:
-        found = [factors.get((group.kind, group.of, group.component), MISSING) for group in solution.groups]
-        yield PageColumn("Estimated / given error", found)
+    if not solution.variance_components:
+        return
+    found = []
+    for group in solution.groups:
+        # a component is estimated for x and y together, and for the stations of all strips
+        of_group = (
+            _with_sd(row.factor, row.sd)
+            for row in solution.variance_components
+            if row.kind == group.kind
+            and row.of in {"", group.of}
+            and group.component in (row.component or group.component)
+        )
+        found.append(next(of_group, MISSING))
+    yield PageColumn("Estimated / given error", found)
 
 
 def _p(value: float) -> str:

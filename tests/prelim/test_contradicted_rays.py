@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from orip.prelim.chain import preliminary_values
 from orip.prelim.growing.growing_block import empty_growing_block
+from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.relative.given_scale import at_scale
@@ -22,7 +23,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.chance import fits_beyond_chance
-from orip.prelim.resection.known_points import MANY_BLUNDERS
+from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.records.names import record_key
 
@@ -99,6 +100,26 @@ def test_a_photo_of_tracks_is_added_where_more_than_half_of_its_known_points_are
     turn = (Rotation.from_matrix(rotation).inv() * Rotation.from_matrix(found.rotation)).magnitude()
     # errors of 5 µm seen from a principal distance of 8 mm and more, by ten right points; a tenfold margin
     assert turn < 0.006
+
+
+@pytest.mark.parametrize(
+    ("blunders", "part", "misplaced"),
+    [(FEW_BLUNDERS, 0.15, False), (FEW_BLUNDERS, 0.25, True), (MANY_BLUNDERS, 0.3, False), (MANY_BLUNDERS, 0.4, True)],
+)
+def test_in_tracks_a_photo_is_in_its_place_with_more_rays_that_do_not_fit(blunders, part, misplaced):
+    records = simulated_records(3, "convergent", largest=12)
+    rays = measured_block(gathered(records)).rays
+    true = [records.orientations[record_key(name)] for name in rays.photos]
+    grown = replace(
+        empty_growing_block(rays),
+        centres=np.array([centre for centre, _ in true]),
+        rotations=np.array([rotation for _, rotation in true]),
+    )
+    lengths = np.ones(len(rays.photo))
+    (mine,) = np.nonzero(rays.photo == 0)
+    lengths[mine[: round(part * len(mine))]] = 100.0
+    assert misplaced_photos(rays, grown, lengths, blunders)[0] == misplaced
+    assert not misplaced_photos(rays, grown, lengths, blunders)[1:].any()
 
 
 def test_points_placed_at_random_give_no_model_at_a_scale():

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from report.sample_pages import sample
 
 from orip.records.names import record_key
@@ -61,13 +62,17 @@ def test_nothing_is_ringed_without_a_finding_or_where_it_is_about_all_photos() -
         assert "Rings" not in plan.note
 
 
-def test_estimated_errors_stand_beside_the_tests() -> None:
+@pytest.mark.parametrize(
+    ("of", "component", "shown"), [("LEFT", "xy", "2.0 ± 0.15"), ("", "", "2.0 ± 0.15"), ("RIGHT", "xy", "–")]
+)
+def test_estimated_errors_stand_beside_the_tests(of: str, component: str, shown: str) -> None:
+    """x and y of a camera's photo points have one estimate, as have the stations of all strips."""
     solution = given(doubted=True).solution
-    component = VarianceComponent("photo", "LEFT", "x", 100, 80.0, 1.96, 0.15, 1e-9)
-    table = group_table(replace(solution, variance_components=(component,)))
+    estimate = VarianceComponent("photo", of, component, 100, 80.0, 1.96, 0.15, 1e-9)
+    table = group_table(replace(solution, variance_components=(estimate,)))
     assert table is not None
     (column,) = [column for column in table.columns if column.heading == "Estimated / given error"]
-    assert column.cells[0].startswith("2.0 ± 0.15")
+    assert column.cells[0].startswith(shown)
     without = group_table(solution)
     assert without is not None
     assert "Estimated / given error" not in [column.heading for column in without.columns]

@@ -12,6 +12,7 @@ from pkgutil import iter_modules
 
 import orip.bundle.kinds
 from orip.bundle.kinds.observation import KindEquations
+from orip.records.block import Block
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS
 
 
@@ -25,3 +26,14 @@ def _listed_by_modules() -> Iterator[KindEquations]:
 _BY_NAME = {equations.kind.name: equations for equations in _listed_by_modules()}
 
 KINDS: tuple[KindEquations, ...] = tuple(_BY_NAME[name] for name in OBSERVATION_KINDS)
+
+
+def require_enough_digits(block: Block) -> None:
+    """Refuse observations that the normal equations have not enough digits for, at the starting values of a block.
+
+    Raises
+    ------
+    InputError
+    """
+    for kind in KINDS:
+        kind.refuse(block)

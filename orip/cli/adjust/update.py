@@ -108,7 +108,8 @@ def _undo(invocation: Invocation, what: Kind | None, *, dry_run: bool) -> None:
     shown = outcome.project.shown(outcome.path)
     if outcome.names:
         has = "would have" if dry_run else "has"
-        text = f"update   {shown} {has} the {outcome.what} of before the last update: {first_names(outcome.names, 12)}"
+        named = "" if outcome.what == "points" else f": {first_names(outcome.names, 12)}"
+        text = f"update   {shown} {has} the {outcome.what} of before the last update{named}"
     else:
         text = f"update   unchanged: {shown} holds the {outcome.what} of before the last update already"
     document = {

@@ -156,7 +156,7 @@ class BlockGrower:
                 continue
             current, refined = self.refined(current, enough if added is None else ROUGH), count
             lengths = residual_lengths(self.seen(current), current)
-            wrong = misplaced_photos(self.rays, current, lengths) & (removals < _REMOVALS)
+            wrong = misplaced_photos(self.rays, current, lengths, self.blunders) & (removals < _REMOVALS)
             if wrong.any() and not wrong[current.oriented].all():
                 removals += wrong
                 refused = _Refused()

@@ -15,7 +15,7 @@ _FEWEST = 3
 """Number of points that do not fit from which a photo is doubted: fewer may be blunders."""
 
 _OUT_OF_PLACE = 0.2
-"""Part of its points that do not fit above which a photo is in the wrong place."""
+"""Part of its points that do not fit above which a photo is in the wrong place, if few may be wrong."""
 
 
 def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
@@ -42,7 +42,7 @@ def unfit(lengths: FloatArray) -> BoolArray:
     return judged & ~(lengths <= MISFIT * max(overall, 1.0))
 
 
-def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> BoolArray:
+def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray, blunders: float) -> BoolArray:
     """Return which oriented photos (number of photos,) do not fit their points: too many residuals are far too large.
 
     A photo none of whose points is seen by another one is among them.
@@ -53,8 +53,12 @@ def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) 
     grown : GrowingBlock
     lengths : array (n,)
         The system's `residual_lengths`.
+    blunders : float
+        Largest part of the known points of a photo that may be wrong.
     """
+    # a point is wrong by its other rays as well, a ray by itself half as often
+    part = max(_OUT_OF_PLACE, 0.5 * blunders)
     count = len(rays.photos)
     number = np.bincount(rays.photo[~np.isnan(lengths)], minlength=count)
     misfits = np.bincount(rays.photo[unfit(lengths)], minlength=count)
-    return np.asarray(grown.oriented & (misfits >= np.maximum(_OUT_OF_PLACE * number, np.minimum(_FEWEST, number))))
+    return np.asarray(grown.oriented & (misfits >= np.maximum(part * number, np.minimum(_FEWEST, number))))

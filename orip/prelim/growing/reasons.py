@@ -33,10 +33,10 @@ def why_not_oriented(rays: ImageRays, index: PhotoIndex, common: IntArray, grown
     return f"photo {name} sees {known} known points and shares {most} with a neighbour, but they do not agree"
 
 
-def doubtful_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> Iterator[str]:
+def doubtful_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray, blunders: float) -> Iterator[str]:
     """Yield a sentence for each photo that is probably in the wrong place; see `misplaced_photos`."""
     far_off = unfit(lengths)
-    for photo in np.flatnonzero(misplaced_photos(rays, grown, lengths)):
+    for photo in np.flatnonzero(misplaced_photos(rays, grown, lengths, blunders)):
         mine = (rays.photo == photo) & ~np.isnan(lengths)
         count = f"{np.count_nonzero(far_off & mine)} of the {np.count_nonzero(mine)}"
         yield (
