@@ -142,7 +142,7 @@ def test_triangle_and_leftovers_of_a_random_session(seed: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("seed", [7, 8, 9])
+@pytest.mark.parametrize("seed", [7])
 def test_triangle_and_leftovers_of_ten_thousand_steps(seed: int) -> None:
     session = _Session(seed)
     for step in range(10_000):
