@@ -35,7 +35,7 @@ class WorkerWatch:
     """
 
     needed: int
-    seen: set[str] = field(default_factory=set)
+    seen: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     most: int = 0
     lonely: int = 0
     full: int = 0
@@ -49,7 +49,7 @@ class WorkerWatch:
         LostClusterError
             If there is none for a while, if they die again and again, or have all come to a standstill.
         """
-        self.seen |= workers.keys()
+        self.seen.update(workers)
         self.most = max(self.most, len(workers))
         self.lonely = 0 if workers else self.lonely + 1
         self.full = self.full + 1 if workers and all(map(_is_full, workers.values())) else 0
@@ -58,7 +58,7 @@ class WorkerWatch:
             message = "no worker is left; start workers again, and repeat the command: it begins from the start"
             raise LostClusterError(message)
         if trouble := self._trouble(len(self.seen) - len(workers)):
-            message = f"{trouble}; {memory_advice(self.needed, workers)}"
+            message = f"{trouble}; {memory_advice(self.needed, self.seen)}"
             raise LostClusterError(message)
 
     def _trouble(self, dead: int) -> str:

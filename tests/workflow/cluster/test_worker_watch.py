@@ -36,9 +36,9 @@ def test_workers_that_compute_are_waited_for():
 
 
 def test_workers_that_die_again_and_again_are_told_with_their_memory():
-    text = given_up(lambda look: {f"worker {look}": worker(), "steady": worker()})
+    text = given_up(lambda look: {f"worker {look}": worker(), "steady": worker()} if look != 5 else {})
     assert text == (
-        "workers died again and again, 5 of them in one pass over the block; each may use 500 MB, and needs 700 MB at "
+        "workers died again and again, 6 of them in one pass over the block; each may use 500 MB, and needs 700 MB at "
         "the least for this block: give each more (--worker-memory, or --memory-limit of 'dask worker'), or take more "
         "workers on further machines"
     )
