@@ -29,8 +29,8 @@ _AT_ONCE = 256
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
-_MOST_DOWNDATES = 1000
-"""Equations that are taken out before the triangle is built again, which bounds what rounding adds up to."""
+_MOST_ROUNDING = 1000.0
+"""Rounding of the triangle, see there, with which it is built again."""
 
 
 class _Whitened(NamedTuple):
@@ -51,7 +51,6 @@ class SequentialBlock(Generic[Key]):
         self._of_points: dict[str, list[Key]] = {}
         self._points = PointsInTriangle()
         self._equations = 0
-        self._downdates = 0
         self.rebuilt = 0
 
     @property
@@ -192,7 +191,6 @@ class SequentialBlock(Generic[Key]):
         of_points = [reduced for point in self._points.values() for reduced in point.reduced]
         of_none = [rows.reduced for rows in self._included.values() if rows.point is None]
         self.triangle.build([*of_points, *of_none])
-        self._downdates = 0
         self.rebuilt += 1
 
     def trial(self, key: Key, rows: ObservationRows) -> Standing:
@@ -218,14 +216,14 @@ class SequentialBlock(Generic[Key]):
         # a point with equations in the triangle that is not determined may have it built again
         all_of_it = point is not None and bool(point.reduced)
         saved = self.triangle.saved(0 if all_of_it else int(np.concatenate(columns).min(initial=self.triangle.size)))
-        points, downdates = self._points.copy(), self._downdates
+        points = self._points.copy()
         self.include(key, rows)
         standing = self.standing(key)
         del self._included[key]
         self._equations -= len(rows.right)
         if name is not None:
             self._of_points[name].remove(key)
-        self._points, self._downdates = points, downdates
+        self._points = points
         self.triangle.restore(saved)
         return standing
 
@@ -347,9 +345,8 @@ class SequentialBlock(Generic[Key]):
         """Take equations of the reduced unknowns in and others out, in this order."""
         for rows in after:
             self.triangle.update_at_once(rows)
-        self._downdates += sum(len(rows.right) for rows in before)
-        in_time = self._downdates <= _MOST_DOWNDATES
-        if not (in_time and all(self.triangle.downdate(rows, LEAST_REDUNDANCY) for rows in before)):
+        redundant = all(self.triangle.downdate(rows, LEAST_REDUNDANCY) for rows in before)
+        if not redundant or self.triangle.rounding > _MOST_ROUNDING:
             self.rebuild()
 
 

@@ -48,6 +48,7 @@ class Replaced(NamedTuple):
     reach: IntArray
     square_sums: FloatArray
     residual_square_sum: float
+    rounding: float
 
 
 class Triangle:
@@ -59,11 +60,15 @@ class Triangle:
         n.
     residual_square_sum : float
         q^2.
+    rounding : float
+        Sum of 1 / r of the equations that were taken out since it was built: each magnifies its rounding so much
+        (Stewart 1979).
     """
 
     def __init__(self, size: int = 0) -> None:
         self.size = size
         self.residual_square_sum = 0.0
+        self.rounding = 0.0
         self._factor = np.zeros((size, size))
         self._right = np.zeros(size)
         # end of the columns in which each row is not zero
@@ -155,6 +160,7 @@ class Triangle:
         for first in range(0, self.size, _PANEL):
             left = self._build_panel(first, beginning.get(first // _PANEL, []), left)
         self.residual_square_sum = float(np.square(left[:, -1]).sum())
+        self.rounding = 0.0
 
     def _build_panel(self, first: int, rows: Sequence[ReducedRows], left: FloatArray) -> FloatArray:
         """Factor the equations that begin in a panel with what is left of those above it; return what is left."""
@@ -214,7 +220,9 @@ class Triangle:
             for panel in self._panels(first)
         ]
         start = panels[0][0].first if panels else self.size
-        return Replaced(start, panels, self._reach[start:].copy(), self._square_sums.copy(), self.residual_square_sum)
+        return Replaced(
+            start, panels, self._reach[start:].copy(), self._square_sums.copy(), self.residual_square_sum, self.rounding
+        )
 
     def restore(self, replaced: Replaced) -> None:
         """Undo a change since `saved`."""
@@ -224,7 +232,7 @@ class Triangle:
             self._right[panel.first : panel.last] = right
         self._reach[replaced.first :] = replaced.reach
         self._square_sums[:] = replaced.square_sums
-        self.residual_square_sum = replaced.residual_square_sum
+        self.residual_square_sum, self.rounding = replaced.residual_square_sum, replaced.rounding
 
     def solution(self) -> FloatArray:
         """Return the solution (n,), with 0 for unknowns that nothing determines."""
@@ -368,6 +376,7 @@ class Triangle:
         self._square_sums[columns] -= np.square(values)
         residual = float(equations.right[row]) - product
         self.residual_square_sum = max(self.residual_square_sum - residual**2 / float(left[-1]), 0.0)
+        self.rounding += 1.0 / float(left[-1])
         return True
 
     def _scale_down(self, panel: _Panel, p: FloatArray, left: FloatArray, rest: FloatArray) -> None:
