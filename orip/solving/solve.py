@@ -10,6 +10,7 @@ import numpy as np
 
 from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
+from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
@@ -21,7 +22,7 @@ from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
-from orip.records.results.solution import IterationPass, Solution
+from orip.records.results.solution import Diagnosis, IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
@@ -124,7 +125,18 @@ def solve(
     others = [warning for warning in gathered.warnings if warning not in causes]
     warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows), adjusted.solved
+    return replace(solution, warnings=rows, diagnosis=_after_causes(solution, mistaken)), adjusted.solved
+
+
+def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
+    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set."""
+    causes = {warning.where for warning in mistaken}
+    return tuple(
+        replace(found, remedy=f"mend first what the warning says of the {found.where}")
+        if found.code == CONTRADICTION and found.where in causes
+        else found
+        for found in solution.diagnosis
+    )
 
 
 def _with_mistakes_of_the_block(

@@ -47,6 +47,14 @@ def test_the_table_has_all_mistakes_and_a_sufficient_mean() -> None:
     assert last[0] == "mean"
 
 
+@pytest.mark.long
+def test_what_a_recognised_mistake_causes_is_not_to_be_set(tmp_path: Path) -> None:
+    said = said_of(DATA_MISTAKES["moved_by_one_photo"], tmp_path / "moved").err
+    assert "all off by a lever arm" in said
+    assert "set lever_arm" not in said
+    assert "mend first what the warning says of the exposure stations" in said
+
+
 @pytest.mark.parametrize("project", [drone, scale_bar_project, two_camera_project])
 def test_of_the_projects_without_mistakes_nothing_is_said(tmp_path: Path, project) -> None:
     said = orip(project(tmp_path / "clean"), "run", "--no-report")
