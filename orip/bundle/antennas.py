@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
@@ -59,7 +60,7 @@ def station_places(block: Block) -> StationPlaces:
     row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos) if stations}
     photo = np.array([row_of[record_key(station.photo)] for station in stations], dtype=np.int64)
     camera_of = block.photo_camera[photo]
-    of_cameras = [antenna_of(block, camera.name) for camera in block.cameras]
+    of_cameras = [antenna_of(block.antennas, camera.name) for camera in block.cameras]
     antenna = np.array([of_cameras[camera] for camera in camera_of], dtype=np.int64)
     shift, shifts = _stretches(block, antenna, [record.shift for record in block.antennas])
     drift, drifts = _stretches(block, antenna, [record.drift for record in block.antennas])
@@ -68,13 +69,19 @@ def station_places(block: Block) -> StationPlaces:
     )
 
 
-def antenna_of(block: Block, camera: str) -> int:
+def antenna_of(antennas: Sequence[Antenna], camera: str) -> int:
     """Return the row of the antenna of a camera's photos; `NONE` where there is none."""
     key = record_key(camera)
-    for row, antenna in enumerate(block.antennas):
+    for row, antenna in enumerate(antennas):
         if not antenna.cameras or key in map(record_key, antenna.cameras):
             return row
     return NONE
+
+
+def is_shifted(antenna: Antenna, strip: str) -> bool:
+    """Return whether the stations of a strip have an unknown shift or drift."""
+    has_unknowns = (antenna.shift, antenna.drift) != ("none", "none")
+    return has_unknowns and (not antenna.strips or strip in antenna.strips)
 
 
 def rows_or(table: NDArray[Number], rows: IntArray, other: float) -> NDArray[Number]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
@@ -56,6 +57,17 @@ def _testable(inputs: BlockInput) -> Control:
         return replace(point, errors=(x, y, z)) if point.kind == "control" and error > 0.0 else point
 
     return replace(control, points=tuple(map(observed, control.points)))
+
+
+def _steady_stations(inputs: BlockInput) -> tuple[Station, ...]:
+    """Return the exposure stations without an unknown shift or drift."""
+
+    def is_steady(station: Station) -> bool:
+        photo = inputs.records.photos.get(record_key(station.photo))
+        row = NONE if photo is None else antenna_of(inputs.antennas, photo.camera)
+        return row == NONE or not is_shifted(inputs.antennas[row], station.strip)
+
+    return tuple(filter(is_steady, inputs.control.stations))
 
 
 def _ray_error(inputs: BlockInput) -> float:
@@ -146,11 +158,9 @@ class Measurements:
     """
 
     def __init__(self, inputs: BlockInput) -> None:
-        self._inputs = replace(inputs, control=_testable(inputs))
+        self._inputs = replace(inputs, control=replace(_testable(inputs), stations=_steady_stations(inputs)))
         self.control = _ControlByName(self._inputs.control)
-        antennas = tuple(replace(antenna, unknown=()) for antenna in inputs.antennas if antenna.shift == "none")
-        self._has_steady_antennas = len(antennas) == len(inputs.antennas)
-        self._antennas = antennas if self._has_steady_antennas else ()
+        self._antennas = tuple(replace(antenna, unknown=(), shift="none", drift="none") for antenna in inputs.antennas)
         self._of_photo: dict[str, dict[str, _Ray]] = {}
         self._of_point: dict[str, dict[str, _Ray]] = {}
         self._count = 0
@@ -311,8 +321,4 @@ class Measurements:
             warnings=(),
         )
         block = gather(inputs, self._ground)
-        return replace(
-            block,
-            cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras),
-            stations=block.stations if self._has_steady_antennas else (),
-        )
+        return replace(block, cameras=tuple(replace(camera, additional_set=None) for camera in block.cameras))

@@ -53,6 +53,22 @@ def _figures(folder: Path) -> list[str]:
     return sorted(line for line in lines if not line.startswith("Run id"))
 
 
+def test_exposure_stations_without_an_unknown_shift_are_the_ground_of_a_session(tmp_path: Path) -> None:
+    """Two control points and 60 stations: the strip with an unknown shift is left to the adjustment."""
+    folder = sample(tmp_path, "drone_rtk")
+    with (folder / "orip.toml").open("a", encoding="utf-8") as text:
+        text.write('\n[[antenna]]\nname = "RTK"\nshift = "strip"\nstrips = ["S3"]\n')
+    commit(initialise(read_project(folder, "definitions")))
+    measuring = OnlineSession(folder, None).measuring
+    stations = [key.photo for key in measuring.block.equations.included if key.kind == "station"]
+    lines = (folder / "DRONE.STA").read_text(encoding="utf-8").splitlines()
+    shifted = {line.split()[0] for line in lines if " S3 " in f"{line} "}
+    assert len(measuring.block.values.orientations) == 60
+    assert shifted
+    assert shifted.isdisjoint(stations)
+    assert {key.photo for key in measuring.suspects if key.kind == "station"} == {"DJI_0044"}  # planted
+
+
 def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Path) -> None:
     folder, points = project
     random.Random(3).shuffle(points)
