@@ -80,8 +80,12 @@ def antenna_of(antennas: Sequence[Antenna], camera: str) -> int:
 
 def is_shifted(antenna: Antenna, strip: str) -> bool:
     """Return whether the stations of a strip have an unknown shift or drift."""
-    has_unknowns = (antenna.shift, antenna.drift) != ("none", "none")
-    return has_unknowns and (not antenna.strips or strip in antenna.strips)
+    return any(_is_unknown(antenna, extent, strip) for extent in (antenna.shift, antenna.drift))
+
+
+def _is_unknown(antenna: Antenna, extent: Extent, strip: str) -> bool:
+    """Return whether a shift or drift of some extent is unknown for a strip."""
+    return extent != "none" and (not antenna.strips or strip in antenna.strips)
 
 
 def rows_or(table: NDArray[Number], rows: IntArray, other: float) -> NDArray[Number]:
@@ -100,10 +104,9 @@ def _stretches(block: Block, antenna: IntArray, extents: list[Extent]) -> tuple[
     rows: dict[Stretch, int] = {}
     found = np.full(len(antenna), NONE)
     for place, (station, row) in enumerate(zip(block.stations, antenna.tolist(), strict=True)):
-        if row == NONE or extents[row] == "none" or not _is_observed(station) or block.is_free_network:
+        if row == NONE or not _is_observed(station) or block.is_free_network:
             continue
-        record = block.antennas[row]
-        if record.strips and station.strip not in record.strips:
+        if not _is_unknown(block.antennas[row], extents[row], station.strip):
             continue
         stretch = Stretch(row, station.strip if extents[row] == "strip" else None)
         found[place] = rows.setdefault(stretch, len(rows))
