@@ -153,6 +153,12 @@ def test_triangle_and_leftovers_of_a_random_session(seed: int) -> None:
         if step % 3 == 0:
             session.check_triangle()
     session.check_triangle()
+    keys = list(session.block.included)
+    for key, of_many in zip(keys, session.block.standings(keys), strict=True):
+        # by substitution, where those of all at once come from the inverse
+        alone = session.block.standing(key)
+        assert of_many.residual == pytest.approx(alone.residual, abs=_LEFTOVER)
+        assert of_many.cofactor == pytest.approx(alone.cofactor, abs=_LEFTOVER)
 
 
 @pytest.mark.long
