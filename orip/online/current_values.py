@@ -20,12 +20,14 @@ from orip.geometry.rotation import angles_from_rotation
 from orip.interior.image_vectors import image_vectors
 from orip.online.measurements import Measurements
 from orip.online.model_orientation import orientation_by_model
+from orip.online.stored_start import started_at_solution
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.solution import Solution
 from orip.solving.better_minimum import doubt_about
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 from orip.wording import counted
@@ -41,6 +43,9 @@ _LARGER = 5.0
 
 _NAMED = 5
 """Points that are named as what to measure next."""
+
+Start = Callable[[Block, Callable[[Block], PreliminaryValues]], StartedBlock]
+"""Returns a gathered block as its adjustment starts, by a function that runs the chain."""
 
 
 @dataclass(slots=True)
@@ -85,12 +90,22 @@ class CurrentValues:
         """Return which points (number of points,) of a block have coordinates."""
         return np.array([name in self.points for name in block.point_names], dtype=bool)
 
-    def start(self, measurements: Measurements) -> None:
-        """Orient the first photos by the chain and an adjustment; without success, keep what each photo waits for."""
+    def start(self, measurements: Measurements, solution: Solution | None = None) -> None:
+        """Orient the first photos by an adjustment; without success, keep what each photo waits for.
+
+        Parameters
+        ----------
+        measurements : Measurements
+        solution : Solution or None
+            An adjustment of the same measurements, from which this one starts; else it starts from the chain.
+        """
         block = measurements.whole()
         assert block is not None, "something is measured"
         # given orientations are often far off, and what the chain finds is not
-        for start in (_without_given, started_block):
+        starts: list[Start] = [_without_given, started_block]
+        if solution is not None:
+            starts.insert(0, lambda block, _: started_at_solution(block, solution))
+        for start in starts:
             try:
                 started = start(block, explained_preliminary_values)
             except (NotSolvableError, InputError) as error:

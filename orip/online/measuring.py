@@ -262,11 +262,8 @@ class Measuring:
                 for photo in block.measurements.photos
             }
             return
-        block.values.start(block.measurements)
+        block.start()
         self._next_start = int(len(block.measurements) * (1.0 + _LATER))
-        if block.values.orientations:
-            # at the values of a robust adjustment: what is wrong would only lead away from them
-            block.start()
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""

@@ -19,6 +19,7 @@ from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
+from orip.records.results.solution import Solution
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
 from orip.sequential.sequential_block import SequentialBlock
@@ -53,6 +54,8 @@ class OnlineBlock:
     ----------
     inputs : BlockInput
         Its observations are those that there are at the beginning; none is needed.
+    solution : Solution or None
+        An adjustment of these observations, from which values may start.
 
     Raises
     ------
@@ -60,7 +63,7 @@ class OnlineBlock:
         See `Measurements`.
     """
 
-    def __init__(self, inputs: BlockInput) -> None:
+    def __init__(self, inputs: BlockInput, solution: Solution | None = None) -> None:
         self.measurements = Measurements(inputs)
         self.values = CurrentValues()
         self.equations: SequentialBlock[ObservationKey] = SequentialBlock()
@@ -69,6 +72,7 @@ class OnlineBlock:
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
+        self._solution = solution
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
         self.left_out: set[ObservationKey] = set()
@@ -318,7 +322,13 @@ class OnlineBlock:
         self.equations.relinearise({key: rows[key] for key in rows if key in included})
 
     def start(self) -> None:
-        """Take in all observations of photos and points with values."""
+        """Orient the first photos, and take in all observations of photos and points with values.
+
+        These are values of a robust adjustment: what is wrong would only lead away from them.
+        """
+        # of what was measured at the beginning; it serves once
+        solution, self._solution = self._solution, None
+        self.values.start(self.measurements, solution)
         part = self._valued()
         if part is not None:
             rows = self.linearised(part)
