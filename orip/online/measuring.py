@@ -67,9 +67,7 @@ class Measuring:
         self._control = ControlExamination(block, self._snooping, self._scale)
         if len(block.measurements):
             self._start(block.measurements.photos)
-            self._scale.estimated()
-            self._snooping.snoop(list(block.equations.included))
-            self._settle()
+            self._snoop_first()
             self._control.examine_if_doubted()
 
     @property
@@ -191,9 +189,7 @@ class Measuring:
             self._start([key.photo])
             found.oriented = [photo for photo in block.values.orientations if photo not in oriented]
             found.placed = list(block.values.points)
-            self._scale.estimated()
-            found.suspects = self._snooping.snoop(list(block.equations.included), key)
-            self._settle()
+            found.suspects = self._snoop_first(key)
             found.suspects += self._control.examine_if_doubted()
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
@@ -244,11 +240,15 @@ class Measuring:
             [point for point in found.placed if point in self.block.values.points],
         )
 
-    def _settle(self) -> None:
-        """Linearise the first photos at their solution, what does not fit being out."""
+    def _snoop_first(self, latest: ObservationKey | None = None) -> list[Suspect]:
+        """Take out what does not fit of the first photos, and linearise them at their solution without it."""
+        self._scale.estimated()
+        with self.block.robust_values():
+            found = self._snooping.snoop(list(self.block.equations.included), latest)
         self.block.settle()
         self.block.lose_unsettled()
         self._scale.estimate_again()
+        return found
 
     def _start(self, photos: Iterable[str]) -> None:
         """Orient the first photos, if there is enough in some of them for that."""

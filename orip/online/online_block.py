@@ -73,6 +73,7 @@ class OnlineBlock:
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
         self._solution = solution
+        self._is_steady = False
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
         self.left_out: set[ObservationKey] = set()
@@ -126,6 +127,15 @@ class OnlineBlock:
             yield
         finally:
             self._control_weight = 1.0
+
+    @contextmanager
+    def robust_values(self) -> Iterator[None]:
+        """Meanwhile, let the values be those of a robust adjustment: what is wrong, and still in, would lead away."""
+        self._is_steady = True
+        try:
+            yield
+        finally:
+            self._is_steady = False
 
     def take_out(self, key: ObservationKey) -> None:
         """Take an observation out of the equations, if it is in."""
@@ -223,7 +233,7 @@ class OnlineBlock:
         points : collection of str
             Points that may have moved.
         """
-        for _ in range(_RELINEARISATIONS):
+        for _ in range(0 if self._is_steady else _RELINEARISATIONS):
             reduced = self.equations.triangle.solution()
             photos = self._far_photos(reduced)
             far = self._far_points(points, reduced)

@@ -131,10 +131,13 @@ class HyperRow:
         The right-hand sides of what is left are those of the rows less what the hyper-row explains.
         """
         inner = self._substituted(rows.by_point[:, self.coordinates].T, transposed=1)
-        columns = np.union1d(self.columns, rows.columns)
-        left = np.zeros((len(rows.right), len(columns)))
-        left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced
-        left[:, np.searchsorted(columns, self.columns)] -= inner.T @ self.coupling
+        if np.array_equal(self.columns, rows.columns):
+            columns, left = self.columns, rows.by_reduced - inner.T @ self.coupling
+        else:
+            columns = np.union1d(self.columns, rows.columns)
+            left = np.zeros((len(rows.right), len(columns)))
+            left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced
+            left[:, np.searchsorted(columns, self.columns)] -= inner.T @ self.coupling
         return inner, ReducedRows(columns, left, rows.right - inner.T @ self.right)
 
 

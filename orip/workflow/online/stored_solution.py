@@ -13,7 +13,7 @@ _ENDED = ("converged", "doubtful")
 
 
 def solution_of_what_is_measured(bundle: BundleState) -> Solution | None:
-    """Return the last solution of a bundle if its iterations have converged, and all that it was computed from is as it was.
+    """Return the last solution of a bundle if it has converged and nothing that it was computed from has changed.
 
     Parameters
     ----------
