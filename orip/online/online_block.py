@@ -14,12 +14,12 @@ from orip.bundle.part_of_block import part_of_block
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.current_values import CurrentValues, with_cameras_held
+from orip.online.first_values import FirstValues
 from orip.online.measurements import Measurements, RayName
 from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.results.solution import Solution
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
 from orip.sequential.sequential_block import SequentialBlock
@@ -54,8 +54,6 @@ class OnlineBlock:
     ----------
     inputs : BlockInput
         Its observations are those that there are at the beginning; none is needed.
-    solution : Solution or None
-        An adjustment of these observations, from which values may start.
 
     Raises
     ------
@@ -63,7 +61,7 @@ class OnlineBlock:
         See `Measurements`.
     """
 
-    def __init__(self, inputs: BlockInput, solution: Solution | None = None) -> None:
+    def __init__(self, inputs: BlockInput) -> None:
         self.measurements = Measurements(inputs)
         self.values = CurrentValues()
         self.equations: SequentialBlock[ObservationKey] = SequentialBlock()
@@ -72,7 +70,6 @@ class OnlineBlock:
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
-        self._solution = solution
         self._is_steady = False
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
@@ -331,14 +328,12 @@ class OnlineBlock:
         rows = {} if moved is None else self.linearised(moved)
         self.equations.relinearise({key: rows[key] for key in rows if key in included})
 
-    def start(self) -> None:
+    def start(self, first: FirstValues) -> None:
         """Orient the first photos, and take in all observations of photos and points with values.
 
         These are values of a robust adjustment: what is wrong would only lead away from them.
         """
-        # of what was measured at the beginning; it serves once
-        solution, self._solution = self._solution, None
-        self.values.start(self.measurements, solution)
+        self.values.start(self.measurements, first)
         part = self._valued()
         if part is not None:
             rows = self.linearised(part)

@@ -134,6 +134,13 @@ def explained_preliminary_values(block: Block) -> PreliminaryValues:
     return replace(values, findings=(*misread_control(values.reading), *values.findings))
 
 
+def soon_found_values(block: Block) -> PreliminaryValues:
+    """Run as much of the chain as takes little time."""
+    from orip.prelim.chain import preliminary_values_soon
+
+    return preliminary_values_soon(block)
+
+
 def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) -> tuple[Camera, ...]:
     """Return cameras with the parameters that preliminary values have for them."""
     parameters = {start.name: start.parameters for start in found}

@@ -7,7 +7,7 @@ started again after a crash is where it was. Lines that others append to measure
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +18,7 @@ from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
 from orip.interior.log_coordinates import stored_to_log
 from orip.online.answers import Answer
+from orip.online.first_values import THOROUGH
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
@@ -207,7 +208,8 @@ class OnlineSession:
 
     def _begun(self) -> Measuring:
         state = BundleState(self._films.state, self.bundle.name)
-        return Measuring(OnlineBlock(block_input_so_far(state), solution_of_what_is_measured(state)))
+        first = replace(THOROUGH, solution=solution_of_what_is_measured(state))
+        return Measuring(OnlineBlock(block_input_so_far(state)), first)
 
     def _files_now(self) -> tuple[tuple[str, int, int], ...]:
         """Return name, time and size of the measurement files."""
