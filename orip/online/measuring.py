@@ -160,7 +160,7 @@ class Measuring:
     def examine(self) -> None:
         """Look again at what does not fit, with all that is measured by now.
 
-        Everything begins again if more has been measured since that was done the last time: what is found wrong must not
+        Everything begins again if more has been measured since that was done the last time: what is wrong must not
         depend on the order of measuring.
         """
         if not self.suspects:

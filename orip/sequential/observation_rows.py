@@ -123,10 +123,16 @@ def _of_kind(
         if chosen:
             point = separated.point[chosen[0]]
             columns, by_reduced = separated.by_reduced(chosen)
+            rows_of_it = _slice_of(chosen)
             yield key, ObservationRows(
                 None if point < 0 else names[point],
-                separated.by_point[chosen], columns, by_reduced, right[chosen], observations.exact,
+                separated.by_point[rows_of_it], columns, by_reduced, right[rows_of_it], observations.exact,
             )  # fmt: skip
+
+
+def _slice_of(rows: list[int]) -> slice | list[int]:
+    """Return rows as a slice where they follow each other, as most do: that is quicker."""
+    return slice(rows[0], rows[-1] + 1) if rows[-1] - rows[0] + 1 == len(rows) else rows
 
 
 def _grouped(observations: Observations) -> Mapping[ObservationKey, list[int]]:
@@ -154,6 +160,10 @@ class _Separated(NamedTuple):
         Places in the triangle, ascending, and `_BEYOND` after the last one.
     length : list of m int
         How many each equation touches.
+    is_distinct : list of m bool
+        Whether it touches each of them once.
+    is_like_next : list of m bool
+        Whether the next equation touches the same ones.
     """
 
     point: list[int]
@@ -161,13 +171,15 @@ class _Separated(NamedTuple):
     columns: IntArray
     partials: FloatArray
     length: list[int]
+    is_distinct: list[bool]
+    is_like_next: list[bool]
 
     def by_reduced(self, rows: list[int]) -> tuple[IntArray, FloatArray]:
         """Return the columns (c,) that some equations touch, and their partials (k, c)."""
-        first = self.columns[rows[0], : self.length[rows[0]]]
-        own = self.columns[rows, : len(first) + 1]
-        if (own == own[0]).all() and (first[1:] > first[:-1]).all():
-            return first, self.partials[rows, : len(first)]
+        together, length = _slice_of(rows), self.length[rows[0]]
+        is_alike = isinstance(together, slice) and all(self.is_like_next[together.start : together.stop - 1])
+        if is_alike and self.is_distinct[rows[0]]:
+            return self.columns[rows[0], :length], self.partials[together, :length]
         touched = np.unique(self.columns[rows])
         touched = touched[touched < _BEYOND]
         found = np.zeros((len(rows), len(touched)))
@@ -191,6 +203,14 @@ def _separated(columns: IntArray, partials: FloatArray, unknowns: Unknowns, plac
     order = np.argsort(found, axis=1, kind="stable")
     # one more, which none touches, ends the longest
     ended = np.pad(np.take_along_axis(found, order, axis=1), ((0, 0), (0, 1)), constant_values=_BEYOND)
+    is_distinct = ((ended[:, 1:] > ended[:, :-1]) | (ended[:, 1:] == _BEYOND)).all(axis=1)
+    is_like_next = np.append((ended[1:] == ended[:-1]).all(axis=1), False)
     return _Separated(
-        point.tolist(), by_point, ended, np.take_along_axis(partials, order, axis=1), is_reduced.sum(axis=1).tolist()
+        point.tolist(),
+        by_point,
+        ended,
+        np.take_along_axis(partials, order, axis=1),
+        is_reduced.sum(axis=1).tolist(),
+        is_distinct.tolist(),
+        is_like_next.tolist(),
     )
