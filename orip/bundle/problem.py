@@ -23,6 +23,7 @@ from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
 from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
+from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import (
@@ -42,6 +43,7 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.points.other_places import other_places
+from orip.bundle.points.rival_places import ControlRows, rival_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -188,10 +190,28 @@ class BlockProblem:
         self, state: BlockState, equations: Equations, weights: FloatArray, limit: float
     ) -> list[OtherPlace]:
         """Return other places of points that a ray contradicts."""
-        photo_points = self.observations[0] if self.observations else None
-        if not isinstance(photo_points, PhotoPointObservations):
+        kind = self._photo_points()
+        return [] if kind is None else other_places(self.block, self.unknowns, kind, state, equations, weights, limit)
+
+    def rival_places(
+        self, state: BlockState, equations: Equations, weights: FloatArray, limit: float
+    ) -> list[OtherPlace]:
+        """Return places of points where as many of their rays meet, nearly, as where they are."""
+        kind = self._photo_points()
+        if kind is None:
             return []
-        return other_places(self.block, self.unknowns, photo_points, state, equations, weights, limit)
+        ends = np.cumsum([len(others.rows.error) for others in self.observations]).tolist()
+        control = next(
+            ControlRows(others, np.arange(end - len(others.rows.error), end))
+            for others, end in zip(self.observations, ends, strict=True)
+            if isinstance(others, ControlPointObservations)
+        )
+        return rival_places(self.block, self.unknowns, kind, control, state, equations, weights, limit)
+
+    def _photo_points(self) -> PhotoPointObservations | None:
+        """Return the photo points, whose equations are the first ones; None if there are none."""
+        first = self.observations[0] if self.observations else None
+        return first if isinstance(first, PhotoPointObservations) else None
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
