@@ -23,7 +23,6 @@ from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
 from orip.bundle.compiled.touched_groups import touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
-from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import (
@@ -43,7 +42,7 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.points.other_places import other_places
-from orip.bundle.points.rival_places import ControlRows, rival_places
+from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -200,12 +199,7 @@ class BlockProblem:
         kind = self._photo_points()
         if kind is None:
             return []
-        ends = np.cumsum([len(others.rows.error) for others in self.observations]).tolist()
-        control = next(
-            ControlRows(others, np.arange(end - len(others.rows.error), end))
-            for others, end in zip(self.observations, ends, strict=True)
-            if isinstance(others, ControlPointObservations)
-        )
+        control = control_rows(self.observations)
         return rival_places(self.block, self.unknowns, kind, control, state, equations, weights, limit)
 
     def _photo_points(self) -> PhotoPointObservations | None:

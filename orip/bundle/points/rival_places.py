@@ -7,6 +7,7 @@ rays have drawn them. Rays are wrong as wholes here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import itemgetter
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from orip.adjustment.equations import Equations, OtherPlace
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.control_point import ControlPointObservations
+from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.moves import points_by_photos_and_control
 from orip.bundle.points.rays_at_places import RaysAtPlaces, rays_at_places, rows_of_rays, weight_factors
@@ -48,6 +50,16 @@ class ControlRows(NamedTuple):
 
     observations: ControlPointObservations
     rows: IntArray
+
+
+def control_rows(kinds: Sequence[Observations]) -> ControlRows:
+    """Return the control points among all kinds of observation of a block, in the order of their equations."""
+    ends = np.cumsum([len(kind.rows.error) for kind in kinds]).tolist()
+    return next(
+        ControlRows(kind, np.arange(end - len(kind.rows.error), end))
+        for kind, end in zip(kinds, ends, strict=True)
+        if isinstance(kind, ControlPointObservations)
+    )
 
 
 def rival_places(
