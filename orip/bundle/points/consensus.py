@@ -144,7 +144,6 @@ def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[
 
 def moves_of_points(
     observations: PhotoPointObservations,
-    first: int,
     unknowns: Unknowns,
     equations: Equations,
     state: BlockState,
@@ -156,8 +155,7 @@ def moves_of_points(
     Parameters
     ----------
     observations : PhotoPointObservations
-    first : int
-        Row of their first equation.
+        All photo points of the block, whose equations are the first ones.
     unknowns : Unknowns
     equations : Equations
         At the state.
@@ -173,7 +171,7 @@ def moves_of_points(
         Zero for all unknowns but those of the points that are moved.
     """
     correction, columns = np.zeros(unknowns.layout.size), unknowns.points
-    rows = first + 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
+    rows = 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
     used = equations.active[rows].all(axis=1)
     doubtful = np.zeros(len(columns), dtype=bool)
     doubtful[observations.point[used & (np.abs(equations.residual[rows]) > limit).any(axis=1)]] = True
