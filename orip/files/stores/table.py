@@ -11,7 +11,7 @@ Null = Literal["never", "none", "nan"]
 """What NULL stands for: it is refused, it is None, or it is NaN (which SQLite cannot hold)."""
 
 FIRST_ROW, ROW_COUNT = "first_row", "row_count"
-"""Names of the columns of a packed list with the position of the first of the rows packed together, and how many."""
+"""Columns of a packed list: the position of the first of the rows packed together, and how many they are."""
 
 
 @dataclass(frozen=True, slots=True)
