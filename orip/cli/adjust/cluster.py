@@ -15,7 +15,6 @@ from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.bundle.methods import Method
     from orip.bundle.problem import BlockProblem
     from orip.records.block import Block
     from orip.records.results.solution import IterationPass
@@ -47,14 +46,14 @@ class ClusterOptions(NamedTuple):
 
     @contextmanager
     def posing(
-        self, terminal: Terminal, method: Method, project: Path
+        self, terminal: Terminal, project: Path
     ) -> Iterator[tuple[Callable[[Block], BlockProblem], SolveWatcher]]:
         """Yield how blocks are posed as problems, and what shows the progress of their adjustment.
 
         Raises
         ------
         UsageError
-            If the options contradict each other or the method, or Dask is not installed.
+            If the options contradict each other, or Dask is not installed.
         OripError
             If there is no cluster that is fit.
         """
@@ -66,7 +65,6 @@ class ClusterOptions(NamedTuple):
             yield pose_problem, watcher
             return
         self._require_own_workers()
-        _require_divisible(method)
         from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
         scheduler = None if self.dask == _LOCAL else self.dask
@@ -97,15 +95,6 @@ class ClusterOptions(NamedTuple):
                 "theirs, so leave them out"
             )
             raise UsageError(message)
-
-
-def _require_divisible(method: Method) -> None:
-    if method.snooping is not None or method.variance_components:
-        message = (
-            "--snoop and --variance-components ask for the equations of single observations, which --dask leaves with "
-            "the workers; leave them out, or --dask"
-        )
-        raise UsageError(message)
 
 
 def _moved_text(moved: Moved) -> str:
