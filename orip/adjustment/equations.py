@@ -236,6 +236,11 @@ class Problem(Protocol[StateT]):
     ) -> Sequence[OtherPlace]:
         """Return other places of blocks of which an observation has lost weight (n,), alone or with another one."""
 
+    def rival_places(
+        self, state: StateT, equations: Equations, weights: FloatArray, limit: float
+    ) -> Sequence[OtherPlace]:
+        """Return places of such blocks where as many of their observations agree, nearly, those measured as one."""
+
     def improve_consensus(self, state: StateT, equations: Equations, limit: float) -> StateT | None:
         """Return the state with blocks moved to where more of their observations fit; None if there are none.
 

@@ -22,6 +22,9 @@ _MOST_ROWS, _MOST_REDUCED = 1000, 60
 """Observations that are all tried, of more those of the points in doubt; and those that may have lost weight: of more,
 only some could be taken back, and which of them would depend on the start."""
 
+_NEAR = 0.7
+"""Part of the limit above which a residual puts its point in doubt: without weight it would be larger."""
+
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
 
@@ -77,12 +80,31 @@ class Exchange(NamedTuple):
 
 def are_few(equations: Equations, weights: FloatArray) -> bool:
     """Return whether so few observations have lost weight that all of them can be tried, and are wrong one by one."""
-    judged = weights[equations.active & ~equations.exact]
-    return bool(np.count_nonzero(judged < 1.0) <= min(max(_FEW, _MOST_PART * len(judged)), _MOST_REDUCED))
+    return _are_few(weights[equations.active & ~equations.exact])
+
+
+def wrong_one_by_one(equations: Equations, weights: FloatArray) -> BoolArray:
+    """Return the observations (n,) among which few have lost weight: all, or those of no wider group, or none.
+
+    Where many photo points do not fit, a control point may be wrong by itself.
+    """
+    judged = equations.active & ~equations.exact
+    if not _are_few(weights[judged]) and (groups := equations.wider_groups()) is not None:
+        judged &= groups < 0
+    return judged if _are_few(weights[judged]) else np.zeros_like(judged)
+
+
+def _are_few(weights: FloatArray) -> bool:
+    return bool(np.count_nonzero(weights < 1.0) <= min(max(_FEW, _MOST_PART * len(weights)), _MOST_REDUCED))
 
 
 def exchanges_to_try(
-    equations: Equations, weights: FloatArray, normals: SolvedNormals, layout: Layout, limit: float
+    equations: Equations,
+    weights: FloatArray,
+    normals: SolvedNormals,
+    layout: Layout,
+    limit: float,
+    among: BoolArray,
 ) -> tuple[Exchange, ...]:
     """Return exchanges that lower the robust cost of a converged solution, or may lower it, the most promising first.
 
@@ -96,8 +118,10 @@ def exchanges_to_try(
     layout : Layout
     limit : float
         Standard residual up to which an observation has full weight.
+    among : array (n,) of bool
+        Observations that may be exchanged.
     """
-    rows = _rows_to_exchange(equations, weights, layout)
+    rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
     related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
@@ -129,17 +153,20 @@ def _with_their_groups(rows: IntArray, equations: Equations) -> IntArray:
     return np.union1d(rows, np.flatnonzero(np.isin(equations.groups, groups[groups >= 0]) & equations.active))
 
 
-def _rows_to_exchange(equations: Equations, weights: FloatArray, layout: Layout) -> IntArray:
-    """Return the observations that may be exchanged: all, or in large blocks those of points that have lost some."""
-    judged = np.flatnonzero(equations.active & ~equations.exact)
+def _rows_to_exchange(
+    equations: Equations, weights: FloatArray, layout: Layout, limit: float, among: BoolArray
+) -> IntArray:
+    """Return the observations that may be exchanged: all, or of many those of points that have lost some, or nearly."""
+    judged = np.flatnonzero(among)
     if len(judged) <= _MOST_ROWS:
         return judged
-    reduced = judged[weights[judged] < 1.0]
     points = equations.design[:, layout.reduced :]
-    touched = np.unique(points[reduced].indices // 3)
+    nearly_wrong = np.abs(equations.residual[judged]) > _NEAR * limit
+    doubtful = judged[(weights[judged] < 1.0) | nearly_wrong]
+    touched = np.unique(points[doubtful].indices // 3)
     columns = (3 * touched[:, None] + np.arange(3)).ravel()
     beside = np.diff(points[judged][:, columns].tocsr().indptr) > 0
-    return np.union1d(reduced, judged[beside])
+    return np.union1d(doubtful, judged[beside])
 
 
 def _related(cofactor: FloatArray, weight: FloatArray) -> BoolArray:

@@ -8,6 +8,7 @@ The iterations go on from there. An attempt that does not lower the robust cost 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import itemgetter
 
@@ -15,8 +16,8 @@ import numpy as np
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
-from orip.adjustment.equations import Equations, Linearised, Problem, StateT
-from orip.adjustment.exchanges import are_few, exchanges_to_try
+from orip.adjustment.equations import Equations, Linearised, OtherPlace, Problem, StateT
+from orip.adjustment.exchanges import are_few, exchanges_to_try, wrong_one_by_one
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.relocation import changed_weights, relocations
@@ -63,7 +64,7 @@ def next_attempt(
         return now, reason
     if tried.attempts >= settings.most_attempts or not _reduced(now).any():
         return now, reason
-    if tried.exchanges is None and not now.weighing.of_tracks:
+    if tried.exchanges is None and (reason is not None or not now.weighing.of_tracks):
         tried = replace(tried, exchanges=_candidates(problem, now, weights, normals))
     if tried.exchanges and (reason is not None or tried.exchanges[0].is_lower):
         candidate, *others = tried.exchanges
@@ -89,13 +90,17 @@ def _candidates(
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges and relocations lead that lower the robust cost, or may lower it, the lowest first."""
     limit = now.weighing.final_limit
-    if not are_few(now.current.equations, weights):
+    singly = wrong_one_by_one(now.current.equations, weights)
+    exchangeable = bool((singly & (weights < 1.0)).any())
+    places = _places(problem, now, weights)
+    if not places and not exchangeable:
         return ()
     # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     bound, known = normals.with_constraints(equations), _cost(now)
     found = []
-    for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit):
+    exchanges = exchanges_to_try(equations, weights, bound, problem.layout, limit, singly) if exchangeable else ()
+    for exchange in exchanges:
         moved, cost = now.current, np.inf
         for _ in range(_MOST_CORRECTIONS):
             correction = exchange.correction(moved.equations.residual, equations, weights, bound)
@@ -107,8 +112,17 @@ def _candidates(
         if cost < known + _MOST_HIGHER * limit**2:
             is_lower = cost < known - _CLEARLY * limit**2
             found.append((cost, Candidate(moved.state, exchange.full_weight, exchange.no_weight, is_lower)))
-    found += _relocated(problem, now, weights, equations, bound)
+    if places:
+        found += _relocated(problem, now, weights, equations, bound, places)
     return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])
+
+
+def _places(problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray) -> Sequence[OtherPlace]:
+    """Return places to which blocks may be moved: of tracks, where observations are wrong as wholes, or one by one."""
+    equations, limit = now.current.equations, now.weighing.final_limit
+    if now.weighing.of_tracks:
+        return problem.rival_places(now.current.state, equations, weights, limit)
+    return problem.other_places(now.current.state, equations, weights, limit) if are_few(equations, weights) else ()
 
 
 def _relocated(
@@ -117,13 +131,12 @@ def _relocated(
     weights: FloatArray,
     equations: Equations,
     normals: SolvedNormals,
+    places: Sequence[OtherPlace],
 ) -> list[tuple[float, Candidate[StateT]]]:
     """Return costs and states with blocks at other places, and with all of them there by which the cost falls."""
     limit = now.weighing.final_limit
-    places = problem.other_places(now.current.state, equations, weights, limit)
-    if not places:
-        return []
-    found = relocations(places, equations, weights, normals, problem.layout, limit)
+    grouped = equations.with_wider_groups() if now.weighing.of_tracks else equations
+    found = relocations(places, grouped, weights, normals, problem.layout, limit)
     tried = [[one] for one in found.by_cost(limit**2)[:_MOST_RELOCATIONS]]
     if len(several := found.of_different_blocks(-_CLEARLY * limit**2)) > 1:
         tried.append(several)

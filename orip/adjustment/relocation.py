@@ -106,7 +106,7 @@ def relocations(
     ----------
     places : sequence of OtherPlace
     equations : Equations
-        With the design matrix of the normal equations.
+        With the design matrix of the normal equations, and the groups that the cost has.
     weights : array (n,)
         Of the normal equations.
     normals : SolvedNormals
@@ -124,12 +124,13 @@ def relocations(
         if key not in blocks:
             design, before = equations.design[rows].toarray(), equations.residual[rows]
             freed = _freed(design[:, :reduced], design[:, place.columns], before, weights[rows], of_reduced)
-            blocks[key] = freed, _beyond_squares(before, weights[rows], limit)
+            blocks[key] = freed, _beyond_squares(before, weights[rows], _groups(equations, rows), limit)
         old, beyond = blocks[key]
         new = _freed(place.reduced, place.own, place.residual, place.weights, of_reduced)
         # there what keeps its weight has to fit
         none = place.weights < 1.0
-        more = _beyond_squares(place.residual[none], place.weights[none], limit) - beyond
+        groups = _groups(equations, rows[none])
+        more = _beyond_squares(place.residual[none], place.weights[none], groups, limit) - beyond
         found.append(Relocation(place, more, old, new))
     return Relocations(_with_square_sums(found, normals), remaining, normals)
 
@@ -181,6 +182,17 @@ def changed_weights(chosen: Sequence[Relocation], weights: FloatArray) -> tuple[
     return rows[(there >= 1.0) & (weights[rows] < 1.0)], rows[(there < 1.0) & (weights[rows] >= 1.0)]
 
 
-def _beyond_squares(residual: FloatArray, weights: FloatArray, limit: float) -> float:
-    """Return what residuals (k,) cost beyond half of their weighted square sum."""
-    return float(np.sum(danish_costs(np.abs(residual), limit) - weights * residual**2 / 2.0))
+def _groups(equations: Equations, rows: IntArray) -> IntArray:
+    """Return in which group each of some observations (k,) loses weight; alone where there are none."""
+    alone = np.arange(len(rows))
+    if equations.groups is None:
+        return alone
+    groups = equations.groups[rows]
+    _, numbers = np.unique(np.where(groups < 0, -1 - alone, groups), return_inverse=True)
+    return np.asarray(numbers)
+
+
+def _beyond_squares(residual: FloatArray, weights: FloatArray, groups: IntArray, limit: float) -> float:
+    """Return what residuals (k,) cost beyond half of their weighted square sum; those of a group together."""
+    sizes = np.sqrt(np.bincount(groups, residual**2))
+    return float(np.sum(danish_costs(sizes, limit)) - np.sum(weights * residual**2) / 2.0)

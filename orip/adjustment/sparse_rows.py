@@ -96,13 +96,18 @@ def scale_rows(matrix: csr_array, factors: FloatArray) -> csr_array:
 
 def diagonal_blocks(block_design: csr_array) -> FloatArray:
     """Return the 3 x 3 diagonal blocks (b, 3, 3) of D^T D, for rows that each touch one block at most."""
-    rows, columns = block_design.shape
-    coordinates = block_design.tocoo()
-    dense = np.zeros((rows, 3))
-    dense[coordinates.row, coordinates.col % 3] = coordinates.data
-    block_of_row = _blocks_of_rows(block_design)
+    elements = block_design.tocoo()
+    return squared_blocks(elements.row, elements.col, elements.data, block_design.shape[1] // 3)
+
+
+def squared_blocks(row: IntArray, column: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return what `diagonal_blocks` returns, of `count` blocks, from the elements of D."""
+    rows = int(row.max(initial=-1)) + 1
+    dense, block_of_row = np.zeros((rows, 3)), np.full(rows, -1)
+    dense[row, column % 3] = value
+    block_of_row[row] = column // 3
     used = block_of_row >= 0
-    result = np.zeros((columns // 3, 3, 3))
+    result = np.zeros((count, 3, 3))
     np.add.at(result, block_of_row[used], dense[used][:, :, None] * dense[used][:, None, :])
     return result
 

@@ -182,7 +182,10 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatAr
         least, best = ends[0].cost, best.with_weights(ends[0].weight)
         ends = _ends(best, limit)
     doubtful = at_start + _DOUBT * limit**2
-    tried = [best.weight, *(end.weight for end in first if end.cost < doubtful)]
+    likely = [end.weight for end in first if end.cost < doubtful]
+    # what is taken back may be far from linear, and may push out what is not
+    likely.sort(key=lambda weight: bool(((weight >= 1.0) & (start.weight < 1.0)).any()))
+    tried = [best.weight, *likely]
     distinct = {(weight < 1.0).tobytes(): weight for weight in reversed(tried)}
     distinct.pop((start.weight < 1.0).tobytes(), None)
     return list(distinct.values())[::-1][:_MOST_FOUND]

@@ -42,6 +42,7 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
 from orip.bundle.points.other_places import other_places
+from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -188,10 +189,18 @@ class BlockProblem:
         self, state: BlockState, equations: Equations, weights: FloatArray, limit: float
     ) -> list[OtherPlace]:
         """Return other places of points that a ray contradicts."""
-        photo_points = self.observations[0] if self.observations else None
-        if not isinstance(photo_points, PhotoPointObservations):
-            return []
-        return other_places(self.block, self.unknowns, photo_points, state, equations, weights, limit)
+        return other_places(self.block, self.unknowns, self._photo_points(), state, equations, weights, limit)
+
+    def rival_places(
+        self, state: BlockState, equations: Equations, weights: FloatArray, limit: float
+    ) -> list[OtherPlace]:
+        """Return places of points where as many of their rays meet, nearly, as where they are."""
+        kind, control = self._photo_points(), control_rows(self.observations)
+        return rival_places(self.block, self.unknowns, kind, control, state, equations, weights, limit)
+
+    def _photo_points(self) -> PhotoPointObservations:
+        """Return the photo points, whose equations are the first ones."""
+        return next(kind for kind in self.observations if isinstance(kind, PhotoPointObservations))
 
     def improve_consensus(self, state: BlockState, equations: Equations, limit: float) -> BlockState | None:
         """Return the state with points moved to where more of their rays fit; None if there are none."""
@@ -217,28 +226,16 @@ class BlockProblem:
 
     def _costs_of_points(self, equations: Equations, limit: float) -> FloatArray:
         """Return the robust cost (number of points,) of the rays of each point; most, where one is not computable."""
-        costs, first = np.zeros(len(self.unknowns.points)), 0
-        for kind in self.observations:
-            if isinstance(kind, PhotoPointObservations):
-                rows = slice(first, first + 2 * len(kind.point))
-                squares = (
-                    np.where(equations.active[rows], equations.residual[rows] ** 2, 0.0).reshape(-1, 2).sum(axis=1)
-                )
-                lost = kind.rows.used[::2] & ~equations.active[rows].reshape(-1, 2).any(axis=1)
-                parts = np.where(lost, greatest_danish_cost(limit), danish_costs(np.sqrt(squares), limit))
-                costs += np.bincount(kind.point, parts, len(costs))
-            first += len(kind.rows.error)
-        return costs
+        kind = self._photo_points()
+        rows = slice(2 * len(kind.point))
+        squares = np.where(equations.active[rows], equations.residual[rows] ** 2, 0.0).reshape(-1, 2).sum(axis=1)
+        lost = kind.rows.used[::2] & ~equations.active[rows].reshape(-1, 2).any(axis=1)
+        parts = np.where(lost, greatest_danish_cost(limit), danish_costs(np.sqrt(squares), limit))
+        return np.asarray(np.bincount(kind.point, parts, len(self.unknowns.points)), dtype=np.float64)
 
     def _moves(self, state: BlockState, equations: Equations, limit: float, moves: Moves) -> FloatArray:
         """Return corrections of all unknowns (m + 3 b,) that move points which do not fit."""
-        first = 0
-        correction = np.zeros(self.layout.size)
-        for kind in self.observations:
-            if isinstance(kind, PhotoPointObservations):
-                correction += moves_of_points(kind, first, self.unknowns, equations, state, limit, moves)
-            first += len(kind.rows.photo)
-        return correction
+        return moves_of_points(self._photo_points(), self.unknowns, equations, state, limit, moves)
 
     def with_all_blocks(self, state: BlockState) -> BlockState:
         """Return the state with the points that were left out, where their rays meet; itself if none are."""
@@ -258,13 +255,10 @@ class BlockProblem:
 
     def _points_that_fit(self, state: BlockState, limit: float) -> BoolArray:
         """Return the points (number of points,) that lie in front of all their photos, with residuals up to a limit."""
-        fits, equations, first = np.ones(len(state.points), dtype=bool), self.linearise(state), 0
-        for kind in self.observations:
-            if isinstance(kind, PhotoPointObservations):
-                rows = slice(first, first + 2 * len(kind.point))
-                wrong = kind.rows.used & ~(equations.active[rows] & (np.abs(equations.residual[rows]) <= limit))
-                fits[kind.point[wrong.reshape(-1, 2).any(axis=1)]] = False
-            first += len(kind.rows.photo)
+        fits, equations, kind = np.ones(len(state.points), dtype=bool), self.linearise(state), self._photo_points()
+        rows = slice(2 * len(kind.point))
+        wrong = kind.rows.used & ~(equations.active[rows] & (np.abs(equations.residual[rows]) <= limit))
+        fits[kind.point[wrong.reshape(-1, 2).any(axis=1)]] = False
         return fits
 
     def without_undetermined_blocks(self, state: BlockState, factors: BlockFactors, scale: float) -> BlockState | None:
@@ -275,12 +269,9 @@ class BlockProblem:
         self, state: BlockState, factors: BlockFactors, scale: float, weights: FloatArray
     ) -> BlockState | None:
         """Return the state without points that the rays that fit do not determine; None if there are none."""
-        fitting, first = np.zeros(len(state.points), dtype=np.int64), 0
-        for kind in self.observations:
-            if isinstance(kind, PhotoPointObservations):
-                weight = weights[first : first + 2 * len(kind.point)].reshape(-1, 2).min(axis=1)
-                fitting += np.bincount(kind.point[weight >= LEAST_WEIGHT_OF_FIT], minlength=len(fitting))
-            first += len(kind.rows.error)
+        kind = self._photo_points()
+        weight = weights[: 2 * len(kind.point)].reshape(-1, 2).min(axis=1)
+        fitting = np.bincount(kind.point[weight >= LEAST_WEIGHT_OF_FIT], minlength=len(state.points))
         return without_contradictory_points(self.block, state, self.unknowns, factors, scale, fitting)
 
     def with_blocks_recomputed(self, state: BlockState) -> BlockState:

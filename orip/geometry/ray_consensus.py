@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rays import intersect_rays
 
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
@@ -87,16 +87,64 @@ def _best_positions(rays: PhotoRays, rows: IntArray, start: FloatArray, limit: f
     """Return the positions (q, 3) of least cost of points with rays (q, k); the start where none is clearly better."""
     best, least = start, _costs(rays, rows, start, limit) - 0.5 * limit**2
     for pair in combinations(range(rows.shape[1]), 2):
-        some = rays.of(rows[:, pair].ravel())
-        directions = (some.rotations @ some.vectors[:, :, None])[:, :, 0]
-        tried = intersect_rays(some.centres, directions, np.repeat(np.arange(len(rows)), 2), len(rows))
+        tried = _meeting(rays, rows, _of_pair(rows, pair))
         costs = _costs(rays, rows, tried, limit)
         better = costs < least
+        best, least = np.where(better[:, None], tried, best), np.where(better, costs, least)
+    moved = np.flatnonzero((best != start).any(axis=1))
+    # all that fit tell the position better than the two
+    tried = _meeting(rays, rows[moved], _squares(rays, rows[moved], best[moved]) <= limit**2)
+    better = _costs(rays, rows[moved], tried, limit) < least[moved]
+    best = best.copy()
+    best[moved[better]] = tried[better]
+    return best
+
+
+def rival_positions(rays: PhotoRays, rows: IntArray, fitting: BoolArray, limit: float) -> FloatArray:
+    """Return where most of the rays of points meet, one at least of those that do not fit where the points are.
+
+    Parameters
+    ----------
+    rays : PhotoRays
+    rows : array (q, k) of int
+        The rays of each point.
+    fitting : array (q, k) of bool
+        Those that fit.
+    limit : float
+        As in `where_most_rays_meet`.
+
+    Returns
+    -------
+    array (q, 3)
+        NaN where no two of such rays meet.
+    """
+    best, least = np.full((len(rows), 3), np.nan), np.full(len(rows), np.inf)
+    for pair in combinations(range(rows.shape[1]), 2):
+        tried = _meeting(rays, rows, _of_pair(rows, pair))
+        costs = _costs(rays, rows, tried, _OF_TWO * limit)
+        better = (costs < least) & ~fitting[:, pair].all(axis=1) & np.isfinite(tried).all(axis=1)
         best, least = np.where(better[:, None], tried, best), np.where(better, costs, least)
     return best
 
 
+def _of_pair(rows: IntArray, pair: tuple[int, int]) -> BoolArray:
+    chosen = np.zeros(rows.shape, dtype=bool)
+    chosen[:, pair] = True
+    return chosen
+
+
+def _meeting(rays: PhotoRays, rows: IntArray, chosen: BoolArray) -> FloatArray:
+    """Return where the chosen ones (q, k) of the rays (q, k) of points meet, array (q, 3); NaN where they do not."""
+    some = rays.of(rows[chosen])
+    directions = (some.rotations @ some.vectors[:, :, None])[:, :, 0]
+    return intersect_rays(some.centres, directions, np.nonzero(chosen)[0], len(rows))
+
+
 def _costs(rays: PhotoRays, rows: IntArray, positions: FloatArray, limit: float) -> FloatArray:
     """Return the sums (q,) of squared standard residuals, none larger than that of the limit."""
-    squares = rays.of(rows.ravel()).squares(np.repeat(positions, rows.shape[1], axis=0))
-    return np.asarray(np.fmin(squares, limit**2).reshape(rows.shape).sum(axis=1))
+    return np.asarray(np.fmin(_squares(rays, rows, positions), limit**2).sum(axis=1))
+
+
+def _squares(rays: PhotoRays, rows: IntArray, positions: FloatArray) -> FloatArray:
+    """Return the squared standard residuals (q, k) of positions (q, 3)."""
+    return rays.of(rows.ravel()).squares(np.repeat(positions, rows.shape[1], axis=0)).reshape(rows.shape)

@@ -62,7 +62,11 @@ _LEAST_SIGMA0 = 0.2
 
 
 def explain_misfit(
-    solution: Solution, solved: SolvedBlock, started: Block, readjuster: Readjuster
+    solution: Solution,
+    solved: SolvedBlock,
+    started: Block,
+    readjuster: Readjuster,
+    from_own_values: SolvedBlock | None = None,
 ) -> list[ProjectWarning]:
     """Return what was probably mistaken, the most fundamental first; nothing where the block fits.
 
@@ -74,11 +78,13 @@ def explain_misfit(
     started : Block
         The block with its starting values.
     readjuster : Readjuster
+    from_own_values : SolvedBlock or None
+        Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
-    elsewhere = None if is_good(given) else _with_found_orientations(readjuster)
+    elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
     if readjuster.is_worthwhile:
@@ -90,10 +96,15 @@ def explain_misfit(
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 
 
-def _with_found_orientations(readjuster: Readjuster) -> SolvedBlock | None:
-    """Return an adjustment that fits without the given orientations; None where there is none, or none are given."""
+def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:
+    """Return an adjustment that fits without the given orientations; None where there is none, or none are given.
+
+    `known` is one that has been made already.
+    """
     released = without_orientations(readjuster.block)
-    solved = readjuster.adjust(released) if readjuster.is_worthwhile and released is not None else None
+    if released is None or not readjuster.is_worthwhile:
+        return None
+    solved = readjuster.adjust(released) if known is None else known
     return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
 
 
@@ -136,7 +147,7 @@ def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Rea
         return True
     names = [point.name for point in readjuster.block.control_points]
     wrong = [name for name in names if any(name in f"{found.where} {found.text}".split() for found in control)]
-    solved = readjuster.adjust(without_control(readjuster.block, wrong))
+    solved = readjuster.adjust_roughly(without_control(readjuster.block, wrong))
     return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
 
 
@@ -166,7 +177,7 @@ def _mirrored_as_a_whole(readjuster: Readjuster) -> list[ProjectWarning]:
     hypotheses = chain(mirrored_photos(readjuster.block), control_axes(readjuster.block))
     for tried in _adjusted(hypotheses, readjuster):
         if is_good(tried.fit) and tried.rotated < _STAYS:
-            return tried.hypothesis.findings(tried.solved)
+            return tried.findings(readjuster)
     return []
 
 
@@ -212,13 +223,13 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
         return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:
-            return tried.hypothesis.findings(tried.solved)
+            return tried.findings(readjuster)
     return [] if elsewhere is None else _shown_elsewhere(elsewhere, readjuster)
 
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """A hypothesis and its adjustment."""
+    """A hypothesis and its rough adjustment."""
 
     hypothesis: Hypothesis
     solved: SolvedBlock
@@ -230,11 +241,15 @@ class _Tried:
         start = rotation_from_angles(self.solved.block.photo_orientation[:, 3:])
         return float(np.mean(angles_between(start, self.solved.state.rotations)))
 
+    def findings(self, readjuster: Readjuster) -> list[ProjectWarning]:
+        """Return the warnings of the hypothesis, with the figures of its complete adjustment."""
+        return self.hypothesis.findings(readjuster.adjust(self.hypothesis.block) or self.solved)
+
 
 def _adjusted(hypotheses: Iterable[Hypothesis], readjuster: Readjuster) -> Iterator[_Tried]:
-    """Yield the hypotheses that can be adjusted, with an adjustment that agrees with them."""
+    """Yield the hypotheses that can be adjusted, with a rough adjustment that agrees with them."""
     for hypothesis in hypotheses:
-        solved = readjuster.adjust(hypothesis.block)
+        solved = readjuster.adjust_roughly(hypothesis.block)
         if solved is not None and hypothesis.holds(solved):
             yield _Tried(hypothesis, solved, fit_of_adjustment(solved))
 
@@ -254,7 +269,7 @@ def _best_explanation(hypotheses: Iterable[Hypothesis], given: Fit, readjuster: 
     equal = [tried for tried in found if misfit(tried.fit, scale) <= least + _EQUALLY]
     # with the data as they were meant the photos rotate least from where they started
     best = min(equal, key=lambda tried: round(tried.rotated, 1))
-    return best.hypothesis.findings(best.solved)
+    return best.findings(readjuster)
 
 
 def _better_start_suffices(tried: _Tried, readjuster: Readjuster) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from orip.adjustment.weighing import SETTLED_ENP
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.errors import NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
@@ -56,25 +57,34 @@ class Readjuster:
         block : Block
             As `Readjuster.block`, with something changed.
         """
+        return self._adjusted(block, block.definition.enp_stop)
+
+    def adjust_roughly(self, block: Block) -> SolvedBlock | None:
+        """Return the adjustment of a block, as soon as it shows what fits; None where there is none."""
+        return self._adjusted(block, SETTLED_ENP)
+
+    def _adjusted(self, block: Block, enp_stop: float) -> SolvedBlock | None:
         try:
-            return _solved(self.start(block))
+            return _solved(self.start(block), enp_stop)
         except (NotSolvableError, np.linalg.LinAlgError, ValueError):
             # a block changed for a trial may be impossible to adjust; the adjustment as given stands nevertheless
             return None
 
     def adjust_from(self, solved: SolvedBlock) -> SolvedBlock | None:
-        """Return the adjustment of `block` that starts where another adjustment ended, None where there is none."""
+        """Return the rough adjustment of `block` that starts where another one ended, None where there is none."""
         state, place = solved.state, solved.block.point_index()
         orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
         try:
             started = self.start(replace(self.block, photo_orientation=orientation))
             ended = state.points[[place[name] for name in started.point_names]]
-            return _solved(replace(started, point_start=np.where(started.constant_points, started.point_start, ended)))
+            points = np.where(started.constant_points, started.point_start, ended)
+            return _solved(replace(started, point_start=points), SETTLED_ENP)
         except (NotSolvableError, np.linalg.LinAlgError):
             return None
 
 
-def _solved(block: Block) -> SolvedBlock:
+def _solved(block: Block, enp_stop: float) -> SolvedBlock:
     # whether a mistake explains the misfit is seen long before the last observation has the right weight
-    settings = replace(iteration_settings(block.definition), most_attempts=0)
+    settings = iteration_settings(block.definition)
+    settings = replace(settings, enp_stop=min(enp_stop, settings.enp_stop), most_attempts=0)
     return solve_block(block, lambda _: None, lambda: False, settings)

@@ -183,7 +183,7 @@ class CurrentValues:
         """Return the orientation (6,) of a photo by resection; None, with what it waits for, where that fails."""
         part = measurements.part((name, point) for point in measurements.points_in(name) if point in self.points)
         rays = None if part is None else part.photo_points
-        seen = np.zeros(0, dtype=bool) if rays is None else rays.used.all(axis=1)
+        seen = np.zeros(0, dtype=bool) if rays is None else rays.in_use
         count = int(seen.sum())
         if part is None or rays is None or count < _KNOWN_POINTS:
             self.photos_wait[name] = self._wanting_points(measurements, name, count)

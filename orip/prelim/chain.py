@@ -6,7 +6,7 @@ contradict is taken, or what two routes agree on, otherwise the best of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -128,50 +128,53 @@ def _searches(measured: MeasuredBlock) -> Iterator[_Search]:
     beaten = (False, -np.inf)
     ends: list[_End] = []
     by_the_models: Route | None = None
-    for number, route in enumerate(_routes(measured)):
-        if number == 0 and measured.block.definition.models:
-            by_the_models = route
-        outcome = outcome_of(measured, route)
-        if outcome is not None:
-            lengths = lengths_of_residuals(measured, outcome)
-            misfit = _misfit(measured.rays, outcome.grown, lengths)
-            if (outcome.is_final, -misfit) > beaten:
-                best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
-            if _is_complete(measured, outcome):
-                ends.append(_end(measured, outcome.grown, lengths, misfit))
+    tried = 0
+    for rivals in _routes(measured):
+        for route in rivals:
+            if tried == 0 and measured.block.definition.models:
+                by_the_models = route
+            tried += 1
+            outcome = outcome_of(measured, route)
+            if outcome is not None:
+                lengths = lengths_of_residuals(measured, outcome)
+                misfit = _misfit(measured.rays, outcome.grown, lengths)
+                if (outcome.is_final, -misfit) > beaten:
+                    best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
+                if _is_complete(measured, outcome):
+                    ends.append(_end(measured, outcome.grown, lengths, misfit))
         is_enough = _is_enough(ends)
-        yield _Search(measured, best, by_the_models, is_enough, number + 1)
+        yield _Search(measured, best, by_the_models, is_enough, tried)
         if is_enough:
             return
 
 
-def _routes(measured: MeasuredBlock) -> Iterator[Route]:
+def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
+    """Yield routes, those together that begin with assumptions of which one is wrong: either may seem to fit."""
     free, with_control = measured.grower(), measured.grower(measured.full_control())
     seen = control_points_seen(with_control)
     seeing = seen >= SAFE_RESECTION
     models = measured.block.definition.models
     if models:
-        yield by_models(free, models)
+        yield [by_models(free, models)]
     elif seeing.mean() > 0.5:
-        yield by_control(with_control)
+        yield [by_control(with_control)]
     if len(measured.rays.cameras.unknown) and (seen >= POINTS_NEEDED).any():
-        yield by_unknown_cameras(with_control)
+        yield [by_unknown_cameras(with_control)]
     for choice in range(_STARTING_PAIRS):
-        yield by_pairs(free, choice)
+        yield [by_pairs(free, choice)]
         if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
-            yield by_control(with_control)
+            yield [by_control(with_control)]
     if not seeing.any() and (seen >= LEAST_RESECTION).any():
-        yield by_control(with_control)
+        yield [by_control(with_control)]
     given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
     if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
-        for axis in (LOOKING_DOWN, UPRIGHT):
-            yield by_parts(free, with_control, measured.known_control(), axis)
-        yield by_photos(with_control, measured.known_control())
+        yield [by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT)]
+        yield [by_photos(with_control, measured.known_control())]
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)
         rotations[given] = rotation_from_angles(orientation[given, 3:])
-        yield by_given(free, rotations, orientation[:, :3])
+        yield [by_given(free, rotations, orientation[:, :3])]
 
 
 def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:

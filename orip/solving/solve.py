@@ -149,7 +149,10 @@ def _with_mistakes_of_the_block(
     start, gathered = adjusted.start, adjuster.gathered
     explained = []
     if adjusted.solution.status != "stopped":
-        explained = explain_misfit(adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered))
+        own = adjuster.own if adjuster.own and adjuster.own.start.left_out == start.left_out else None
+        explained = explain_misfit(
+            adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered), own.solved if own else None
+        )
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
@@ -169,13 +172,17 @@ class _Adjusted:
 
 @dataclass(slots=True)
 class _Adjuster:
-    """Adjusts a gathered block from one start or another; the chain runs at most once, `values` is what it found."""
+    """Adjusts a gathered block from one start or another.
+
+    The chain runs at most once: `values` is what it found, and `own` the adjustment from these values alone.
+    """
 
     gathered: Block
     method: Method
     watcher: SolveWatcher
     pose: Pose
     values: PreliminaryValues | None = None
+    own: _Adjusted | None = None
 
     @property
     def not_oriented(self) -> list[str]:
@@ -203,9 +210,10 @@ class _Adjuster:
         try:
             start = own_start(self.gathered, self.values)
             self.watcher.doubted(doubt)
-            return self._from(start)
+            self.own = self._from(start)
         except NotSolvableError:
             return None
+        return self.own
 
     def replaced_by(self, own: _Adjusted, doubt: str) -> ProjectWarning:
         """Say that the adjustment from the chain's values is the result."""

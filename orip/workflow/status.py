@@ -11,13 +11,13 @@ from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve_step import solve_step
-from orip.workflow.observations.measure import measure_step
+from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
 from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.step import Step
-from orip.workflow.records.initialise import initialise_step
+from orip.workflow.records.initialise_step import initialise_step
 
 STATUS_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "replay", "heads")
 """What `project_status` needs of the stores."""

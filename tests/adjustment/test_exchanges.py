@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,11 +18,12 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment.exchanges import exchanges_to_try
+from orip.adjustment.exchanges import exchanges_to_try, wrong_one_by_one
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
 
 COUNT, LIMIT = 12, 5.0
+EVERY = np.ones(COUNT, dtype=bool)
 SUBSETS = [subset for number in range(5) for subset in combinations(range(COUNT), number)]
 
 
@@ -85,7 +87,7 @@ def test_an_exchange_lowers_the_cost_of_a_local_minimum() -> None:
         residual = design @ np.linalg.solve(normals, design.T @ (weights * observed)) - observed
         equations = equations_of(design, residual)
         solved = solve_normals(equations, weights, problem.layout, 12.0)
-        for exchange in exchanges_to_try(equations, weights, solved, problem.layout, LIMIT)[:1]:
+        for exchange in exchanges_to_try(equations, weights, solved, problem.layout, LIMIT, EVERY)[:1]:
             exchanged += 1
             after = weights.copy()
             after[exchange.full_weight], after[exchange.no_weight] = 1.0, 1e-10
@@ -101,7 +103,7 @@ def test_no_exchange_where_all_observations_fit() -> None:
     problem = linear_problem(design, observed)
     weights = np.ones(COUNT)
     normals = solve_normals(equations, weights, problem.layout, 12.0)
-    assert not exchanges_to_try(equations, weights, normals, problem.layout, LIMIT)
+    assert not exchanges_to_try(equations, weights, normals, problem.layout, LIMIT, EVERY)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -112,7 +114,7 @@ def test_the_correction_of_an_exchange_is_that_of_the_changed_weights(seed: int)
     weights = of_all[every.argmax()]
     equations = problem.linearise(np.array([1.0, 2.0]))
     normals = solve_normals(equations, weights, problem.layout, 12.0)
-    found = exchanges_to_try(equations, weights, normals, problem.layout, LIMIT)
+    found = exchanges_to_try(equations, weights, normals, problem.layout, LIMIT, EVERY)
     assert found
     for exchange in found:
         after = weights.copy()
@@ -133,3 +135,34 @@ def test_cofactors_of_weighted_observations() -> None:
     found = factored_rows(equations, weights, normals, layout, rows).cofactor()
     # unknowns have units that differ by 1e6, which scaling removes; the scaled matrix has a condition below 1e4
     assert np.allclose(found, expected[np.ix_(rows, rows)], atol=1e-8)
+
+
+def test_where_much_is_wrong_only_what_is_in_no_group_may_be_wrong_by_itself() -> None:
+    count = 400
+    groups = np.r_[np.arange(count - 8) // 2, np.full(8, -1)]
+    equations = replace(equations_of(np.ones((count, 1)), np.zeros(count)), wider_groups=lambda: groups)
+    few, many = np.ones(count), np.ones(count)
+    few[[0, 1, count - 1]] = 0.1
+    many[:100] = 0.1
+    many[count - 1] = 0.1
+    assert wrong_one_by_one(equations, few).all()
+    assert np.flatnonzero(wrong_one_by_one(equations, many)).tolist() == list(range(count - 8, count))
+
+
+def test_an_observation_just_below_the_limit_is_exchanged_in_a_large_problem() -> None:
+    # the mean of each three observations: the last one of all costs less without weight, though it is within the limit
+    count = 1200
+    design = np.zeros((count, count // 3))
+    design[np.arange(count), np.arange(count) // 3] = 1.0
+    observed = np.random.default_rng(1).normal(size=count)
+    observed[:3] = [0.0, 0.0, 60.0]
+    observed[-3:] = [-2.4, -2.4, 4.8]
+    problem = linear_problem(design, observed)
+    weights = np.ones(count)
+    weights[2] = 1e-10
+    normals = solve_normals(problem.linearise(np.zeros(count // 3)), weights, problem.layout, 12.0)
+    state = np.linalg.solve(design.T @ (weights[:, None] * design), design.T @ (weights * observed))
+    found = exchanges_to_try(
+        problem.linearise(state), weights, normals, problem.layout, LIMIT, np.ones(count, dtype=bool)
+    )
+    assert [count - 1] in [exchange.no_weight.tolist() for exchange in found]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import equations_of, random_equations, random_weights
@@ -68,6 +70,27 @@ def test_the_change_and_the_correction_are_those_of_an_adjustment_at_the_other_p
     assert one.change == pytest.approx(after - before + beyond.sum() - less.sum(), abs=1e-7)
     expected[place.columns] += place.move
     assert np.allclose(found.correction([one]), expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+
+
+def test_observations_of_a_group_cost_what_the_length_of_their_residuals_does() -> None:
+    equations, layout = random_equations(2)
+    weights = np.ones(len(equations.residual))
+    normals = solve_normals(equations, weights, layout, 12.0)
+    place, _ = other_place(equations, layout.reduced, 3, 2)
+    first, second = place.rows[:2]
+    far = np.r_[30.0, 40.0, place.residual[2:]]
+    place = place._replace(weights=np.r_[1e-10, 1e-10, np.ones(len(place.rows) - 2)], residual=far)
+    groups = np.full(len(weights), -1)
+    groups[[first, second]] = 4
+    alone = relocations([place], equations, weights, normals, layout, LIMIT).single[0].change
+    grouped = replace(equations, groups=groups)
+    together = relocations([place], grouped, weights, normals, layout, LIMIT).single[0].change
+    # before, both have full weight and cost half their squares: the groups differ at the other place only
+    expected = danish_costs(np.array([50.0]), LIMIT).sum() - danish_costs(far[:2], LIMIT).sum()
+    before = np.abs(equations.residual[[first, second]])
+    expected -= danish_costs(np.array([np.hypot(*before)]), LIMIT).sum() - danish_costs(before, LIMIT).sum()
+    # the costs are of the order of 50
+    assert together - alone == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_observations_that_change_their_weight_are_named() -> None:

@@ -121,12 +121,28 @@ def test_version(project: Path) -> None:
     assert orip(project, "--version").out.startswith("orip ")
 
 
-def test_the_command_line_imports_nothing_slow() -> None:
-    # 'orip --help' has to answer at once; benchmarks/startup.py measures it
-    slow = {"numpy", "scipy", "pyproj", "pydantic", "sqlite3", "threadpoolctl"}
-    program = "import sys, json, orip.cli.main; print(json.dumps(sorted(sys.modules)))"
-    modules = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True).stdout
-    assert not slow & set(json.loads(modules))
+SLOW = {"scipy", "pyproj", "pydantic", "pandas", "pyarrow", "threadpoolctl"}
+"""Packages that take a tenth of a second and more to import; benchmarks/startup.py measures it."""
+
+
+def modules_after(statements: str, folder: Path) -> set[str]:
+    """Return the modules that Python has loaded after some statements."""
+    program = f"{statements}; import sys, json; print(json.dumps(sorted(sys.modules)))"
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, cwd=folder).stdout
+    return set(json.loads(said.splitlines()[-1]))
+
+
+def test_the_command_line_imports_nothing_slow(project: Path) -> None:
+    # 'orip --help' has to answer at once
+    assert not {*SLOW, "numpy", "sqlite3"} & modules_after("import orip.cli.main", project)
+
+
+def test_status_imports_nothing_that_computes(project: Path) -> None:
+    orip(project, "run")
+    statements = "from orip.cli.main import app; app(['-C', '.', 'status'], standalone_mode=False)"
+    found = modules_after(statements, project)
+    assert "orip.workflow.status" in found
+    assert not {*SLOW, "orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay"} & found
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:

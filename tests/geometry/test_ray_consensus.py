@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orip.geometry.ray_consensus import PhotoRays, where_most_rays_meet
+from orip.geometry.ray_consensus import PhotoRays, rival_positions, where_most_rays_meet
+from orip.geometry.rays import intersect_rays
 
 C, ERROR = 100.0, 0.005
 POINT = np.array([3.0, -2.0, 1.0])
@@ -30,6 +31,32 @@ def test_position_is_that_of_the_right_rays(wrong):
     found = where_most_rays_meet(rays_of(wrong), np.zeros(6, dtype=np.int64), start, 3.5)
     # two rays of 5 µm at 100 m and C 100 mm: 5 mm across, and three times that in height at bases of a third
     assert np.linalg.norm(found[0] - POINT) < 0.1
+
+
+def test_position_is_where_all_right_rays_meet():
+    wrong, start = [0, 5], np.full((1, 3), np.nan)
+    rays = rays_of(wrong)
+    right = rays.of(np.setdiff1d(np.arange(6), wrong))
+    directions = (right.rotations @ right.vectors[:, :, None])[:, :, 0]
+    (expected,) = intersect_rays(right.centres, directions, np.zeros(4, dtype=np.int64), 1)
+    found = where_most_rays_meet(rays, np.zeros(6, dtype=np.int64), start, 3.5)
+    assert np.allclose(found[0], expected, rtol=0.0, atol=1e-9)
+
+
+def test_rival_position_is_that_of_the_rays_that_do_not_fit():
+    elsewhere = np.array([10.0, 4.0, -6.0])
+    rays = rays_of([])
+    u = np.einsum("ni,nij->nj", elsewhere - rays.centres[3:], rays.rotations[3:])
+    vectors = rays.vectors.copy()
+    vectors[3:, :2] = -C * u[:, :2] / u[:, 2:]
+    fitting = np.arange(6)[None] < 3
+    (found,) = rival_positions(rays._replace(vectors=vectors), np.arange(6)[None], fitting, 3.5)
+    assert np.linalg.norm(found - elsewhere) < 1e-6
+
+
+def test_no_rival_position_where_all_rays_fit():
+    rows = np.arange(6)[None]
+    assert np.isnan(rival_positions(rays_of([]), rows, np.ones((1, 6), dtype=bool), 3.5)).all()
 
 
 def test_point_on_which_as_many_rays_agree_stays():

@@ -51,6 +51,9 @@ _SAME_SIGMA0 = 1e-6
 
 _SAME_COST = 1e-9
 
+_LARGE = 1e9
+"""Standard residual of what cannot be computed."""
+
 _SIZES = ((2, 5), (6, 20), (21, 60), (61, 200))
 _PARTS = (("no blunders", 0.0, 0.0), ("up to 2 %", 1e-9, 0.02), ("over 2 %", 0.02, 1.0))
 
@@ -189,7 +192,7 @@ def compared(found: SolvedBlock, reference: SolvedBlock) -> Comparison:
     turned = Rotation.from_matrix(here.rotations @ there.rotations.transpose(0, 2, 1)).as_rotvec()
     distance = max(np.abs((here.centres - there.centres) / centre).max(), np.abs(turned / rotation).max())
     sigma0 = found.variance.sigma0 / reference.variance.sigma0 - 1.0 if reference.variance.sigma0 else 0.0
-    cost = robust_cost(found) / robust_cost(reference) - 1.0
+    cost = robust_cost(found, reference) / robust_cost(reference, reference) - 1.0
     end: End = "other"
     if found.reason is not TerminationReason.CONVERGED:
         end = "not converged"
@@ -202,11 +205,19 @@ def compared(found: SolvedBlock, reference: SolvedBlock) -> Comparison:
     return Comparison(end, float(distance), float(sigma0), float(cost), len(found.iterations))
 
 
-def robust_cost(found: SolvedBlock) -> float:
-    """Return what the Danish method makes least: the sum of `loss` over the observations."""
-    equations = found.equations
-    residuals = equations.residual[equations.active & ~equations.exact]
-    return float(loss(np.abs(residuals), found.block.definition.max_standard_residual).sum())
+def robust_cost(found: SolvedBlock, reference: SolvedBlock) -> float:
+    """Return what the Danish method makes least: the sum of `loss` over the observations that the reference has.
+
+    Where many do not fit it, photo points count as wholes, by the lengths of their residuals. What cannot be computed
+    costs most.
+    """
+    active, judged = found.equations.active, reference.equations.active & ~reference.equations.exact
+    u = np.where(active, np.abs(found.equations.residual), _LARGE)
+    if reference.weighing.of_tracks:
+        coordinates = found.block.photo_points.xy.size
+        lengths = np.linalg.norm(np.where(judged, u, 0.0)[:coordinates].reshape(-1, 2), axis=1)
+        u, judged = np.r_[lengths, u[coordinates:]], np.r_[lengths > 0.0, judged[coordinates:]]
+    return float(loss(u[judged], found.block.definition.max_standard_residual).sum())
 
 
 def loss(u: np.ndarray, c: float) -> np.ndarray:

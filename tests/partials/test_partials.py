@@ -106,10 +106,12 @@ PART_OF = {
 
 GIVES_NONE = {
     "orip.bundle.compiled.photo_loop.rows_of_blocks": "rows of the coupling, of linearise_with_partials",
-    "orip.bundle.points.other_places._Linearised.of_points": "some of the columns, unchanged",
-    "orip.bundle.points.other_places._by_reduced": "some of the columns, unchanged",
-    "orip.bundle.points.other_places._linearised": "linearise_with_partials of photo points, divided by their errors",
-    "orip.bundle.points.other_places._places_of_points": "places of points, with rows of linearise_with_partials",
+    "orip.bundle.points.rays_at_places.rays_at_places": "linearise_with_partials of photo points, over their errors",
+    "orip.bundle.points.rays_at_places.RaysAtPlaces._by_reduced": "some of the columns, unchanged",
+    "orip.bundle.points.rays_at_places.RaysAtPlaces.after_least_squares": "places of points",
+    "orip.bundle.points.rays_at_places.RaysAtPlaces.other_place": "places, with rows of linearise_with_partials",
+    "orip.bundle.points.rival_places._ControlThere.at": "linearise_with_partials of control points, over their errors",
+    "orip.bundle.points.rival_places._adjusted": "places of points",
     "orip.bundle.results.covariance._joined": "partials of several records, side by side",
     "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
     "orip.bundle.results.covariance.covariance": "covariances",

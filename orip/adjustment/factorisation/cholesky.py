@@ -17,6 +17,9 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
 from orip.arrays import FloatArray, IntArray
 
+_BLOCK = 128
+"""Rows and columns copied at once: a square of 128 kB."""
+
 LOST_ALL = 99.0
 """Digits lost by an unknown that no observation touches."""
 
@@ -57,12 +60,26 @@ class Factor:
 
     def inverse(self) -> FloatArray:
         """Return the inverse (m, m), with zero rows and columns for removed columns."""
-        result = np.zeros((len(self.removed),) * 2)
-        if len(self.order):
-            inverse, _ = lapack.dpotri(self.lower, lower=1)
-            inverse = np.tril(inverse) + np.tril(inverse, -1).T
-            result[np.ix_(self.order, self.order)] = inverse
+        size = len(self.removed)
+        if not len(self.order):
+            return np.zeros((size, size))
+        lower, _ = lapack.dpotri(self.lower, lower=1)
+        _mirror(lower)
+        inverse = np.asarray(lower.T)  # LAPACK has columns where NumPy has rows
+        if len(self.order) == size:
+            return inverse
+        result = np.zeros((size, size))
+        result[np.ix_(self.order, self.order)] = inverse
         return result
+
+
+def _mirror(lower: FloatArray) -> None:
+    """Copy a lower triangle to the upper one, block by block: both pass through the cache once, and no copy is made."""
+    for start in range(0, len(lower), _BLOCK):
+        end = start + _BLOCK
+        lower[start:end, end:] = lower[end:, start:end].T
+        square = lower[start:end, start:end]
+        square[:] = np.tril(square) + np.tril(square, -1).T
 
 
 def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> Factor:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.factorisation.symmetric import Symmetric
-from orip.adjustment.sparse_rows import SparseRows, diagonal_blocks, quadratic_rows, scale_rows
+from orip.adjustment.sparse_rows import SparseRows, quadratic_rows, squared_blocks
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -89,13 +89,19 @@ class StreamedRows:
         self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
-        weighted = scale_rows(self.others.stored, root_weights[self.other_rows])
-        right = weighted.T @ misclosure[self.other_rows]
-        reduced = weighted[:, : layout.reduced]
+        stored = self.others.stored
+        # sparse slices and products of a handful of rows would take longer than all photo points of a small block
+        row = np.repeat(np.arange(len(self.other_rows)), np.diff(stored.indptr))
+        value, misclosures = stored.data * root_weights[self.other_rows][row], misclosure[self.other_rows][row]
+        right = np.zeros(layout.size)
+        np.add.at(right, stored.indices, value * misclosures)
+        of_blocks = stored.indices >= layout.reduced
         others = Contributions(
-            matrix=(reduced.T @ reduced).tocsr(),
+            matrix=_squared(row[~of_blocks], stored.indices[~of_blocks], value[~of_blocks], layout.reduced),
             right=right[: layout.reduced],
-            blocks=diagonal_blocks(weighted[:, layout.reduced :]),
+            blocks=squared_blocks(
+                row[of_blocks], stored.indices[of_blocks] - layout.reduced, value[of_blocks], layout.blocks
+            ),
             block_right=right[layout.reduced :],
         )
         photos = slice(0, self.loop.points.xy.size)
@@ -124,3 +130,12 @@ class StreamedRows:
         in_reduced, in_blocks = self.others.stored[:, : len(inverse)], self.others.stored[:, len(inverse) :]
         of_points = (in_blocks @ block_diagonal(blocks)).multiply(in_blocks).sum(axis=1)
         return quadratic_rows(in_reduced.tocsr(), inverse) + np.asarray(of_points, dtype=np.float64).ravel()
+
+
+def _squared(row: IntArray, column: IntArray, value: FloatArray, size: int) -> csr_array:
+    """Return A^T A (m, m) of a matrix (n, m) from its elements, in the order of its rows."""
+    if not len(row):
+        return csr_array((size, size))
+    start = np.concatenate([[0], np.cumsum(np.bincount(row))])
+    matrix = csr_array((value, column, start), shape=(len(start) - 1, size))
+    return (matrix.T @ matrix).tocsr()

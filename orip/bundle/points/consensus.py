@@ -137,14 +137,13 @@ def with_consensus(block: Block, state: BlockState, wanted: BoolArray) -> BlockS
 def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[PhotoRays, IntArray]:
     """Return the rays of the wanted points that are measured in full, and the point of each."""
     points, vectors = block.photo_points, image_vectors(block)
-    rows = np.flatnonzero(wanted[points.point] & points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    rows = np.flatnonzero(wanted[points.point] & points.in_use & np.isfinite(vectors).all(axis=1))
     photo, error = points.photo[rows], np.sqrt(np.mean(points.error[rows] ** 2, axis=1))
     return PhotoRays(state.centres[photo], state.rotations[photo], vectors[rows], error), points.point[rows]
 
 
 def moves_of_points(
     observations: PhotoPointObservations,
-    first: int,
     unknowns: Unknowns,
     equations: Equations,
     state: BlockState,
@@ -156,8 +155,7 @@ def moves_of_points(
     Parameters
     ----------
     observations : PhotoPointObservations
-    first : int
-        Row of their first equation.
+        All photo points of the block, whose equations are the first ones.
     unknowns : Unknowns
     equations : Equations
         At the state.
@@ -173,7 +171,7 @@ def moves_of_points(
         Zero for all unknowns but those of the points that are moved.
     """
     correction, columns = np.zeros(unknowns.layout.size), unknowns.points
-    rows = first + 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
+    rows = 2 * np.arange(len(observations.point))[:, None] + np.arange(2)
     used = equations.active[rows].all(axis=1)
     doubtful = np.zeros(len(columns), dtype=bool)
     doubtful[observations.point[used & (np.abs(equations.residual[rows]) > limit).any(axis=1)]] = True

@@ -9,6 +9,7 @@ are the same to first order, so that the correction is that of the coordinates.
 
 from __future__ import annotations
 
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,7 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
     """
     points = block.photo_points
     directions = (state.rotations[points.photo] @ image_vectors(block)[:, :, None])[:, :, 0]
-    seen = points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
+    seen = points.in_use & np.isfinite(directions).all(axis=1)
     found = intersect_rays(
         state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
     )
@@ -49,10 +50,19 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
 
 def points_by_photos_alone(block: Block, unknowns: Unknowns) -> BoolArray:
     """Return which points (number of points,) are eliminated unknowns that nothing but photo points observes."""
-    observed = {point.name for point in block.control_points}
-    observed |= {element.name for element in block.elements if element.group == "POINT"}
+    control = {point.name for point in block.control_points}
+    return points_by_photos_and_control(block, unknowns) & ~_are_named(block, control)
+
+
+def points_by_photos_and_control(block: Block, unknowns: Unknowns) -> BoolArray:
+    """Return those (number of points,) that may be control points, too."""
+    elements = {element.name for element in block.elements if element.group == "POINT"}
     free = (unknowns.points >= unknowns.layout.reduced).all(axis=1) & (unknowns.points != CONSTANT).all(axis=1)
-    return np.asarray(free & np.array([name not in observed for name in block.point_names], dtype=bool))
+    return np.asarray(free & ~_are_named(block, elements))
+
+
+def _are_named(block: Block, names: AbstractSet[str]) -> BoolArray:
+    return np.array([name in names for name in block.point_names], dtype=bool)
 
 
 def with_points_moved(state: BlockState, move: FloatArray, centres: FloatArray, point: NDArray[np.int64]) -> BlockState:

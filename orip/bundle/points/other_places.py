@@ -7,21 +7,18 @@ Places are computed with the photos held, for each few coordinates that may be w
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations, OtherPlace
-from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import PointRays
 from orip.bundle.points.moves import points_by_photos_alone
+from orip.bundle.points.rays_at_places import rays_at_places, rows_of_rays, weight_factors
 from orip.bundle.state import BlockState
-from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.bundle.unknowns import Unknowns
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 
@@ -99,41 +96,21 @@ def _places_of_points(
     """Return the places of q points of k rays each, `of_points` (q, k)."""
     kept = _kept(of_points.shape[1])
     rays, kept = np.repeat(of_points, len(kept), axis=0), np.tile(kept, (len(of_points), 1))
-    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], _factors(kept))
-    costs = _linearised(kind, state, rays, points).costs(kept, limit)
+    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], weight_factors(kept))
+    costs = rays_at_places(kind, state, rays, points).costs(kept, limit)
     # not the place where the coordinates are wrong that have lost weight already
-    costs[(kept == (weights[_rows(rays)] >= 1.0)).all(axis=1)] = np.inf
+    costs[(kept == (weights[rows_of_rays(rays)] >= 1.0)).all(axis=1)] = np.inf
     likely = _lowest(costs, len(of_points), 2 * _MOST_PLACES)
     rays, kept, points = rays[likely], kept[likely], points[likely]
+    there = rays_at_places(kind, state, rays, points)
     for _ in range(_STEPS):
-        points = points + _linearised(kind, state, rays, points).of_points().least_squares(_factors(kept))
-    there = _linearised(kind, state, rays, points)
+        there = there.after_least_squares(kept)
     costs = there.costs(kept, limit)
     # nor a place where a wrong one fits
     costs[(~kept & (np.abs(there.residuals) <= limit)).any(axis=1)] = np.inf
-    rows, factors, by_place = _rows(rays), _factors(kept), kind.point[rays[:, 0]]
+    by_place = kind.point[rays[:, 0]]
     chosen = [place for point in np.unique(by_place) for place in _cheapest(np.flatnonzero(by_place == point), costs)]
-    return [
-        OtherPlace(
-            columns=unknowns.points[by_place[place]],
-            move=points[place] - state.points[by_place[place]],
-            rows=rows[place],
-            weights=factors[place],
-            reduced=_by_reduced(there.partials[place], _at(kind, rays[place], by_place[place]).columns(), unknowns),
-            own=there.partials[place][:, POINT_PARTIALS],
-            residual=there.residuals[place],
-        )
-        for place in chosen
-    ]
-
-
-def _factors(kept: BoolArray) -> FloatArray:
-    return np.where(kept, 1.0, LEAST_WEIGHT)
-
-
-def _rows(rays: IntArray) -> IntArray:
-    """Return the rows (p, 2 k) of rays (p, k)."""
-    return np.asarray((2 * rays[:, :, None] + np.arange(2)).reshape(len(rays), -1))
+    return [there.other_place(place, kept[place], unknowns) for place in chosen]
 
 
 def _lowest(costs: FloatArray, points: int, most: int) -> IntArray:
@@ -179,57 +156,3 @@ def _where_directions_meet(state: BlockState, photos: IntArray, vectors: FloatAr
         nearer: FloatArray = np.repeat((distances.mean(axis=1)[:, None] / distances) ** 2, 2, axis=1)
         points = middle + PointRays(planes, offset).least_squares(factors * nearer)
     return np.asarray(points)
-
-
-class _Linearised(NamedTuple):
-    """Partials (p, 2 k, u) by all unknowns and residuals (p, 2 k) of p places, and which (p,) all photos see."""
-
-    partials: FloatArray
-    residuals: FloatArray
-    computable: BoolArray
-
-    def costs(self, kept: BoolArray, limit: float) -> FloatArray:
-        """Return what the rays cost (p,), those coordinates that are kept (p, 2 k) as squares; infinite if unseen."""
-        residuals = np.abs(self.residuals)
-        costs = np.where(kept, residuals**2 / 2.0, danish_costs(residuals, limit)).sum(axis=1)
-        return np.where(self.computable & np.isfinite(costs), costs, np.inf)
-
-    def of_points(self) -> PointRays:
-        """Return the rays with the photos held."""
-        return PointRays(self.partials[:, :, POINT_PARTIALS], self.residuals)
-
-
-def _linearised(kind: PhotoPointObservations, state: BlockState, rays: IntArray, points: FloatArray) -> _Linearised:
-    """Return the rays (p, k) to places (p, 3)."""
-    places, count = rays.shape
-    of_rays = rays.ravel()
-    at_places = _at(kind, of_rays, np.repeat(np.arange(places), count))
-    found = at_places.linearise_with_partials(replace(state, points=points))
-    error = kind.rows.error.reshape(-1, 2)[of_rays].ravel()
-    return _Linearised(
-        (found.partials / error[:, None]).reshape(places, 2 * count, -1),
-        (found.residual / error).reshape(places, 2 * count),
-        np.asarray(found.computable.reshape(places, -1).all(axis=1)),
-    )
-
-
-def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray) -> PhotoPointObservations:
-    """Return rays (n,) as observations of other points, one of each, or of one of all."""
-    return replace(
-        kind,
-        photo=kind.photo[rays],
-        point=np.broadcast_to(point, rays.shape),
-        camera=kind.camera[rays],
-        xy=kind.xy[rays],
-        at_measured=kind.at_measured[rays],
-        is_equidistant=kind.is_equidistant[rays],
-    )
-
-
-def _by_reduced(partials: FloatArray, columns: NDArray[np.int32], unknowns: Unknowns) -> FloatArray:
-    """Return the partials (2 k, m) by the reduced unknowns from those (2 k, u) by the unknowns `columns`."""
-    size = unknowns.layout.reduced
-    design = np.zeros((len(partials), size + 1))
-    rows = np.arange(len(partials))[:, None]
-    design[rows, np.where((columns == CONSTANT) | (columns >= size), size, columns)] = partials
-    return np.asarray(design[:, :size])

@@ -67,7 +67,7 @@ def control_of_free_network(readjuster: Readjuster) -> Iterator[Hypothesis]:
     block = readjuster.block
     if not isinstance(block.ground, PlainGround) or any(photo.constant for photo in block.photos):
         return
-    free = readjuster.adjust(free_network(block))
+    free = readjuster.adjust_roughly(free_network(block))
     if free is None or not is_good(fit_of_adjustment(free)):
         return
     yield from _read_otherwise(block, free)

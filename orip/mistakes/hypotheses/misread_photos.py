@@ -38,7 +38,7 @@ def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hy
     alone: list[str] = []
     for name in photos:
         without = without_photo(block, rows[name])
-        rest = readjuster.adjust(without) if len(without.photo_points.photo) else None
+        rest = readjuster.adjust_roughly(without) if len(without.photo_points.photo) else None
         if rest is None:
             alone.append(name)
             continue

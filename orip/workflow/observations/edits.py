@@ -21,7 +21,8 @@ from orip.files.text.shown import shown_token
 from orip.interior.replay import Replayed, replay
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, LogRecord, Measured, TextPlace
-from orip.workflow.observations.measure import MEASURED_ON_TOP, measurement_inputs, replay_log
+from orip.workflow.observations.measure import MEASURED_ON_TOP, replay_log
+from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
 from orip.workflow.observations.rays import LeftAlone, left_alone
 from orip.workflow.project.commit import Change

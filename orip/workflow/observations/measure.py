@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from orip.errors import ProjectWarning
-from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
 from orip.interior.in_force import Interior
@@ -16,18 +15,15 @@ from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Temtick
-from orip.wording import counted
+from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.measurements import measured_stores
-from orip.workflow.project.outputs import interior_output, is_interior_listing_stale
-from orip.workflow.project.run_id import digest_of_records, run_id
+from orip.workflow.project.outputs import interior_output
+from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts
-from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
-from orip.workflow.project.texts import Digests, MeasurementLog, log_digests, raise_complaints
+from orip.workflow.project.texts import Digests, MeasurementLog, raise_complaints
 
 MEASURED_FROM: tuple[Part, ...] = ("definitions", "replay")
 """What a replay of the whole log needs of the stores."""
@@ -136,43 +132,6 @@ def _provenance_on_top(state: ProjectState, inputs: Digests) -> _Provenance:
     known = dict(inputs)
     kept = tuple(item for item in state.replay.inputs if item[0] not in known)
     return run_id("measure", state.replay.runs, inputs), (*kept, *inputs)
-
-
-def measure_step(state: ProjectState) -> Step:
-    """Return whether the log has to be replayed.
-
-    Parameters
-    ----------
-    state : ProjectState
-        With `MEASURED_FROM`.
-    """
-    project, command = state.project, "orip measure"
-    log = log_digests(project, state.texts.measurement_files.value)
-    files = counted(len(log), "measurement file")
-    runs = set(state.replay.runs)
-    if runs == {None}:
-        what = f"{files} to replay" if log else "there are no measurement files (*.MEA) yet"
-        return Step(command, "missing", what)
-    if len(runs) > 1:
-        return Step(command, "out of date", "some of its stores are missing or come from elsewhere")
-    if changed := changed_inputs(state.replay.inputs, measurement_inputs(project, log, state.definitions)):
-        return Step(command, "out of date", f"changed since: {', '.join(changed)}")
-    if is_interior_listing_stale(project, str(runs.pop())):
-        shown = project.shown(project.interior_listing)
-        return Step(command, "out of date", f"{shown} is missing or older than the last run; {WRITTEN_BY}")
-    return Step(command, "up to date", f"{files} in the stores")
-
-
-def measurement_inputs(project: ProjectFolder, log: Digests, definitions: StoredDefinitions) -> Digests:
-    """Return the digests of what a replay depends on: the log, and the definitions it refers to."""
-    kinds: list[Sequence[StoredRecord[Camera] | StoredRecord[Temtick]]] = [definitions.cameras, definitions.temticks]
-    marked = (item.record for records in kinds for item in records)
-    marks = digest_of_records(record.fiducials if isinstance(record, Camera) else record for record in marked)
-    places = digest_of_records(
-        [template.record for template in definitions.templates]
-        + [replace(photo.record, orientation=(), constant=()) for photo in definitions.photos]
-    )
-    return (*log, ("fiducial and tick marks", marks), ("photos on templates", places), project.heading_digest)
 
 
 def with_digitised(definitions: StoredDefinitions, measured: Measured) -> StoredDefinitions:

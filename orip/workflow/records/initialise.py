@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.interior.replay import replay
+from orip.interior.replay import replay_complaints
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
-    Measured,
     PhotoRecord,
     PointsRecord,
     TemplateRecord,
@@ -23,12 +22,11 @@ from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, StoredParts
-from orip.workflow.project.step import Step
 from orip.workflow.project.texts import ProjectTexts, raise_complaints
 from orip.workflow.records.apply_text import TextApplied, apply_text
 from orip.workflow.records.changes import RecordChange, record_changes
 from orip.workflow.records.document import stored_document
-from orip.workflow.records.reconcile import AppliedChange, Prefer, counted_changes
+from orip.workflow.records.reconcile import AppliedChange, Prefer
 
 INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 """What `initialise` needs of the stores."""
@@ -75,19 +73,6 @@ def initialise(state: ProjectState, prefer: Prefer | None = None) -> Change[Init
     )
 
 
-def initialise_step(state: ProjectState) -> Step:
-    """Return whether orip.toml has to be applied to the stores."""
-    applied, command = apply_text(state.project, state.definitions, prefer=None), "orip init"
-    if applied.complaints:
-        text = f"changed both in orip.toml and in the stores: {len(applied.complaints)} of the records"
-        return Step(command, "out of date", text)
-    if applied.changes and state.definitions.are_empty:
-        return Step(command, "missing", "orip.toml has not been applied to the stores")
-    if applied.changes:
-        return Step(command, "out of date", f"to be applied to the stores: {counted_changes(applied.changes)}")
-    return Step(command, "up to date", "the stores hold what orip.toml says")
-
-
 def _differences(project: ProjectFolder, old: StoredDefinitions, applied: TextApplied) -> tuple[RecordChange, ...]:
     before, after = stored_document(project, old), stored_document(project, applied.definitions)
     return record_changes(before, after, None, project.definition.ground_unit)
@@ -99,7 +84,7 @@ def _log_complaints(texts: ProjectTexts, applied: TextApplied, *, is_complete: b
     if applied.complaints or not is_complete:
         # lines that could not be read may be missing from the replay: only wrong names are certain
         records = tuple(_with_unknown_names(records, definitions))
-    return replay(records, definitions, Measured()).complaints
+    return replay_complaints(records, definitions)
 
 
 def _with_unknown_names(records: Sequence[LogRecord], known: Definitions) -> Iterator[LogRecord]:

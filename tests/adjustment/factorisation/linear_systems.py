@@ -135,6 +135,9 @@ class CurvedProblem:
     def other_places(self, *_: object) -> list[OtherPlace]:
         return []
 
+    def rival_places(self, *_: object) -> list[OtherPlace]:
+        return []
+
     def improve_consensus(self, state: np.ndarray, equations: Equations, limit: float) -> None:
         del state, equations, limit
 
