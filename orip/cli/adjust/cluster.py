@@ -13,6 +13,7 @@ import typer
 from orip.cli.adjust.progress import solve_watcher
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
+from orip.wording import counted
 
 if TYPE_CHECKING:
     from orip.bundle.problem import BlockProblem
@@ -81,7 +82,9 @@ class ClusterOptions(NamedTuple):
             yield blocks.pose, replace(watcher, passed=passed)
             if moved and blocks.trees:
                 tree, most = blocks.trees[-1], max(moved, key=lambda one: one.total)
-                terminal.say(f"dask     {len(tree)} sub-blocks; in one iteration at most {_moved_text(most)}")
+                terminal.say(
+                    f"dask     {counted(len(tree), 'sub-block')}; in one iteration at most {_moved_text(most)}"
+                )
 
     def _require_nothing_else(self) -> None:
         if self.workers is not None or self.worker_memory is not None:

@@ -35,7 +35,7 @@ def main() -> None:
     first = next(tasks, None)
     if first is None:
         return
-    _load_all(report=first.settings.report)
+    _load_all(first.settings)
     gc.collect()
     gc.disable()  # a copy ends with its project, and looking for circles would copy the pages of all that is loaded
     for task in chain([first], tasks):
@@ -53,17 +53,18 @@ def _tasks() -> Iterator[ProjectTask]:
         yield pickle.loads(task)
 
 
-def _load_all(*, report: bool) -> None:
+def _load_all(settings: TaskSettings) -> None:
     """Adjust a small project here, so that every module that a project needs is loaded before the copies are made.
 
-    The less is loaded, the less a copy costs: whether there are reports is as in the first task.
+    The less is loaded, the less a copy costs: method and reports are those of the first task.
     """
     import pyproj  # noqa: F401  # of projects with a crs
 
     with tempfile.TemporaryDirectory(prefix="orip-") as top:
         folder, results = Path(top, "project"), Path(top, "results")
         write_new_folder(folder, simulated_project(0, 0, 0.0).texts)
-        carry_out(ProjectTask("loading", str(folder), str(results), TaskSettings(report=report)))
+        plain = TaskSettings(settings.method, report=settings.report)
+        carry_out(ProjectTask("loading", str(folder), str(results), plain))
 
 
 def _adjusted_apart(task: ProjectTask) -> tuple[str, bytes]:
