@@ -93,7 +93,7 @@ KERNELS :=
 test-kernels: bytecode
 	PYTHONPATH=tests $(BIN)/python tests/kernels/run.py $(KERNELS)
 
-# both C extensions built with gcc's address and undefined-behaviour sanitizers; says what is missing where that cannot be
+# the C extensions built with gcc's address and undefined-behaviour sanitizers; says what is missing where that cannot be
 .PHONY: sanitize
 sanitize: $(READY)
 	PYTHONPATH=tests $(BIN)/python -m hostile.sanitize

@@ -116,11 +116,10 @@ def free_datum(
         If a datum point is not in the block, or the datum points do not suffice.
     """
     movements = movements_of_block(state, unknowns)
-    generator = movements.dense()
     free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
     length = np.isin(photo_columns, unknowns.photos[:, :3])
-    scaled = (generator[photo_columns] / np.where(length, movements.size, 1.0)[:, None]) @ free
+    scaled = (movements.rows_of(photo_columns) / np.where(length, movements.size, 1.0)[:, None]) @ free
     _, _, order = qr(scaled.T, pivoting=True, mode="economic")
     datum = FreeDatum(free, photo_columns[order[: free.shape[1]]], _datum_points(block))
     _require_enough_points(datum, state, unknowns)
@@ -137,10 +136,11 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
     design : sparse array (n, m + 3 b)
         Of the observations that may determine them.
     """
-    generator = movements_of_block(state, unknowns).dense()
-    allowed = abs(design) @ np.maximum(generator.max(axis=1), -generator.min(axis=1))
+    columns = np.unique(design.indices)
+    generator, own = movements_of_block(state, unknowns).rows_of(columns), design[:, columns]
+    allowed = abs(own) @ np.abs(generator).max(axis=1, initial=0.0)
     scale = np.where(allowed > 0.0, allowed, 1.0)[:, None]
-    by_observations = _beyond_antennas((design @ generator) / scale, design, scale, unknowns)
+    by_observations = _beyond_antennas((own @ generator) / scale, design, scale, unknowns)
     determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
     # only the square matters: n rows would make a needlessly large decomposition
     triangle = np.linalg.qr(determined, mode="r")
@@ -177,7 +177,7 @@ def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
         layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )
-    rows = movements_of_block(state, as_unknown).dense()[constant]
+    rows = movements_of_block(state, as_unknown).rows_of(np.flatnonzero(constant))
     return np.asarray(rows / np.maximum(np.abs(rows).max(axis=1, keepdims=True, initial=0.0), 1e-300))
 
 

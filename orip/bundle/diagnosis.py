@@ -222,14 +222,14 @@ _IN_WORDS = ("no", "one", "two")
 
 def _rays(block: Block, name: str) -> int:
     points = block.photo_points
-    used = points.used.any(axis=1) & (points.point == block.point_index()[name])
+    used = points.partly_in_use & (points.point == block.point_index()[name])
     return len(np.unique(points.photo[used]))
 
 
 def _points_in_photo(block: Block, name: str) -> int:
     points = block.photo_points
     place = [photo.name for photo in block.photos].index(name)
-    return len(np.unique(points.point[points.used.any(axis=1) & (points.photo == place)]))
+    return len(np.unique(points.point[points.partly_in_use & (points.photo == place)]))
 
 
 def _same_unknown(block: Block, camera: Camera) -> bool:

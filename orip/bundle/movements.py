@@ -53,6 +53,18 @@ class Movements:
         """Return G (u, d)."""
         return self.times(np.eye(self.rows.shape[1]))
 
+    def rows_of(self, columns: IntArray) -> FloatArray:
+        """Return the rows (k, d) of G of some unknowns (k,), each once."""
+        place = np.full(self.unknowns, -1)
+        place[columns] = np.arange(len(columns))
+        found = np.zeros((len(columns), self.rows.shape[1]))
+        others = place[self.columns]
+        found[others[others >= 0]] = self.rows[others >= 0]
+        of_points = np.where(self.points != CONSTANT, place[self.points], -1)
+        point, axis = np.nonzero(of_points >= 0)
+        found[of_points[point, axis]] = np.einsum("kdh,kh->kd", self.coefficients[axis], self.homogeneous[point])
+        return found
+
     def times(self, amounts: FloatArray) -> FloatArray:
         """Return G x (u,) or (u, k) for amounts of the movements (d,) or (d, k)."""
         result = np.zeros((self.unknowns, *amounts.shape[1:]))

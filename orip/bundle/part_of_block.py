@@ -83,7 +83,7 @@ def without_photo(block: Block, photo: int) -> Block:
         Its index in the block.
     """
     points = block.photo_points
-    used = (points.photo != photo) & points.used.all(axis=1)
+    used = (points.photo != photo) & points.in_use
     known = {point.name for point in block.control_points if point.kind == "control"}
     known |= {name for distance in block.distances for name in (distance.start, distance.end)}
     known |= {name for direction in block.directions for name in (direction.station, direction.target)}

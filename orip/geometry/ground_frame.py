@@ -144,6 +144,11 @@ class GroundFrame:
         geocentric = self._geocentric(local)
         return ProjectCoordinates(self._project_of(geocentric), self._partials(self._geographic_of(geocentric)))
 
+    def cofactors_to_project(self, local: FloatArray, cofactors: FloatArray, /) -> FloatArray:
+        """Return the cofactors (n, 3, 3) of the project's coordinates of places from those of local ones."""
+        by_local = self.project_with_partials(local).by_local
+        return np.asarray(by_local @ cofactors @ by_local.transpose(0, 2, 1))
+
     def description(self) -> tuple[str, ...]:
         """Return lines for a listing: the frame, and what coordinates and rotations refer to."""
         longitude, latitude = degrees_at(self.crs, self.crs.to_geographic(self.origin[None])[0])

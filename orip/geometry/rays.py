@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 
-_PARALLEL = 1e-10
-"""Smallest ratio of eigenvalues at which rays still meet; below it they are parallel to working precision."""
+_PARALLEL = 5e-11
+"""Least det(N) / (II(N) tr(N)) of the normal matrix N of rays that meet: for two rays an eighth of the square of their
+angle. Below it they are parallel to working precision."""
 
 _AT_ORIGIN = 1e-3
 """Of a typical distance: points of one block differ less in distance."""
@@ -34,25 +35,30 @@ def intersect_rays(
 
     Notes
     -----
-    Linear: sum (I - d d^T) X = sum (I - d d^T) X0.
+    Linear: sum (I - d d^T) X = sum (I - d d^T) X0, solved by the adjoint matrix.
     """
-    unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    projector = unit[:, :, None] * unit[:, None, :]
-    np.subtract(np.eye(3), projector, out=projector)
     # distances are taken from a nearby origin, so that large coordinates cost no digits
     base = origins.mean(axis=0) if len(origins) else np.zeros(3)
-    moved = (projector @ (origins - base)[:, :, None])[:, :, 0]
-    matrix = np.empty((point_count, 3, 3))
-    right = np.empty((point_count, 3))
-    for row in range(3):
-        right[:, row] = np.bincount(point_index, moved[:, row], point_count)
-        for column in range(row + 1):
-            matrix[:, row, column] = np.bincount(point_index, projector[:, row, column], point_count)
-            matrix[:, column, row] = matrix[:, row, column]
-    eigenvalues = np.linalg.eigvalsh(matrix)
-    meets = eigenvalues[:, 0] > _PARALLEL * np.maximum(eigenvalues[:, 2], 1e-300)
-    matrix[~meets] = np.eye(3)
-    result = np.linalg.solve(matrix, right[:, :, None])[:, :, 0] + base
+    dx, dy, dz = np.ascontiguousarray(directions.T) / np.sqrt(np.einsum("ij,ij->i", directions, directions))
+    x, y, z = np.ascontiguousarray(origins.T) - base[:, None]
+
+    def total(values: FloatArray) -> FloatArray:
+        return np.bincount(point_index, values, point_count).astype(np.float64, copy=False)
+
+    # I - d d^T has the squares of two components in its diagonal: exact where rays are parallel to an axis
+    xx, yy, zz = dx * dx, dy * dy, dz * dz
+    a, b, c = total(yy + zz), total(xx + zz), total(xx + yy)
+    f, g, h = -total(dy * dz), -total(dx * dz), -total(dx * dy)
+    along = dx * x + dy * y + dz * z
+    p, q, r = total(x - dx * along), total(y - dy * along), total(z - dz * along)
+    # the adjoint of the normal matrix ((a, h, g), (h, b, f), (g, f, c))
+    aa, bb, cc = b * c - f * f, a * c - g * g, a * b - h * h
+    ff, gg, hh = g * h - a * f, h * f - b * g, f * g - c * h
+    determinant = a * aa + h * hh + g * gg
+    meets = determinant > _PARALLEL * (aa + bb + cc) * (a + b + c)
+    with np.errstate(divide="ignore", invalid="ignore"):  # rays that do not meet
+        solved = np.stack([aa * p + hh * q + gg * r, hh * p + bb * q + ff * r, gg * p + ff * q + cc * r], axis=1)
+        result = solved / determinant[:, None] + base
     result[~meets] = np.nan
     return np.asarray(result)
 

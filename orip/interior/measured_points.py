@@ -130,6 +130,8 @@ class MeasuredPoints:
     def differences(self, bundle: str, photo: str, points: PointsOfPhoto) -> list[tuple[str, FloatArray]]:
         """Return names of points that are there already, with new minus old coordinates (2,), of the same mounting."""
         before = self._bundles.get(bundle, {}).get(photo, _NO_POINTS)
+        if not before.names:
+            return []
         place = {name: row for row, name in enumerate(before.names)}
         return [
             (name, points.measured[row] - before.measured[place[name]])
@@ -167,6 +169,19 @@ class MeasuredPoints:
         """Return the mountings in which points of a photo were measured."""
         of_photo = (photos.get(photo, _NO_POINTS) for photos in self._bundles.values())
         return {number for points in of_photo for number in np.unique(points.mounting).tolist()}
+
+    def require_orientations(
+        self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
+    ) -> None:
+        """Ask for all transformations and pixel sizes that `observations` asks for."""
+        for by_photo in (self._bundles[key] for key in self._bundles if key in bundles):
+            for photo in photos:
+                points = by_photo.get(photo, _NO_POINTS)
+                for number in np.unique(points.mounting).tolist():
+                    to_stored(photo, number)
+                in_pixels = points.errors_in_pixels.any(axis=1)
+                for number in np.unique(points.mounting[in_pixels]).tolist():
+                    pixel_sizes(photo, number)
 
     def observations(
         self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes

@@ -86,6 +86,15 @@ def replay(records: Iterable[LogRecord], definitions: Definitions, start: Measur
     return Replayed(measured, log.findings.complaints(), log.findings.warnings(), log.points.remeasured)
 
 
+def replay_complaints(records: Iterable[LogRecord], definitions: Definitions) -> tuple[Complaint, ...]:
+    """Return what a replay of log records from the beginning complains of, without the coordinates of its points."""
+    log = _Replay(definitions, Measured())
+    for record in records:
+        log.take(record)
+    log.require_orientations()
+    return log.findings.complaints()
+
+
 class _Replay:
     """A replay in progress."""
 
@@ -133,7 +142,7 @@ class _Replay:
 
     def measured(self) -> Measured:
         """Return what is measured, photos in the order of their definition."""
-        stored = StoredCoordinates(self.definitions, self.templates, self.photos, self.points, self.findings)
+        stored = self._stored_coordinates()
         return Measured(
             stored.template_orientations(),
             stored.photo_orientations(),
@@ -143,6 +152,18 @@ class _Replay:
             self.digitised_cameras,
             self.digitised_temticks,
         )
+
+    def require_orientations(self) -> None:
+        """Complain of what `measured` complains of."""
+        stored = self._stored_coordinates()
+        stored.template_orientations()
+        stored.photo_orientations()
+        self.points.require_orientations(
+            self.definitions.bundles, self.definitions.photos, stored.of_points, stored.pixel_size
+        )
+
+    def _stored_coordinates(self) -> StoredCoordinates:
+        return StoredCoordinates(self.definitions, self.templates, self.photos, self.points, self.findings)
 
     # marks
 

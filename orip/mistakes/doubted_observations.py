@@ -24,7 +24,7 @@ _FAR_OFF = 1e6
 def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
     """Return the rows (k,) of `Block.photo_points` that an adjustment doubts, or could not compute."""
     weights = solution.residuals.weight_factor[coded(solution.residuals.kind).where("photo".__eq__)].reshape(-1, 2)
-    lost = block.photo_points.used.all(axis=1) & np.isnan(weights).any(axis=1)
+    lost = block.photo_points.in_use & np.isnan(weights).any(axis=1)
     return np.flatnonzero((weights < _DOUBTED).any(axis=1) | lost)
 
 

@@ -8,6 +8,7 @@ size or the distribution of residuals that are far too large.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -46,7 +47,7 @@ _WRONG_MATCHES = 0.5
 """Largest part of the coordinates of a photo that may be wrong matches: a photo that fits less is out of place."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fit:
     """How the observations of an adjustment fit.
 
@@ -70,7 +71,7 @@ class Fit:
         # not stored: in a large block the names take more memory than all figures
         return tuple(zip(*self.columns, strict=True))
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Return the standard error of unit weight, from the median; at least 1."""
         return max(1.0, float(np.median(self.standard)) / MEDIAN_OF_NORMAL)

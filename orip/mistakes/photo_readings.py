@@ -112,7 +112,7 @@ class _Fit:
 
 def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | None:
     points = block.photo_points
-    rows = np.flatnonzero((points.photo == photo) & points.used.all(axis=1))
+    rows = np.flatnonzero((points.photo == photo) & points.in_use)
     rows = rows[np.isfinite(known[points.point[rows]]).all(axis=1)]
     if len(rows) < _FEWEST:
         return None

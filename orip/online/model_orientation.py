@@ -37,7 +37,7 @@ def orientation_by_model(pair: Block, photo: str) -> FloatArray | None:
     """
     rays = pair.photo_points
     shown = np.zeros((len(pair.photos), len(pair.point_names)), dtype=bool)
-    shown[rays.photo, rays.point] = rays.used.all(axis=1)
+    shown[rays.photo, rays.point] = rays.in_use
     common: BoolArray = np.asarray(shown.all(axis=0))
     if common.sum() < _COMMON_POINTS:
         return None

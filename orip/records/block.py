@@ -45,6 +45,16 @@ class IndexedPhotoPoints:
     error: FloatArray
     used: BoolArray
 
+    @property
+    def in_use(self) -> BoolArray:
+        """Return which photo points (n,) have no disregarded component."""
+        return self.used[:, 0] & self.used[:, 1]
+
+    @property
+    def partly_in_use(self) -> BoolArray:
+        """Return which photo points (n,) have a component that is not disregarded."""
+        return self.used[:, 0] | self.used[:, 1]
+
     def of(self, rows: IntArray) -> IndexedPhotoPoints:
         """Return some of the photo points; photos and points keep their indices."""
         return IndexedPhotoPoints(self.photo[rows], self.point[rows], self.xy[rows], self.error[rows], self.used[rows])

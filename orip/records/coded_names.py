@@ -105,7 +105,10 @@ class CodedNames(Sequence[str]):
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
         """Return for which rows (n,) a condition on the name holds."""
-        return np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))[self.codes]
+        meant = np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))
+        chosen = np.flatnonzero(meant)
+        # of a kind or a component: comparing is several times faster than looking up
+        return self.codes == chosen[0] if len(chosen) == 1 else meant[self.codes]
 
     def values(self, value_of: Callable[[str], T]) -> list[T]:
         """Return for each row the value that a function gives its name."""

@@ -51,6 +51,10 @@ class GroundSystem(Protocol):
         """Return coordinates in the project and their partials by local ones."""
 
     @abstractmethod
+    def cofactors_to_project(self, local: FloatArray, cofactors: FloatArray, /) -> FloatArray:
+        """Return the cofactors (n, 3, 3) of the project's coordinates of places from those of local ones."""
+
+    @abstractmethod
     def description(self) -> tuple[str, ...]:
         """Return lines for a listing."""
 
@@ -84,6 +88,10 @@ class PlainGround:
     def project_with_partials(self, local: FloatArray) -> ProjectCoordinates:
         """Return the coordinates, and unit matrices."""
         return ProjectCoordinates(local, _unit_matrices(local))
+
+    def cofactors_to_project(self, _local: FloatArray, cofactors: FloatArray, /) -> FloatArray:
+        """Return the cofactors."""
+        return cofactors
 
     def description(self) -> tuple[str, ...]:
         """Return no lines: there is nothing to say."""

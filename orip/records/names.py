@@ -54,8 +54,11 @@ def places_of_names(names: tuple[str, ...]) -> Mapping[str, int]:
 def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Return groups of different point names that differ only in case or leading zeros."""
     distinct = tuple(dict.fromkeys(names))
+    text = "\n".join(("", *distinct))
+    if text.upper() == text and "\n0" not in text:  # often, and blocks have a million names
+        return []
     keys = _without_case_and_zeros(distinct)
-    if len(set(keys)) == len(keys):  # nearly always, and blocks have a million names
+    if len(set(keys)) == len(keys):
         return []
     groups: dict[str, list[str]] = defaultdict(list)
     for name, key in zip(distinct, keys, strict=True):

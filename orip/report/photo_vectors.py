@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.records.coded_names import coded
+from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.solution import Residuals
 
 
@@ -38,8 +39,7 @@ class PhotoVectors:
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
     """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
-    of_x = coded(residuals.kind).where("photo".__eq__) & coded(residuals.component).where("x".__eq__)
-    rows = np.flatnonzero(of_x)
+    rows = np.flatnonzero(coded(residuals.kind).where(PHOTO_POINT.name.__eq__))[::2]
     pairs = np.stack([rows, rows + 1], axis=1)
     sound = (residuals.weight_factor[pairs] == 1.0).all(axis=1)
     photo = coded(residuals.photo)[rows]

@@ -83,10 +83,13 @@ class ReportInput:
         """Return the rows of the points that each photo of the solution has, in the order of the points."""
         residuals, photos, points = self.solution.residuals, self.solution.photos.names, self.solution.points.names
         photo_row = {name: row for row, name in enumerate(photos)}
-        photo = coded(residuals.photo).places(photo_row)
-        point = coded(residuals.point).places_among(points)
-        of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__) & (photo >= 0) & (point >= 0)
-        both = np.sort(photo[of_photos] * len(points) + point[of_photos])
+        # x and y are in successive rows
+        rows = np.flatnonzero(coded(residuals.kind).where(PHOTO_POINT.name.__eq__))[::2]
+        photo = coded(residuals.photo)[rows].places(photo_row)
+        point = coded(residuals.point)[rows].places_among(points)
+        is_known = (photo >= 0) & (point >= 0)
+        # mostly measured in this order, in which a stable sort leaves what is there
+        both = np.sort(photo[is_known] * len(points) + point[is_known], kind="stable")
         both = both[np.diff(both, prepend=-1) > 0]
         photo, point = np.divmod(both, max(len(points), 1))
         return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photos))))) if photos else ()

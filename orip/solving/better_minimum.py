@@ -8,6 +8,7 @@ import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.arrays import BoolArray
+from orip.bundle.results.lost_rays import lost_rays
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
@@ -100,17 +101,18 @@ def _undetermined_photos(solved: SolvedBlock) -> list[str]:
 
 def _points_behind(solved: SolvedBlock) -> list[str]:
     """Return the points that lie behind the camera of a photo that shows them."""
-    points, state = solved.block.photo_points, solved.state
+    state = solved.state
+    points = solved.block.photo_points.of(np.flatnonzero(lost_rays(solved)))
     offset = state.points[points.point] - state.centres[points.photo]
     depth = np.einsum("ni,ni->n", offset, state.rotations[points.photo, :, 2])
-    rows = np.unique(points.point[(depth >= 0.0) & points.used.all(axis=1)])
+    rows = np.unique(points.point[(depth >= 0.0) & points.in_use])
     return [solved.block.point_names[row] for row in rows.tolist()]
 
 
 def _down_weighted_points(solved: SolvedBlock) -> tuple[BoolArray, BoolArray]:
     """Return which photo points (n,) are used, and which of them are down-weighted."""
     points = solved.block.photo_points
-    used: BoolArray = np.asarray(points.used.all(axis=1))
+    used: BoolArray = points.in_use
     # photo points are the first kind of observation
     factors = solved.weight_factors[: 2 * len(points.photo)].reshape(-1, 2)
     return used, np.asarray(used & (factors < 1.0).any(axis=1))

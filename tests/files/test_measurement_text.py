@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from orip.files.log.plain_lines import is_compiled, plain_lines
 from orip.files.log.text import read_measurements
 from orip.files.text.parsed import Parsed
 from orip.records.observations.measurement import (
@@ -210,3 +213,57 @@ def test_names_of_other_scripts_are_names(tmp_path: Path) -> None:
 def test_a_missing_log_is_named(tmp_path: Path) -> None:
     (complaint,) = read_measurements(tmp_path / "S2.MEA", "S2.MEA").complaints
     assert str(complaint).startswith("S2.MEA: there is no such file")
+
+
+_PLAIN = ("1 2 3", "  A.1\t-0.5 +.25  ", "p 1. 1e-7", "x 1234567890123456789 0.1234567890123456789", "y -1e22 1e-22")
+_NOT_PLAIN = (
+    "POINTS 1 2", "points 1 2", "- 1 2", "= 1 2", "! 1 2", "#x 1 2", "p 1", "p 1 2 3", "p 1 x", "p 1e 2", "p . 2",
+    "p + 2", "p 1 2d3", "p 1e31 2", "p 1 -1e400", "é 1 2", "p 1,2 3", "p 1 2 !", "", " ", "p ١ 2", "p 1 2e",
+    "p " + 70 * "9" + " 2",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("line", _NOT_PLAIN)
+def test_what_is_no_plain_line_ends_a_run(line: str) -> None:
+    text = f"1 2 3\n{line}\n4 5 6\n".encode()
+    run = plain_lines(text, 0)
+    assert run is not None
+    assert (run.end, run.names) == (6, ["1"])
+    assert plain_lines(text, 6) is None
+
+
+def test_numbers_of_plain_lines_are_those_of_python() -> None:
+    generator = random.Random(7)
+    numbers = ["".join(generator.choices("0123456789", k=generator.randint(1, 22))) for _ in range(600)]
+    signs, points = ("", "-", "+"), ("", ".", ".5", ".125", ".00000000000000000001")
+    texts = [generator.choice(signs) + number[:14] + generator.choice(points) for number in numbers]
+    texts += [f"{number[:3]}.{number[3:]}e{generator.randint(-60, 3)}" for number in numbers]
+    texts += [repr(generator.gauss(0.0, 100.0)) for _ in range(600)]
+    lines = [f"p{row} {x} {y}" for row, (x, y) in enumerate(zip(texts[::2], texts[1::2], strict=True))]
+    run = plain_lines(("\n".join(lines) + "\n").encode(), 0)
+    assert run is not None
+    assert list(run.coordinates) == list(map(float, texts))
+    assert run.names == [f"p{row}" for row in range(len(lines))]
+
+
+@pytest.mark.skipif(not is_compiled(), reason="there is no compiler")
+def test_plain_lines_are_the_same_without_a_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = random.Random(8)
+    text = "".join(f"{generator.choice((*_PLAIN, *_PLAIN, *_NOT_PLAIN))}\n" for _ in range(400)).encode()
+    places = [0, *(place + 1 for place, byte in enumerate(text[:-1]) if byte == ord("\n"))]
+    found = [plain_lines(text, place) for place in places]
+    monkeypatch.setattr("orip.files.log.plain_lines.compiled", None)
+    monkeypatch.setattr("orip.files.log.plain_lines.is_compiled", lambda: False)
+    assert found == [plain_lines(text, place) for place in places]
+    assert sum(run is not None for run in found) > 100
+
+
+@pytest.mark.skipif(not is_compiled(), reason="there is no compiler")
+@pytest.mark.parametrize(
+    "wrong", [(-1, 1, ()), (9, 1, ()), (0, 0, ()), (0, 1, ("text",)), (0, 1, 65 * (b"word",)), (0, 1, [b"word"])]
+)
+def test_wrong_calls_of_the_compiled_reader_are_refused(wrong: tuple[Any, ...]) -> None:
+    from orip.files.log import _plain_lines
+
+    with pytest.raises((TypeError, ValueError)):
+        _plain_lines.plain_lines(b"1 2 3\n", *wrong, 1e30)

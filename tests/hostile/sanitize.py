@@ -24,8 +24,8 @@ FLAGS = (
     "-O1", "--param", "asan-instrumentation-with-call-threshold=0", "-fno-sanitize-address-use-after-scope",
     "-fno-sanitize=null,object-size,alignment",
 )  # fmt: skip
-TESTED = ("bundle", "prelim", "samples")
-"""Folders of tests that reach the extensions in C: each by itself, wrong calls included, and both in whole projects."""
+TESTED = ("bundle", "files/test_measurement_text.py", "prelim", "samples")
+"""Tests that reach the extensions in C: each by itself, wrong calls included, and all in whole projects."""
 
 
 def runtime(words: Sequence[str]) -> Path | None:

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(PACKAGE.parent == REPOSITORY, reason="orip is no
 
 
 @pytest.mark.parametrize("name", [extension.name for extension in declared_extensions()])
-def test_both_extensions_are_there_for_the_stable_interface_of_python(name: str) -> None:
+def test_the_extensions_are_there_for_the_stable_interface_of_python(name: str) -> None:
     found = Path(str(import_module(name).__file__))
     assert found.is_relative_to(PACKAGE)
     # on Windows the name of such an extension has no version at all

@@ -31,6 +31,12 @@ INLINE int is_stored(const Reduced *m, int64_t one, int64_t other)
     return i >= m->banded || i - j <= m->stride;
 }
 
+/* Whether both triangles of a full matrix are there, so that its rows are its columns. */
+INLINE int has_both_triangles(const Reduced *m)
+{
+    return m->stride == m->size && m->banded == m->size;
+}
+
 typedef struct {
     const double *factor, *misclosure;
     const uint8_t *fixed;
@@ -400,7 +406,7 @@ static void add_normals(const Block *b, const Pattern *p, Share share, const Nor
         scatter(&s, &local, n, numbers + 2 * p->longest);
         room += numbers_of_sums(local.size);
     }
-    if (share.end == p->groups && n->reduced.stride == n->reduced.size && n->reduced.banded == n->reduced.size)
+    if (share.end == p->groups && has_both_triangles(&n->reduced))
         mirror(&n->reduced);
 }
 

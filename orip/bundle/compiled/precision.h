@@ -24,42 +24,76 @@ static int64_t numbers_of_part(int64_t size)
     return (size + 6) * stride_of(size);
 }
 
-INLINE void take_part(const Reduced *inverse, const Local *local, double *room, Part *part)
+/* Take the elements of a column of the inverse at a stretch of consecutive places, from the i-th local unknown on. */
+INLINE void take_stretch(const Reduced *inverse, const Local *local, int64_t own, int64_t i, int64_t length, double *column)
+{
+    const int64_t place = local->place[i];
+    if (has_both_triangles(inverse))
+        memcpy(column + i, inverse->band + own * inverse->stride + place, sizeof(double) * (size_t)length);
+    else
+        for (int64_t k = 0; k < length; k++)
+            if (is_stored(inverse, own, place + k))
+                column[i + k] = *element_at(inverse, own, place + k);
+}
+
+INLINE void take_part(const Reduced *inverse, const Local *local, int32_t *stretch, double *room, Part *part)
 {
     const int64_t size = local->size;
     part->stride = stride_of(size);
     part->coupling = room;
     part->product = room + 3 * part->stride;
     part->inverse = room + 6 * part->stride;
-    memset(room, 0, sizeof(double) * (size_t)numbers_of_part(size));
-    for (int64_t j = 0; j < size; j++)
-        for (int64_t i = j; i < size; i++) {
-            const int32_t one = local->place[i], other = local->place[j];
-            if (one >= 0 && other >= 0 && is_stored(inverse, one, other))
-                part->inverse[i * part->stride + j] = part->inverse[j * part->stride + i] = *element_at(inverse, one, other);
-        }
+    find_stretches(local, stretch);
+    for (int64_t j = 0; j < size; j++) {
+        double *column = part->inverse + j * part->stride;
+        memset(column, 0, sizeof(double) * (size_t)part->stride);
+        for (int64_t i = 0; local->place[j] >= 0 && i < size; i += stretch[i])
+            if (local->place[i] >= 0)
+                take_stretch(inverse, local, local->place[j], i, stretch[i], column);
+    }
 }
 
-#define LANES_AT_ONCE 2
-
-/* Some columns of B Q, from the i-th on: their sums are kept in registers. */
-INLINE void times_inverse(const Part *part, int64_t size, const double *const *b, int64_t i, double *const *q)
+/* Add what some columns of Q, from the j-th on, contribute to B Q. A part of many unknowns does not stay in the nearest
+ * cache: it is read once, column after column. */
+#define MOST_COLUMNS 2
+INLINE void add_columns(const Part *part, int64_t size, const double *const *b, int64_t j, int count, double *const *q)
 {
-    Lanes sums[3][LANES_AT_ONCE];
-    for (int k = 0; k < 3; k++)
-        for (int l = 0; l < LANES_AT_ONCE; l++)
-            sums[k][l] = ALL(0.0);
-    for (int64_t j = 0; j < size; j++) {
-        const double *column = part->inverse + j * part->stride + i;
-        if (b[0][j] == 0.0 && b[1][j] == 0.0 && b[2][j] == 0.0)
-            continue; /* of a photo that does not show the point */
-        for (int l = 0; l < LANES_AT_ONCE; l++)
-            for (int k = 0; k < 3; k++)
-                sums[k][l] += b[k][j] * AT(column + l * LANES);
+    const double *column = part->inverse + j * part->stride;
+    Lanes of_column[MOST_COLUMNS][3], elements[MOST_COLUMNS], sums[3];
+    for (int c = 0; c < count; c++)
+        for (int k = 0; k < 3; k++)
+            of_column[c][k] = ALL(b[k][j + c]);
+    for (int64_t i = 0; i < size; i += LANES) {
+        for (int c = 0; c < count; c++)
+            elements[c] = AT(column + c * part->stride + i);
+        for (int k = 0; k < 3; k++) {
+            sums[k] = AT(q[k] + i);
+            for (int c = 0; c < count; c++)
+                sums[k] += of_column[c][k] * elements[c];
+        }
+        for (int k = 0; k < 3; k++)
+            AT(q[k] + i) = sums[k];
     }
-    for (int k = 0; k < 3; k++)
-        for (int l = 0; l < LANES_AT_ONCE; l++)
-            AT(q[k] + i + l * LANES) = sums[k][l];
+}
+
+INLINE int is_coupled(const double *const *b, int64_t j)
+{
+    return b[0][j] != 0.0 || b[1][j] != 0.0 || b[2][j] != 0.0;
+}
+
+/* product = B Q; unknowns of photos that do not show the point are passed over. */
+INLINE void times_inverse(const Part *part, int64_t size, const double *const *b, double *const *q)
+{
+    memset(part->product, 0, sizeof(double) * 3 * (size_t)part->stride);
+    for (int64_t j = 0; j < size; j++)
+        if (is_coupled(b, j)) {
+            const int is_pair = j + 1 < size && is_coupled(b, j + 1);
+            if (is_pair)
+                add_columns(part, size, b, j, 2, q);
+            else
+                add_columns(part, size, b, j, 1, q);
+            j += is_pair;
+        }
 }
 
 /* Multiply B by H from the left; then product = B Q, and inner = I + B Q B^T. */
@@ -73,8 +107,7 @@ INLINE void with_inverse(const Part *part, int64_t size, const double *H, double
         for (int k = 0; k < 3; k++)
             AT(b[k] + i) = H[3 * k] * given[0] + H[3 * k + 1] * given[1] + H[3 * k + 2] * given[2];
     }
-    for (int64_t i = 0; i < size; i += LANES_AT_ONCE * LANES)
-        times_inverse(part, size, (const double *const *)b, i, q);
+    times_inverse(part, size, (const double *const *)b, q);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             double sum = i == j;
@@ -154,7 +187,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
     for (int64_t group = share.first; group < share.end; group++) {
         Part part;
         local_unknowns(b, p, group, &local);
-        take_part(&c->inverse, &local, room, &part);
+        take_part(&c->inverse, &local, numbers + 2 * p->longest, room, &part);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
             double *cofactors = c->cofactors + 9 * p->block[place], inner[9];

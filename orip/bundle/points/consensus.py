@@ -137,7 +137,7 @@ def with_consensus(block: Block, state: BlockState, wanted: BoolArray) -> BlockS
 def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[PhotoRays, IntArray]:
     """Return the rays of the wanted points that are measured in full, and the point of each."""
     points, vectors = block.photo_points, image_vectors(block)
-    rows = np.flatnonzero(wanted[points.point] & points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    rows = np.flatnonzero(wanted[points.point] & points.in_use & np.isfinite(vectors).all(axis=1))
     photo, error = points.photo[rows], np.sqrt(np.mean(points.error[rows] ** 2, axis=1))
     return PhotoRays(state.centres[photo], state.rotations[photo], vectors[rows], error), points.point[rows]
 

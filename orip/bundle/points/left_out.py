@@ -75,7 +75,7 @@ def without_contradictory_points(
     determined by rays of any weight.
     """
     alone = points_by_photos_alone(block, unknowns) & ~state.left_out & (fitting < _LEAST_RAYS)
-    several = np.bincount(block.photo_points.point[block.photo_points.used.any(axis=1)], minlength=len(fitting))
+    several = np.bincount(block.photo_points.point[block.photo_points.partly_in_use], minlength=len(fitting))
     suspects = _suspects(block, state, unknowns, factors, scale) | (alone & (several >= _LEAST_RAYS))
     return replace(state, left_out=state.left_out | suspects) if suspects.any() else None
 
@@ -86,7 +86,7 @@ def without_contradicting_pairs(block: Block, state: BlockState, unknowns: Unkno
     `fits` (number of points,) are the points that fit where the sum of squares of their residuals is least.
     """
     rays = block.photo_points
-    number = np.bincount(rays.point[rays.used.any(axis=1)], minlength=len(fits))
+    number = np.bincount(rays.point[rays.partly_in_use], minlength=len(fits))
     pairs = points_by_photos_alone(block, unknowns) & (number == _LEAST_RAYS) & ~fits
     return replace(state, left_out=state.left_out | pairs)
 
@@ -139,7 +139,7 @@ def _still_out(block: Block, state: BlockState, left_out: BoolArray, fits: BoolA
 def _with_rays_of(block: Block, wanted: BoolArray) -> Block:
     """Return the block with the photo points of some points (number of points,) that are measured in full."""
     rays = block.photo_points
-    rows = np.flatnonzero(wanted[rays.point] & rays.used.all(axis=1))
+    rows = np.flatnonzero(wanted[rays.point] & rays.in_use)
     return replace(block, photo_points=rays.of(rows))
 
 
@@ -147,7 +147,7 @@ def _suspects(block: Block, state: BlockState, unknowns: Unknowns, factors: Bloc
     """Return which points (number of points,) the normal equations determine badly along their rays."""
     rays = block.photo_points
     # of one ray nothing moves a point along it
-    several = np.bincount(rays.point[rays.used.any(axis=1)], minlength=len(state.points)) >= _LEAST_RAYS
+    several = np.bincount(rays.point[rays.partly_in_use], minlength=len(state.points)) >= _LEAST_RAYS
     by_photos = points_by_photos_alone(block, unknowns) & ~state.left_out & several
     points = np.flatnonzero(by_photos)
     half = factors.half[(unknowns.points[points, 0] - unknowns.layout.reduced) // 3]

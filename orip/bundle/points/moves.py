@@ -36,7 +36,7 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
     """
     points = block.photo_points
     directions = (state.rotations[points.photo] @ image_vectors(block)[:, :, None])[:, :, 0]
-    seen = points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
+    seen = points.in_use & np.isfinite(directions).all(axis=1)
     found = intersect_rays(
         state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
     )

@@ -48,7 +48,7 @@ def with_starting_points(block: Block) -> tuple[Block, list[ProjectWarning]]:
     if single.any():
         start[single] = _points_on_first_ray(block, start, single)
         measured = block.photo_points
-        in_use: BoolArray = np.asarray(measured.used.all(axis=1))
+        in_use: BoolArray = measured.in_use
         rays = photos_per_point(measured.photo, measured.point, in_use, len(start))
         warnings = [
             ProjectWarning(
@@ -91,7 +91,7 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
     Rays from one place are no intersection.
     """
     origins, directions = _rays(block)
-    seen = block.photo_points.used.all(axis=1) & np.isfinite(directions).all(axis=1)
+    seen = block.photo_points.in_use & np.isfinite(directions).all(axis=1)
     points = block.photo_points.point[seen]
     found = intersect_rays(origins[seen], directions[seen], points, len(block.point_names))
     placed = found if np.isnan(known).all() else known

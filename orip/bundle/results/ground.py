@@ -31,21 +31,29 @@ class PhotoResults(NamedTuple):
 
 
 class PointResults(NamedTuple):
-    """Values and standard deviations (n, 3), ground unit."""
+    """Values and standard deviations (n, 3), ground unit, and correlation coefficients XY, XZ, YZ (n, 3)."""
 
     values: FloatArray
     sd: FloatArray
+    correlations: FloatArray
 
 
 def adjusted_points(solved: SolvedBlock) -> PointResults:
-    """Return the points; a standard deviation is NaN for a constant and infinite for what was removed."""
-    local = solved.state.points
-    sd = _place_deviations(solved, solved.problem.unknowns.points, local, undetermined_points(solved))
+    """Return the points; a standard deviation is NaN for a constant and infinite for what was removed.
+
+    A correlation is NaN where one of the two is constant or not determined.
+    """
+    local, columns, ground = solved.state.points, solved.problem.unknowns.points, solved.block.ground
+    cofactors = _place_cofactors(solved, columns)
+    undetermined = undetermined_coordinates(solved, cofactors)
+    cofactors = ground.cofactors_to_project(local, cofactors)
+    sd = _place_deviations(solved, columns, cofactors, undetermined)
+    correlations = _place_correlations(cofactors, np.isfinite(sd))
     index = solved.block.point_index()
     for element in solved.block.constant_elements:
         if element.group == "POINT":
             sd[index[element.name], "XYZ".index(element.kind)] = np.nan
-    return PointResults(solved.block.ground.to_project(local), sd)
+    return PointResults(ground.to_project(local), sd, correlations)
 
 
 def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
@@ -57,7 +65,7 @@ def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
     centre = solved.problem.unknowns.photos[:, :3]
     sd = np.hstack(
         [
-            _place_deviations(solved, centre, state.centres, _removed(solved, centre)),
+            _place_deviations(solved, centre, _centre_cofactors(solved), _removed(solved, centre)),
             deviations(solved, solved.problem.unknowns.photos[:, 3:]),
         ]
     )
@@ -106,12 +114,6 @@ def _rotation_deviations(solved: SolvedBlock, photos: IntArray, shown: FloatArra
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
-def point_correlations(solved: SolvedBlock) -> FloatArray:
-    """Return the correlation coefficients XY, XZ, YZ (n, 3) of the points; see `_place_correlations`."""
-    columns = solved.problem.unknowns.points
-    return _place_correlations(solved, columns, solved.state.points, undetermined_points(solved))
-
-
 def photo_correlations(solved: SolvedBlock) -> FloatArray:
     """Return the correlation coefficients (n, 15) of X0, Y0, Z0, OMEGA, PHI, KAPPA: the lower triangle, row by row.
 
@@ -124,7 +126,7 @@ def photo_correlations(solved: SolvedBlock) -> FloatArray:
     covariance = partials @ reduced_cofactors(solved, columns) @ partials.transpose(0, 2, 1)
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
     removed = _removed(solved, columns)
-    place = _place_deviations(solved, columns[:, :3], centres, removed[:, :3])
+    place = _place_deviations(solved, columns[:, :3], _centre_cofactors(solved), removed[:, :3])
     deviation[:, :3][~np.isfinite(place)] = np.nan
     deviation[removed[:, 3:].any(axis=1), 3:] = np.nan
     a, b = np.tril_indices(6, -1)
@@ -132,19 +134,16 @@ def photo_correlations(solved: SolvedBlock) -> FloatArray:
         return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
 
 
-def _place_correlations(
-    solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray
-) -> FloatArray:
-    """Return the correlation coefficients XY, XZ, YZ (n, 3) of places with unknowns at `columns` (n, 3).
+def _place_correlations(cofactors: FloatArray, determined: BoolArray) -> FloatArray:
+    """Return the correlation coefficients XY, XZ, YZ (n, 3) of places with these cofactors (n, 3, 3).
 
-    Coordinates are those of the project; NaN where one of the two is constant or not determined.
+    NaN where one of the two coordinates is not `determined` (n, 3).
     """
-    covariance = _project_cofactors(solved, columns, local)
-    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
-    deviation[~np.isfinite(_place_deviations(solved, columns, local, undetermined))] = np.nan
+    deviation = np.sqrt(np.maximum(np.einsum("nii->ni", cofactors), 0.0))
+    deviation[~determined] = np.nan
     a, b = [0, 0, 1], [1, 2, 2]
     with np.errstate(divide="ignore", invalid="ignore"):  # what is exactly known has no correlation
-        return np.asarray(covariance[:, a, b] / (deviation[:, a] * deviation[:, b]))
+        return np.asarray(cofactors[:, a, b] / (deviation[:, a] * deviation[:, b]))
 
 
 def _removed(solved: SolvedBlock, columns: IntArray) -> BoolArray:
@@ -156,23 +155,26 @@ def undetermined_points(solved: SolvedBlock) -> BoolArray:
     return undetermined_coordinates(solved, _place_cofactors(solved, solved.problem.unknowns.points))
 
 
-def _place_deviations(solved: SolvedBlock, columns: IntArray, local: FloatArray, undetermined: BoolArray) -> FloatArray:
+def _place_deviations(
+    solved: SolvedBlock, columns: IntArray, cofactors: FloatArray, undetermined: BoolArray
+) -> FloatArray:
     """Return standard deviations (n, 3) of the project's coordinates of places with unknowns at `columns` (n, 3).
 
-    `undetermined` (n, 3) marks local coordinates that are not determined.
+    `cofactors` (n, 3, 3) are those of the project's coordinates; `undetermined` (n, 3) marks local coordinates that are
+    not determined.
     """
     ground = solved.block.ground
-    variance = np.einsum("nii->ni", _project_cofactors(solved, columns, local))
+    variance = np.einsum("nii->ni", cofactors)
     deviation = solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0))
     deviation[undetermined @ ground.dependence.T] = UNDETERMINED
     deviation[~((columns != CONSTANT) @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)
 
 
-def _project_cofactors(solved: SolvedBlock, columns: IntArray, local: FloatArray) -> FloatArray:
-    """Return the cofactors (n, 3, 3) of the project's coordinates of places."""
-    by_local = solved.block.ground.project_with_partials(local).by_local
-    return np.asarray(by_local @ _place_cofactors(solved, columns) @ by_local.transpose(0, 2, 1))
+def _centre_cofactors(solved: SolvedBlock) -> FloatArray:
+    """Return the cofactors (n, 3, 3) of the project's coordinates of the projection centres."""
+    cofactors = _place_cofactors(solved, solved.problem.unknowns.photos[:, :3])
+    return solved.block.ground.cofactors_to_project(solved.state.centres, cofactors)
 
 
 def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:

@@ -32,8 +32,10 @@ def lost_rays(solved: SolvedBlock) -> BoolArray:
 def lost_control(solved: SolvedBlock) -> tuple[str, ...]:
     """Return the control points none of whose used rays has an influence; empty unless they are the majority."""
     block, lost = solved.block, lost_rays(solved)
+    if not lost.any():
+        return ()
     points = block.photo_points
-    used = points.used.any(axis=1)
+    used = points.partly_in_use
     rays = np.bincount(points.point[used], minlength=len(block.point_names))
     gone = np.bincount(points.point[lost], minlength=len(block.point_names))
     place = block.point_index()
@@ -45,7 +47,9 @@ def lost_control(solved: SolvedBlock) -> tuple[str, ...]:
 def lost_photos(solved: SolvedBlock) -> tuple[str, ...]:
     """Return the photos behind which most of their points lie."""
     block, lost = solved.block, lost_rays(solved)
+    if not lost.any():
+        return ()
     points = block.photo_points
-    used = np.bincount(points.photo[points.used.any(axis=1)], minlength=len(block.photos))
+    used = np.bincount(points.photo[points.partly_in_use], minlength=len(block.photos))
     gone = np.bincount(points.photo[lost], minlength=len(block.photos))
     return tuple(photo.name for row, photo in enumerate(block.photos) if gone[row] > _MOST * used[row])

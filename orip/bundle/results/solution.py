@@ -14,7 +14,6 @@ from orip.bundle.results.ground import (
     adjusted_points,
     deviations,
     photo_correlations,
-    point_correlations,
 )
 from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.results.rigs import rig_estimates
@@ -58,7 +57,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
     block, state = solved.block, solved.state
     variance = solved.variance
     equations = solved.equations
-    points = Estimates(block.point_names, *adjusted_points(solved))
+    adjusted = adjusted_points(solved)
+    points = Estimates(block.point_names, adjusted.values, adjusted.sd)
     photos = adjusted_photos(solved)
     return Solution(
         project="",
@@ -97,7 +97,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         check_points=_check_points(block, points),
         remarks=tuple(Remark(line) for line in block.ground.description()),
         photo_correlations=photo_correlations(solved),
-        point_correlations=point_correlations(solved),
+        point_correlations=adjusted.correlations,
     )
 
 
@@ -126,7 +126,7 @@ def _status(solved: SolvedBlock) -> Status:
 
 def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
     points = solved.block.photo_points
-    used: BoolArray = np.asarray(points.used.all(axis=1))
+    used: BoolArray = points.in_use
     return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -40,7 +41,7 @@ class MeasurementBlock:
         Makes the log record of the full block; None where the first line was wrong and nothing can be made.
     name_lines : dict of str to int
         Line of each name, in the order of measurement.
-    measured : list of float
+    measured : array of float
         x and y of each name in turn.
     own_errors, in_pixels, given : dict of int to pairs
         By index of the name; only where the line has them.
@@ -54,7 +55,7 @@ class MeasurementBlock:
     line: int
     build: Callable[[MeasurementBlock], LogRecord] | None
     name_lines: dict[str, int] = field(default_factory=dict)
-    measured: list[float] = field(default_factory=list)
+    measured: array[float] = field(default_factory=lambda: array("d"))
     own_errors: dict[int, tuple[float, float]] = field(default_factory=dict)
     in_pixels: dict[int, tuple[bool, bool]] = field(default_factory=dict)
     given: dict[int, tuple[float, float]] = field(default_factory=dict)
@@ -115,7 +116,7 @@ def read_measurement(reader: FieldReader, block: MeasurementBlock) -> None:
         return
     index = len(block.name_lines)
     block.name_lines[name] = reader.number
-    block.measured += (x, y)
+    block.measured.extend((x, y))
     if own_errors:
         block.own_errors[index] = own_errors[0][0], own_errors[1][0]
         block.in_pixels[index] = own_errors[0][1], own_errors[1][1]

@@ -10,7 +10,6 @@ one. An edit ends the block above it.
 from __future__ import annotations
 
 import difflib
-import re
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
@@ -18,27 +17,14 @@ from pathlib import Path
 from orip.errors import Complaint
 from orip.files.log.blocks import MeasurementBlock, read_measurement
 from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, read_header
-from orip.files.text.decimal_numbers import LARGEST_NUMBER, is_number
+from orip.files.log.plain_lines import PlainLines, plain_lines
+from orip.files.text.decimal_numbers import is_number
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import read_lines, split_line
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.progress import stage
-from orip.records.names import RESERVED_NAMES
 from orip.records.observations.measurement import LogRecord
-
-_LINES_AT_A_TIME = 1000
-"""Most lines of a run, after which to tell how far reading is."""
-
-_NOT_PLAIN = "|".join(map(re.escape, sorted(KEYWORDS | RESERVED_NAMES)))
-_NUMBER = r"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
-_RUN = re.compile(
-    rf"(?:[ \t]*+(?![!#]|(?i:{_NOT_PLAIN})[ \t])[!-~]++[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]*+\n)"
-    rf"{{1,{_LINES_AT_A_TIME}}}+",
-    re.ASCII,
-)
-"""Lines of a name and two ordinary numbers. Nearly all lines of a large log are such lines: they are read together, and
-without the fields with columns that messages need."""
 
 
 def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
@@ -67,20 +53,20 @@ class _Log:
         self.skips = False
 
     def read(self, lines: Sequence[str]) -> None:
-        text = "\n".join((*lines, ""))
+        text = "\n".join((*lines, "")).encode("utf-8")
         with stage(f"reading {Path(self.shown).name}", len(lines)) as advance:
             number = place = refused = 0
             while number < len(lines):
-                run = _RUN.match(text, place) if self.block and number >= refused else None
+                run = plain_lines(text, place) if self.block and number >= refused else None
                 if self.block and run:
-                    end = number + text.count("\n", place, run.end())
-                    if _take_run(self.block, run.group(), number + 1):
-                        number, place = end, run.end()
+                    end = number + len(run.names)
+                    if _take_run(self.block, run, number + 1):
+                        number, place = end, run.end
                         advance(number)
                         continue
                     refused = end
                 line = lines[number]
-                number, place = number + 1, place + len(line) + 1
+                number, place = number + 1, text.index(b"\n", place) + 1
                 if line and not line.isspace():
                     self._read_line(line, number)
         self._close_block()
@@ -140,18 +126,13 @@ class _Log:
             self.complaints.append(Complaint(message, self.shown, block.line))
 
 
-def _take_run(block: MeasurementBlock, run: str, first: int) -> bool:
+def _take_run(block: MeasurementBlock, run: PlainLines, first: int) -> bool:
     """Take a run of lines, the first of which has this number, into the block; False if they need a closer look."""
-    fields = run.split()
-    names = dict(zip(fields[::3], count(first)))
-    if 3 * len(names) != len(fields) or not names.keys().isdisjoint(block.name_lines):
-        return False
-    measured = [0.0] * (2 * len(names))
-    measured[::2], measured[1::2] = map(float, fields[1::3]), map(float, fields[2::3])
-    if max(map(abs, measured)) > LARGEST_NUMBER:
+    names = dict(zip(run.names, count(first), strict=False))
+    if len(names) != len(run.names) or not names.keys().isdisjoint(block.name_lines):
         return False
     block.name_lines.update(names)
-    block.measured += measured
+    block.measured += run.coordinates
     return True
 
 

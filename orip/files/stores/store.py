@@ -30,6 +30,9 @@ NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
+ROWS_OF_PART = 1 << 20
+"""Rows of a packed list in one row of the file: SQLite has no row of more than a gigabyte."""
+
 
 def damage(path: Path, finding: str) -> InputError:
     """Return the error for a store whose content cannot be what orip wrote."""
@@ -79,12 +82,12 @@ class Store:
 
         They come in reading order, and of a table that is read by owner all are of one owner.
         """
-        if table.packed:
-            columns = self._packed(table, columns)
-        self._insert(table, _rows_of(columns))
+        running = RunningSum(table)
+        for part in self._packed(table, columns) if table.packed else (columns,):
+            self._insert(table, _rows_of(part))
+            if self.sums is not None:
+                running.add(part)
         if self.sums is not None and len(columns[0]):
-            running = RunningSum(table)
-            running.add(columns)
             self.sums.filled(table, columns[0][0], running)
 
     def delete(self, table: StoreTable, owner: str | None = None) -> None:
@@ -233,29 +236,29 @@ class Store:
         select = table.in_file.select(self.schema, of_owner=of_owner)
         return self.connection.execute(select, (owner,) if of_owner else ())
 
-    def _packed(self, table: StoreTable, columns: Sequence[ColumnValues]) -> tuple[ColumnValues, ...]:
-        """Return the columns of a packed list as the file has them: a row, or none where the list is empty."""
-        if not len(columns[0]):
-            return tuple(() for _ in table.in_file.columns)
+    def _packed(self, table: StoreTable, columns: Sequence[ColumnValues]) -> Iterator[tuple[ColumnValues, ...]]:
+        """Yield the columns of each row that the file has of a packed list."""
         owner, _position, *rest = columns
         if len({len(column) for column in columns}) > 1:
             message = f"table {table.name}: a column is shorter than another one"
             raise ValueError(message)
-        try:
-            blobs = [packed_column(column, values) for column, values in zip(table.packed_columns, rest, strict=True)]
-        except UnicodeEncodeError as error:
-            raise self._not_text(error) from error
-        return ((owner[0],), (len(owner),), *((blob,) for blob in blobs))
+        for first in range(0, len(owner), ROWS_OF_PART):
+            parts = rest if len(owner) <= ROWS_OF_PART else [_part_of(values, first) for values in rest]
+            try:
+                blobs = [packed_column(column, part) for column, part in zip(table.packed_columns, parts, strict=True)]
+            except UnicodeEncodeError as error:
+                raise self._not_text(error) from error
+            yield ((owner[0],), (first,), (len(parts[0]),), *((blob,) for blob in blobs))
 
     def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
-        """Yield the columns of each owner of a packed list, one owner or all of them."""
+        """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
         running = RunningSum(table)
         rows = list(self._checked(table.in_file, self._cursor(table, owner)))
         if rows:
             running.add(list(zip(*rows, strict=True)))
         if owner is not None or not table.by_owner:
             self._require_sum(table, owner, running.value())
-        for name, count, *blobs in rows:
+        for name, first, count, *blobs in rows:
             values: list[ColumnValues] = []
             for column, blob in zip(table.packed_columns, blobs, strict=True):
                 try:
@@ -264,11 +267,17 @@ class Store:
                         _require_numbers(column, np.asarray(values[-1]))
                 except (ValueError, OverflowError, MemoryError) as error:
                     raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
-            yield ((name,) * count, np.arange(count), *values)
+            yield ((name,) * count, np.arange(first, first + count), *values)
 
     def _not_text(self, error: UnicodeEncodeError) -> InputError:
         message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
         return InputError.single(message, str(self.path))
+
+
+def _part_of(values: ColumnValues, first: int) -> ColumnValues:
+    """Return the values of a packed list, from the first one on, that go into one row of the file."""
+    part = values[first : first + ROWS_OF_PART]
+    return part.without_unused() if isinstance(part, CodedNames) else part
 
 
 def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:

@@ -10,8 +10,8 @@ ColumnType = Literal["TEXT", "INTEGER", "REAL", "BLOB"]
 Null = Literal["never", "none", "nan"]
 """What NULL stands for: it is refused, it is None, or it is NaN (which SQLite cannot hold)."""
 
-ROW_COUNT = "row_count"
-"""Name of the column of a packed list with the number of its rows."""
+FIRST_ROW, ROW_COUNT = "first_row", "row_count"
+"""Columns of a packed list: the position of the first of the rows packed together, and how many they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class StoreTable:
     by_owner : bool
         Rows are read owner by owner: those of each have a checksum of their own.
     packed : bool
-        A list that may have millions of rows: in the file one row for each owner, with a column's values in a BLOB.
+        A list that may have millions of rows: in the file many of an owner's are one, with a column's values in a BLOB.
     """
 
     name: str
@@ -123,13 +123,14 @@ class StoreTable:
 
     @property
     def in_file(self) -> StoreTable:
-        """Return the table as the file has it: of a packed list its owners, numbers of rows, and packed columns."""
+        """Return the table as the file has it: of a packed list its owners, which rows, and packed columns."""
         if not self.packed:
             return self
         owner, *_ = self.columns
         blobs = (StoreColumn(column.name, "BLOB") for column in self.packed_columns)
-        columns = (owner, integer(ROW_COUNT, f"{quoted(ROW_COUNT)} > 0"), *blobs)
-        return replace(self, columns=columns, key=(owner.name,), unique=(), checks=(), packed=False)
+        first = integer(FIRST_ROW, f"{quoted(FIRST_ROW)} >= 0")
+        columns = (owner, first, integer(ROW_COUNT, f"{quoted(ROW_COUNT)} > 0"), *blobs)
+        return replace(self, columns=columns, key=(owner.name, FIRST_ROW), unique=(), checks=(), packed=False)
 
     @property
     def packed_columns(self) -> tuple[StoreColumn, ...]:

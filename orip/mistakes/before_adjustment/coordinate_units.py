@@ -59,6 +59,8 @@ def _is_measured_directly(photo: Photo) -> bool:
 
 
 def _warnings(camera: Camera, xy: FloatArray) -> Iterator[ProjectWarning]:
+    # corners of what is measured say as much as all of it
+    xy = np.stack([column(xy[:, axis]) for column in (np.min, np.max) for axis in (0, 1)]).reshape(2, 2)
     reached = _reached(camera, xy - camera.parameters[1:3])
     limits = (_TINY, _OUTSIDE) if camera.frame is not None else (_NARROWEST, _WIDEST)
     if limits[0] <= reached <= limits[1]:

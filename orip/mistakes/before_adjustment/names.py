@@ -25,7 +25,7 @@ _UNMEASURED = "is not measured in any photo"
 
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
     """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
-    points = set(block.point_names)
+    points = block.point_index()
     otherwise = _spelt_otherwise(block, control)
     unused: list[tuple[str, str, str]] = [
         ("control", f"control point {point.name}", _UNMEASURED) for point in control.points if point.name not in points
@@ -70,14 +70,12 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
 
 def _spelt_otherwise(block: Block, control: Control) -> list[ProjectWarning]:
     """Return warnings of control points and stations that are there under names that are spelt differently."""
-    measured, given = set(block.point_names), {point.name for point in control.points}
+    measured, given = block.point_index(), {point.name for point in control.points}
+    unmeasured = [point.name for point in control.points if point.name not in measured]
     photos = {record_key(photo.name): photo.name for photo in block.photos}
     of_stations = {record_key(station.photo) for station in control.stations}
     return [
-        *control_spelt_otherwise(
-            [point.name for point in control.points if point.name not in measured],
-            [name for name in block.point_names if name not in given],
-        ),
+        *control_spelt_otherwise(unmeasured, (name for name in block.point_names if name not in given)),
         *stations_spelt_otherwise(
             [station.photo for station in control.stations if record_key(station.photo) not in photos],
             [name for key, name in photos.items() if key not in of_stations],

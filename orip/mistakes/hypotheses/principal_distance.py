@@ -107,5 +107,5 @@ def _of_given_points(block: Block, camera: int) -> tuple[IntArray, FloatArray]:
     """Return rows of photo points that show points given in full, and these (n, 3) in the frame of the block."""
     known, points = given_coordinates(block), block.photo_points
     full: BoolArray = np.asarray(np.isfinite(known).all(axis=1))
-    rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.used.all(axis=1))
+    rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.in_use)
     return rows, block.ground.to_local(known[points.point[rows]])

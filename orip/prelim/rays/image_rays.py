@@ -86,7 +86,7 @@ def image_rays(block: Block) -> ImageRays:
     """
     points = block.photo_points
     vectors = image_vectors(block)
-    rows = np.flatnonzero(points.used.all(axis=1) & np.isfinite(vectors).all(axis=1))
+    rows = np.flatnonzero(points.in_use & np.isfinite(vectors).all(axis=1))
     rows = rows[measured_before(points.photo[rows], points.point[rows]) == 0]
     rows = rows[np.argsort(points.point[rows], kind="stable")]
     return ImageRays(

@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
+from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
 from orip.report.drawings.block_view import frame_rays
@@ -188,7 +189,7 @@ def _errors(
     errors: Mapping[str, FloatArray],
 ) -> str:
     """Return the error vectors in plan, the errors across it as dashed lines upwards or downwards, and the ellipses."""
-    row_of = {name: row for row, name in enumerate(solution.points.names) if name in errors}
+    row_of = places_of_names(solution.points.names)
     scale, drawn = plane.scale * enlargement, []
     for name, size in errors.items():
         row = row_of.get(name)

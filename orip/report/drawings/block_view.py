@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.fiducial_system import frame_corners
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
-from orip.records.results.solution import Solution
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.report_input import ReportInput
@@ -64,8 +63,10 @@ def pyramid_corners(given: ReportInput) -> FloatArray:
     a corner (x, y) of the frame is R (x - DX, y - DY, -C), enlarged.
     """
     solution = given.solution
-    depth = [_depth(solution, row, seen) for row, seen in enumerate(given.seen_points)]
-    return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, np.array(depth)))
+    known = given.depths[np.isfinite(given.depths)]
+    usual = float(np.median(known)) if known.size else 1.0 / _DEPTH
+    depth = _DEPTH * np.nan_to_num(given.depths, nan=usual)
+    return np.asarray(solution.photos.values[:, None, :3] + frame_rays(given, depth))
 
 
 def frame_rays(given: ReportInput, depth: FloatArray | None = None) -> FloatArray:
@@ -96,14 +97,6 @@ def _frame(given: ReportInput, camera: str) -> list[tuple[float, float]]:
         corners = np.array([-reach, -reach]), np.array([reach, reach])
     (left, lower), (right, upper) = corners
     return [(left, lower), (right, lower), (right, upper), (left, upper)]
-
-
-def _depth(solution: Solution, photo: int, seen: IntArray) -> float:
-    """Return the height of a photo's pyramid: a small part of the distance of its points."""
-    rows = seen if len(seen) else np.arange(len(solution.points.names))
-    distance = np.linalg.norm(solution.points.values[rows] - solution.photos.values[photo, :3], axis=1)
-    known = distance[np.isfinite(distance)]
-    return _DEPTH * float(np.median(known)) if known.size else 1.0
 
 
 def _camera(up: Vertical) -> dict[str, dict[str, float]]:

@@ -61,25 +61,28 @@ class VectorSheet:
 
 def measured_reach(given: ReportInput, camera: str) -> float:
     """Return the largest distance (mm) of a camera's photo points from the fiducial centre; 0 without any."""
-    found = [np.hypot(*photo.xy.T).max(initial=0.0) for photo in _of_camera(given, camera)]
-    return float(max(found, default=0.0))
+    found = [np.einsum("ij,ij->i", photo.xy, photo.xy).max(initial=0.0) for photo in _of_camera(given, camera)]
+    return float(np.sqrt(max(found, default=0.0)))
 
 
 def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArray) -> CellMeans | None:
     """Return the mean residuals in square cells between two corners of the frame; None where points are too few."""
     from scipy.special import gammaincc
 
-    xy = np.concatenate([photo.xy[photo.sound] for photo in vectors]) if vectors else np.empty((0, 2))
-    if len(xy) <= _FEWEST:
+    points = sum(int(np.count_nonzero(photo.sound)) for photo in vectors)
+    if points <= _FEWEST:
         return None
-    residual = np.concatenate([photo.residual[photo.sound] for photo in vectors])
     shape = np.maximum(np.round((high - low) / (np.max(high - low) / CELLS)).astype(np.int64), 1)
-    cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
-    place = cell[:, 0] * shape[1] + cell[:, 1]
-    count = np.bincount(place, minlength=int(shape.prod()))
-    total = np.stack([np.bincount(place, residual[:, axis], len(count)) for axis in (0, 1)], axis=1)
+    count, total, squares = np.zeros(shape.prod(), dtype=np.int64), np.zeros((shape.prod(), 2)), 0.0
+    for photo in vectors:
+        xy, residual = photo.xy[photo.sound], _sound_residual(photo)
+        cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
+        place = cell[:, 0] * shape[1] + cell[:, 1]
+        count += np.bincount(place, minlength=len(count))
+        total += np.stack([np.bincount(place, residual[:, axis], len(count)) for axis in (0, 1)], axis=1)
+        squares += float(np.vdot(residual, residual))
     full = np.flatnonzero(count >= _FEWEST)
-    variance = float(np.mean(residual**2))
+    variance = squares / (2 * points)
     if not full.size or variance <= 0.0:
         return None
     mean = total[full] / count[full, None]
@@ -135,8 +138,8 @@ def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
 
 def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of what is drawn: the frame, and all that was measured."""
-    xy = np.concatenate([photo.xy for photo in vectors])
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    low = np.array([min(photo.xy[:, axis].min() for photo in vectors) for axis in (0, 1)])
+    high = np.array([max(photo.xy[:, axis].max() for photo in vectors) for axis in (0, 1)])
     record = given.cameras.get(record_key(camera))
     corners = frame_corners(record) if record is not None else None
     if corners is not None:
@@ -147,8 +150,12 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
 
 def _large(vectors: Sequence[PhotoVectors]) -> float:
     """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
-    lengths = np.concatenate([np.hypot(*photo.residual[photo.sound].T) for photo in vectors])
-    return float(np.quantile(lengths, 0.95)) if lengths.size else 0.0
+    squares = np.concatenate([np.einsum("ij,ij->i", residual, residual) for residual in map(_sound_residual, vectors)])
+    return float(np.sqrt(np.quantile(squares, 0.95))) if squares.size else 0.0
+
+
+def _sound_residual(vectors: PhotoVectors) -> FloatArray:
+    return vectors.residual if vectors.sound.all() else vectors.residual[vectors.sound]
 
 
 @dataclass(frozen=True, slots=True)

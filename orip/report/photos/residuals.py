@@ -75,7 +75,8 @@ def _of_w(solution: Solution) -> Markup:
         return Markup("")
     edges = np.linspace(-_W_REACH, _W_REACH, round(2.0 * _W_REACH / _W_STEP) + 1)
     inside = np.clip(w, -_W_REACH, _W_REACH - 1e-9)
-    count, _ = np.histogram(inside, edges)
+    bar = ((inside + _W_REACH) / _W_STEP).astype(np.int64)
+    count = np.bincount(bar, minlength=len(edges) - 1)
     middle = (edges[:-1] + edges[1:]) / 2.0
     expected = w.size * _W_STEP * np.exp(-(middle**2) / 2.0) / np.sqrt(2.0 * np.pi)
     beyond = int(np.count_nonzero(np.abs(w) > _W_REACH))

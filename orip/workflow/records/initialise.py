@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 from orip.errors import Complaint, ProjectWarning
 from orip.interior.definitions import Definitions
-from orip.interior.replay import replay
+from orip.interior.replay import replay_complaints
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
-    Measured,
     PhotoRecord,
     PointsRecord,
     TemplateRecord,
@@ -85,7 +84,7 @@ def _log_complaints(texts: ProjectTexts, applied: TextApplied, *, is_complete: b
     if applied.complaints or not is_complete:
         # lines that could not be read may be missing from the replay: only wrong names are certain
         records = tuple(_with_unknown_names(records, definitions))
-    return replay(records, definitions, Measured()).complaints
+    return replay_complaints(records, definitions)
 
 
 def _with_unknown_names(records: Sequence[LogRecord], known: Definitions) -> Iterator[LogRecord]:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.errors import InputError, UsageError
-from orip.files.stores import provenance
+from orip.files.stores import provenance, store
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump
@@ -269,5 +269,24 @@ def test_a_dump_reads_as_json_line_by_line_and_tells_its_columns(tmp_path):
     with closing(sqlite3.connect(path)) as connection:
         for table, columns in tables.items():
             names = [row[1] for row in connection.execute(f'PRAGMA table_info("{table}")')]
-            # a long list has one row for each owner, and a BLOB for each column
-            assert names in (columns, [columns[0], "row_count", *columns[2:]])
+            # of a long list many rows are one, with a BLOB for each column
+            assert names in (columns, [columns[0], "first_row", "row_count", *columns[2:]])
+
+
+@pytest.mark.parametrize("name", ["Z.EXT", "MAIN.EXO"])
+def test_a_long_list_may_be_several_rows_of_the_file(tmp_path, monkeypatch, name):
+    whole = list(dump(make(tmp_path / name)))
+    (tmp_path / "parts").mkdir()
+    monkeypatch.setattr(store, "ROWS_OF_PART", 2)
+    path = make(tmp_path / "parts" / name)
+    table = {"Z.EXT": "residual", "MAIN.EXO": "observation"}[name]
+    with closing(sqlite3.connect(path)) as connection:
+        parts = connection.execute(f"SELECT first_row, row_count FROM {table}").fetchall()
+    assert (2, 1) in parts or (2, 2) in parts
+    assert list(dump(path)) == whole
+    load(whole, path)
+    assert list(dump(path)) == whole
+    with reading([path]) as stores:
+        stores[path].verify()
+        if name == "Z.EXT":
+            assert samples.same(solutions.read(stores[path], "MAIN"), samples.rich_solution())

@@ -1,0 +1,3 @@
+def plain_lines(
+    data: bytes, place: int, most: int, keywords: tuple[bytes, ...], largest: float, /
+) -> tuple[int, list[str], bytes]: ...
