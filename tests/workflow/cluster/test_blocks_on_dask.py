@@ -53,6 +53,7 @@ def test_the_workers_find_the_results_of_one_machine(blocks):
     assert moved[0].separators == sum(4 * len(node.border) * (len(node.border) + 3) for node in blocks.trees[0].nodes)
 
 
+@pytest.mark.long
 def test_methods_that_ask_for_single_equations_find_the_same_by_workers(blocks):
     block, method = with_blunders(24), Method(SnoopingSettings(), variance_components=True)
     whole, divided = (
