@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
+from functools import lru_cache
 from threading import Thread
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 T = TypeVar("T")
 
@@ -33,14 +38,20 @@ def limited_threads(limit: int | None) -> Iterator[None]:
 
     BLAS has one: what it computes depends on how many it has, and small systems take longer with more.
     """
-    from threadpoolctl import threadpool_limits
-
     token = _limit.set(_limit.get() if limit is None else limit)
     try:
-        with threadpool_limits(1):
+        with _libraries(len(sys.modules)).limit(limits=1):
             yield
     finally:
         _limit.reset(token)
+
+
+@lru_cache(maxsize=1)
+def _libraries(_modules: int) -> ThreadpoolController:
+    """Return what limits the threads of the libraries that are loaded; a further one comes with a further module."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
 
 
 def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from orip.adjustment.iteration_state import IterationRecord
-from orip.bundle.calibration import prune, pruning_diagnosis
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.groups.words import group_diagnosis
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.results.solution import iteration_pass, solution_of
-from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
-from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
-from orip.bundle.variance_components.estimation import estimate_errors
 from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
 from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
 from orip.records.results.variance_component import VarianceComponent
+
+if TYPE_CHECKING:
+    from orip.bundle.snooping.search import SnoopingSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +60,7 @@ def adjust_block(
     stop_asked : callable
         Asked after each iteration; True ends the adjustment with the current state.
     pose : callable
-        Returns the problem of a block, as a whole or divided; a search for blunders and variance components, which ask
-        for the rows of single observations, have it as a whole.
+        Returns the problem of a block, as a whole or divided.
 
     Returns
     -------
@@ -86,10 +85,17 @@ def adjust_block(
     if method.snooping is None:
         solved = solve_block(block, numbered, stop_asked, pose=pose)
     else:
-        snooped = snoop(block, method.snooping, numbered, stop_asked)
+        # what most adjustments do not need is loaded where it is
+        from orip.bundle.snooping.findings import snooping_diagnosis
+        from orip.bundle.snooping.search import snoop
+
+        snooped = snoop(block, method.snooping, numbered, stop_asked, pose)
         solved, blunders = snooped.solved, snooped.blunders
         advice += snooping_diagnosis(solved, snooped.findings)
     if method.prune and not stop_asked():
+        from orip.bundle.calibration import prune, pruning_diagnosis
+        from orip.bundle.snooping.findings import without_blunders
+
         pruned = prune(
             solved, lambda fewer: solve_block(without_blunders(fewer, blunders), numbered, stop_asked, pose=pose)
         )
@@ -97,10 +103,12 @@ def adjust_block(
         advice += pruning_diagnosis(pruned.removed)
     components: tuple[VarianceComponent, ...] = ()
     if method.variance_components and not stop_asked():
+        from orip.bundle.variance_components.estimation import estimate_errors
+
         settings = iteration_settings(block.definition)
         if method.snooping is not None:
             settings = replace(settings, start_down_weight=None)
-        solved, components = estimate_errors(solved, settings, numbered, stop_asked)
+        solved, components = estimate_errors(solved, settings, numbered, stop_asked, pose)
     solution = solution_of(solved)
     groups = _grouped(solved, solution, blunders)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished

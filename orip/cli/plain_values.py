@@ -36,12 +36,9 @@ def _with_plain_values(parameters: list[Any]) -> list[Any]:
 
 
 def _processed(parameter: Any, convert: Callable[[Any, Any], Any], context: Any, value: Any) -> Any:
-    if not _is_plain(parameter, value):
+    takes_several = parameter.multiple or parameter.nargs != 1
+    if value is None and not parameter.required:
+        value = () if takes_several else None
+    elif takes_several or not type(value) is str is parameter.type_descriptor.annotation:
         return convert(context, value)
     return value if parameter.callback is None else parameter.callback(context, parameter, value)
-
-
-def _is_plain(parameter: Any, value: Any) -> bool:
-    if parameter.multiple or parameter.nargs != 1:
-        return False
-    return not parameter.required if value is None else type(value) is str is parameter.type_descriptor.annotation

@@ -88,7 +88,7 @@ def explain_misfit(
     if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
     if readjuster.is_worthwhile:
-        tried = hypotheses_of_misfit(solution, given, started, readjuster)
+        tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
     if elsewhere is not None:

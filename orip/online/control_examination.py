@@ -30,8 +30,7 @@ _CLEARLY = 2.0
 the datum is right."""
 
 _LATER = 0.1
-"""Part by which the measurements have to increase before the control is looked at again, unless one more point has
-become checkable."""
+"""Part by which the measurements have to increase before the control is looked at again: it takes its time."""
 
 
 class ControlExamination:
@@ -42,11 +41,16 @@ class ControlExamination:
     block : OnlineBlock
     snooping : Snooping
     scale : ErrorScale
+
+    Attributes
+    ----------
+    examined : int
+        Measurements that there were the last time.
     """
 
     def __init__(self, block: OnlineBlock, snooping: Snooping, scale: ErrorScale) -> None:
         self._block, self._snooping, self._scale = block, snooping, scale
-        self._examined, self._count = 0, 0
+        self.examined = 0
 
     def examine_if_doubted(self, *, now: bool = False) -> list[Suspect]:
         """Look at the control if something of it does not fit, and there is more to tell than the last time.
@@ -64,10 +68,9 @@ class ControlExamination:
         control, measured = self._checkable(), len(self._block.measurements)
         if len(control) < _FEWEST or not self._is_doubted(control):
             return []
-        due = self._examined + 1 if now else self._examined * (1.0 + _LATER)
-        if len(control) <= self._count and measured < due:
+        if measured < (self.examined + 1 if now else self.examined * (1.0 + _LATER)):
             return []
-        self._count, self._examined = len(control), measured
+        self.examined = measured
         before = {key for key in self._snooping.suspects if key.kind == "control"}
         self._examine(control)
         return [one for key, one in self._snooping.suspects.items() if key.kind == "control" and key not in before]

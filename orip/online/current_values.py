@@ -6,7 +6,7 @@ from the same chain and adjustment as in `orip solve`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,16 +18,14 @@ from orip.bundle.solve import solve_block
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.interior.image_vectors import image_vectors
+from orip.online.first_values import FirstValues
 from orip.online.measurements import Measurements
 from orip.online.model_orientation import orientation_by_model
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import PreliminaryValues
 from orip.solving.better_minimum import doubt_about
-from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 from orip.wording import counted
 
 _KNOWN_POINTS = 4
@@ -85,14 +83,13 @@ class CurrentValues:
         """Return which points (number of points,) of a block have coordinates."""
         return np.array([name in self.points for name in block.point_names], dtype=bool)
 
-    def start(self, measurements: Measurements) -> None:
-        """Orient the first photos by the chain and an adjustment; without success, keep what each photo waits for."""
+    def start(self, measurements: Measurements, first: FirstValues) -> None:
+        """Orient the first photos by an adjustment; without success, keep what each photo waits for."""
         block = measurements.whole()
         assert block is not None, "something is measured"
-        # given orientations are often far off, and what the chain finds is not
-        for start in (_without_given, started_block):
+        for start in first.starts(block):
             try:
-                started = start(block, explained_preliminary_values)
+                started = start()
             except (NotSolvableError, InputError) as error:
                 reason = str(error).splitlines()[0]
                 self.photos_wait = {photo.name: reason for photo in block.photos}
@@ -284,13 +281,6 @@ def _with_larger_errors(block: Block) -> Block:
         photo_points=replace(rays, error=_LARGER * rays.error),
         control_points=tuple(map(less_precise, block.control_points)),
     )
-
-
-def _without_given(block: Block, find: Callable[[Block], PreliminaryValues]) -> StartedBlock:
-    """Return a block as the chain starts it; photos that it cannot orient are left out, unless they are constant."""
-    values = find(block)
-    constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
-    return own_start(replace(block, photo_orientation=np.where(constant, block.photo_orientation, np.nan)), values)
 
 
 def _observed(measurements: Measurements, name: str) -> FloatArray | None:

@@ -12,6 +12,7 @@ from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
 from orip.online.first_photos import COMMON_POINTS, may_start
+from orip.online.first_values import SOON, THOROUGH, FirstValues
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
 from orip.online.snooping import Snooping
@@ -54,9 +55,11 @@ class Measuring:
     ----------
     block : OnlineBlock
         With what was measured before.
+    first : FirstValues
+        How the first photos of it are oriented.
     """
 
-    def __init__(self, block: OnlineBlock) -> None:
+    def __init__(self, block: OnlineBlock, first: FirstValues = THOROUGH) -> None:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0
@@ -66,10 +69,8 @@ class Measuring:
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
         if len(block.measurements):
-            self._start(block.measurements.photos)
-            self._scale.estimated()
-            self._snooping.snoop(list(block.equations.included))
-            self._settle()
+            self._start(block.measurements.photos, first)
+            self._snoop_first()
             self._control.examine_if_doubted()
 
     @property
@@ -91,8 +92,11 @@ class Measuring:
             self.block.take_out(key)
             self._snooping.forgive([key])
             self.excluded.discard(key)
+        examined = self._control.examined
         found = self._advance(point, key)
-        if len(self.block.measurements) >= self._begun_with * (1.0 + _MUCH_LATER):
+        # both take their time, and an answer has to come soon
+        is_quick = self._control.examined == examined
+        if is_quick and len(self.block.measurements) >= self._begun_with * (1.0 + _MUCH_LATER):
             found = self._begun_again_if_doubted(found)
         return self._answer(key, before, found)
 
@@ -154,12 +158,17 @@ class Measuring:
         self.examine()
 
     def examine(self) -> None:
-        """Look again at what does not fit, with all that is measured by now; at the values if that is too much."""
-        if self.suspects:
-            self._snooping.review()
+        """Look again at what does not fit, with all that is measured by now.
+
+        Everything begins again if more has been measured since that was done the last time: what is wrong must not
+        depend on the order of measuring.
+        """
+        if not self.suspects:
+            return
+        self._snooping.review()
         self._control.examine_if_doubted(now=True)
         if len(self.block.measurements) > self._begun_with:
-            self._begun_again_if_doubted(_Found([], [], [], []))
+            self._begun_again()
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
@@ -188,12 +197,10 @@ class Measuring:
         block, found = self.block, _Found([], [], [], [])
         if not (block.values.orientations and block.values.points):
             oriented = set(block.values.orientations)
-            self._start([key.photo])
+            self._start([key.photo], SOON)
             found.oriented = [photo for photo in block.values.orientations if photo not in oriented]
             found.placed = list(block.values.points)
-            self._scale.estimated()
-            found.suspects = self._snooping.snoop(list(block.equations.included), key)
-            self._settle()
+            found.suspects = self._snoop_first(key)
             found.suspects += self._control.examine_if_doubted()
             return found
         found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
@@ -228,15 +235,8 @@ class Measuring:
         """
         before, photos = self.suspects, set(self.block.values.orientations)
         suspects = sum(key.kind == "photo" for key in before)
-        if suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)):
+        if suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)) or not self._begun_again():
             return found
-        self._begun_with = len(self.block.measurements)
-        other = Measuring(self.block.begun_again(self.excluded))
-        if len(other.block.equations.included) <= len(self.block.equations.included):
-            return found
-        self.block, self._scale = other.block, other._scale
-        self._snooping, self._control = other._snooping, other._control
-        self._next_adjustment = self._begun_with * (1.0 + _LATER)
         return _Found(
             [one for key, one in self.suspects.items() if key not in before or one in found.suspects],
             [*found.cleared, *(key for key in before if key not in self.suspects)],
@@ -244,13 +244,28 @@ class Measuring:
             [point for point in found.placed if point in self.block.values.points],
         )
 
-    def _settle(self) -> None:
-        """Linearise the first photos at their solution, what does not fit being out."""
+    def _begun_again(self) -> bool:
+        """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
+        self._begun_with = len(self.block.measurements)
+        other = Measuring(self.block.begun_again(self.excluded), SOON)
+        if len(other.block.equations.included) < len(self.block.equations.included):
+            return False
+        self.block, self._scale = other.block, other._scale
+        self._snooping, self._control = other._snooping, other._control
+        self._next_adjustment = self._begun_with * (1.0 + _LATER)
+        return True
+
+    def _snoop_first(self, latest: ObservationKey | None = None) -> list[Suspect]:
+        """Take out what does not fit of the first photos, and linearise them at their solution without it."""
+        self._scale.estimated()
+        with self.block.robust_values():
+            found = self._snooping.snoop(list(self.block.equations.included), latest)
         self.block.settle()
         self.block.lose_unsettled()
         self._scale.estimate_again()
+        return found
 
-    def _start(self, photos: Iterable[str]) -> None:
+    def _start(self, photos: Iterable[str], first: FirstValues) -> None:
         """Orient the first photos, if there is enough in some of them for that."""
         block = self.block
         if len(block.measurements) < self._next_start:
@@ -262,11 +277,8 @@ class Measuring:
                 for photo in block.measurements.photos
             }
             return
-        block.values.start(block.measurements)
+        block.start(first)
         self._next_start = int(len(block.measurements) * (1.0 + _LATER))
-        if block.values.orientations:
-            # at the values of a robust adjustment: what is wrong would only lead away from them
-            block.start()
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""

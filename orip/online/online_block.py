@@ -14,6 +14,7 @@ from orip.bundle.part_of_block import part_of_block
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.current_values import CurrentValues, with_cameras_held
+from orip.online.first_values import FirstValues
 from orip.online.measurements import Measurements, RayName
 from orip.online.photo_corrections import PhotoCorrections
 from orip.records.block import Block
@@ -69,6 +70,7 @@ class OnlineBlock:
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
+        self._is_steady = False
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
         self.left_out: set[ObservationKey] = set()
@@ -122,6 +124,15 @@ class OnlineBlock:
             yield
         finally:
             self._control_weight = 1.0
+
+    @contextmanager
+    def robust_values(self) -> Iterator[None]:
+        """Meanwhile, let the values be those of a robust adjustment: what is wrong, and still in, would lead away."""
+        self._is_steady = True
+        try:
+            yield
+        finally:
+            self._is_steady = False
 
     def take_out(self, key: ObservationKey) -> None:
         """Take an observation out of the equations, if it is in."""
@@ -219,7 +230,7 @@ class OnlineBlock:
         points : collection of str
             Points that may have moved.
         """
-        for _ in range(_RELINEARISATIONS):
+        for _ in range(0 if self._is_steady else _RELINEARISATIONS):
             reduced = self.equations.triangle.solution()
             photos = self._far_photos(reduced)
             far = self._far_points(points, reduced)
@@ -317,8 +328,12 @@ class OnlineBlock:
         rows = {} if moved is None else self.linearised(moved)
         self.equations.relinearise({key: rows[key] for key in rows if key in included})
 
-    def start(self) -> None:
-        """Take in all observations of photos and points with values."""
+    def start(self, first: FirstValues) -> None:
+        """Orient the first photos, and take in all observations of photos and points with values.
+
+        These are values of a robust adjustment: what is wrong would only lead away from them.
+        """
+        self.values.start(self.measurements, first)
         part = self._valued()
         if part is not None:
             rows = self.linearised(part)

@@ -10,6 +10,7 @@ from orip.online.answers import Suspect
 from orip.online.error_scale import ErrorScale
 from orip.online.online_block import OnlineBlock
 from orip.sequential.observation_rows import ObservationKey
+from orip.sequential.standing import falls
 
 _ALIKE = 0.9
 """Correlation of residuals from which an error of one observation cannot be told from one of the other."""
@@ -85,8 +86,9 @@ class Snooping:
 
     def tested(self, keys: Sequence[ObservationKey]) -> list[tuple[float, float]]:
         """Return the root of the fall of the square sum without each observation, and its limit."""
-        squares = [standing.square() for standing in self.block.equations.standings(keys)]
-        return [(float(np.sqrt(square)), self.scale.limit(max(checked, 1))) for square, checked in squares]
+        squares, checked = falls(self.block.equations.standings(keys))
+        limits = {count: self.scale.limit(max(count, 1)) for count in np.unique(checked).tolist()}
+        return [(w, limits[count]) for w, count in zip(np.sqrt(squares).tolist(), checked.tolist(), strict=True)]
 
     def review(self) -> list[ObservationKey]:
         """Take in what is suspect and fits by now, the nearest to fit first; return what was tried."""

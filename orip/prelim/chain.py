@@ -15,6 +15,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.prelim.fit import fits_by_chance, is_strong, redundancy, robust_square_sum
 from orip.prelim.found_values import found_values
+from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.joint.by_parts import by_parts
@@ -77,7 +78,18 @@ def preliminary_values(block: Block) -> PreliminaryValues:
 
 def preliminary_values_from_all_rays(block: Block) -> PreliminaryValues:
     """Find the same without comparing rays: for a block that differs from one whose rays were compared in little."""
-    return _values(_ended(_searches(measured_block(block))))
+    measured = measured_block(block)
+    return _values(_ended(_searches(measured, _routes(measured))))
+
+
+def preliminary_values_soon(block: Block) -> PreliminaryValues:
+    """Find the same by the routes alone that take little time: for somebody who measures more if they do not suffice.
+
+    Rays are not compared, and photos are not placed all together.
+    """
+    measured = measured_block(block)
+    free, with_control = measured.grower(), measured.grower(measured.full_control())
+    return _values(_ended(_searches(measured, _short_routes(measured, free, with_control))))
 
 
 class _Search(NamedTuple):
@@ -108,12 +120,12 @@ def _values(found: _Search) -> PreliminaryValues:
 
 def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
     """Try routes; if the first is not good enough and others contradict many rays, begin again without these."""
-    searches = _searches(measured)
+    searches = _searches(measured, _routes(measured))
     first = next(searches)
     if first.is_enough:
         return first
     confirmed = confirmed_block(measured)
-    return _ended(searches if confirmed is None else _searches(confirmed))
+    return _ended(searches if confirmed is None else _searches(confirmed, _routes(confirmed)))
 
 
 def _ended(searches: Iterator[_Search]) -> _Search:
@@ -122,14 +134,14 @@ def _ended(searches: Iterator[_Search]) -> _Search:
     return last
 
 
-def _searches(measured: MeasuredBlock) -> Iterator[_Search]:
+def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Iterator[_Search]:
     """Try routes until nothing better is to be expected; yield what has been found after each."""
     best: Outcome | None = None
     beaten = (False, -np.inf)
     ends: list[_End] = []
     by_the_models: Route | None = None
     tried = 0
-    for rivals in _routes(measured):
+    for rivals in routes:
         for route in rivals:
             if tried == 0 and measured.block.definition.models:
                 by_the_models = route
@@ -151,6 +163,20 @@ def _searches(measured: MeasuredBlock) -> Iterator[_Search]:
 def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
     """Yield routes, those together that begin with assumptions of which one is wrong: either may seem to fit."""
     free, with_control = measured.grower(), measured.grower(measured.full_control())
+    yield from _short_routes(measured, free, with_control)
+    given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
+    if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
+        yield [by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT)]
+        yield [by_photos(with_control, measured.known_control())]
+    if given.any():
+        orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
+        rotations = np.full((len(given), 3, 3), np.nan)
+        rotations[given] = rotation_from_angles(orientation[given, 3:])
+        yield [by_given(free, rotations, orientation[:, :3])]
+
+
+def _short_routes(measured: MeasuredBlock, free: BlockGrower, with_control: BlockGrower) -> Iterator[Sequence[Route]]:
+    """Yield blocks that grow from models, control or pairs of photos."""
     seen = control_points_seen(with_control)
     seeing = seen >= SAFE_RESECTION
     models = measured.block.definition.models
@@ -166,15 +192,6 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
             yield [by_control(with_control)]
     if not seeing.any() and (seen >= LEAST_RESECTION).any():
         yield [by_control(with_control)]
-    given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
-    if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
-        yield [by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT)]
-        yield [by_photos(with_control, measured.known_control())]
-    if given.any():
-        orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
-        rotations = np.full((len(given), 3, 3), np.nan)
-        rotations[given] = rotation_from_angles(orientation[given, 3:])
-        yield [by_given(free, rotations, orientation[:, :3])]
 
 
 def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
-from scipy.linalg import qr
-from scipy.linalg.lapack import dtrtrs
+from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
 from orip.arrays import FloatArray, IntArray
 from orip.sequential.reduced_rows import ReducedRows
+
+_WORK = 32
+"""Numbers of LAPACK's work space for each column."""
 
 _ZERO_PIVOT = 1e-8
 """Part of a point's largest column below which a pivot is rounding: its rays are parallel in that coordinate."""
@@ -130,34 +131,46 @@ class HyperRow:
         The right-hand sides of what is left are those of the rows less what the hyper-row explains.
         """
         inner = self._substituted(rows.by_point[:, self.coordinates].T, transposed=1)
-        columns = np.union1d(self.columns, rows.columns)
-        left = np.zeros((len(rows.right), len(columns)))
-        left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced
-        left[:, np.searchsorted(columns, self.columns)] -= inner.T @ self.coupling
+        if np.array_equal(self.columns, rows.columns):
+            columns, left = self.columns, rows.by_reduced - inner.T @ self.coupling
+        else:
+            columns = np.union1d(self.columns, rows.columns)
+            left = np.zeros((len(rows.right), len(columns)))
+            left[:, np.searchsorted(columns, rows.columns)] = rows.by_reduced
+            left[:, np.searchsorted(columns, self.columns)] -= inner.T @ self.coupling
         return inner, ReducedRows(columns, left, rows.right - inner.T @ self.right)
+
+
+def stacked(observations: Sequence[ObservationRows]) -> ObservationRows:
+    """Return the equations of several observations of one point as those of one."""
+    if len(observations) == 1:
+        return observations[0]
+    columns = np.unique(np.concatenate([rows.columns for rows in observations]))
+    by_point = np.concatenate([rows.by_point for rows in observations])
+    by_reduced, first = np.zeros((len(by_point), len(columns))), 0
+    for rows in observations:
+        last = first + len(rows.right)
+        by_reduced[first:last, np.searchsorted(columns, rows.columns)] = rows.by_reduced
+        first = last
+    right = np.concatenate([rows.right for rows in observations])
+    return ObservationRows(observations[0].point, by_point, columns, by_reduced, right)
 
 
 def factored(observations: Sequence[ObservationRows]) -> tuple[HyperRow, ReducedRows]:
     """Return the hyper-row of the observations of one point, and their equations of the reduced unknowns alone."""
-    columns = reduce(np.union1d, (rows.columns for rows in observations)).astype(np.int64)
-    by_point = np.vstack([rows.by_point for rows in observations])
-    count = sum(len(rows.right) for rows in observations)
-    rest, first = np.zeros((count, len(columns) + 1)), 0
-    for rows in observations:
-        part = slice(first, first + len(rows.right))
-        rest[part, np.searchsorted(columns, rows.columns)] = rows.by_reduced
-        rest[part, -1] = rows.right
-        first = part.stop
-    rotation, factor, order = qr(by_point, pivoting=True, check_finite=False)
+    rows = stacked(observations)
+    rest = np.asfortranarray(np.column_stack([rows.by_reduced, rows.right]))
+    # LAPACK itself: a wrapper's checks and a full Q take longer than these small systems
+    factor, order, scalars, _, _ = dgeqp3(rows.by_point)
+    rest, _, _ = dormqr("L", "T", factor[:, : len(scalars)], scalars, rest, _WORK * rest.shape[1], overwrite_c=1)
     pivots = np.abs(np.diagonal(factor))
     rank = int(np.count_nonzero(pivots > _ZERO_PIVOT * max(float(pivots[0]), 0.0))) if len(pivots) else 0
-    rest = rotation.T @ rest
     own = HyperRow(
-        np.asarray(order[:rank], dtype=np.int64),
-        factor[:rank, :rank],
-        columns,
+        np.asarray(order[:rank] - 1, dtype=np.int64),
+        np.triu(factor[:rank, :rank]),
+        rows.columns,
         rest[:rank, :-1],
         rest[:rank, -1],
-        int(np.count_nonzero(by_point.any(axis=0))),
+        int(np.count_nonzero(rows.by_point.any(axis=0))),
     )
-    return own, ReducedRows(columns, rest[rank:, :-1], rest[rank:, -1])
+    return own, ReducedRows(rows.columns, rest[rank:, :-1], rest[rank:, -1])

@@ -33,6 +33,9 @@ _OF_ONE_COMPONENT = frozenset(
 )
 """Kinds whose components are observations of their own; those of others are measured together."""
 
+_BEYOND = np.iinfo(np.int64).max
+"""A column after all others."""
+
 
 class ObservationKey(NamedTuple):
     """What was measured at once: x and y of a photo point, the coordinates of a control point, one element.
@@ -110,16 +113,26 @@ def _of_kind(
     observations: Observations, state: BlockState, unknowns: Unknowns, places: IntArray, names: tuple[str, ...]
 ) -> Iterator[tuple[ObservationKey, ObservationRows]]:
     values, rows = observations.linearise_with_partials(state), observations.rows
-    used = rows.used & values.computable
+    used = (rows.used & values.computable).tolist()
     memory = state.memory.get(rows.kind.name, np.zeros(len(rows.error)))
     right = -(values.residual + memory) / rows.error
     partials = values.partials / rows.error[:, None]
-    columns = np.asarray(observations.columns(), dtype=np.int64)
+    separated = _separated(np.asarray(observations.columns(), dtype=np.int64), partials, unknowns, places)
     for key, members in _grouped(observations).items():
-        chosen = np.array([row for row in members if used[row]], dtype=np.int64)
-        if len(chosen):
-            equations = _Equations(columns[chosen], partials[chosen], right[chosen])
-            yield key, _separated(equations, unknowns, places, names, observations.exact)
+        chosen = [row for row in members if used[row]]
+        if chosen:
+            point = separated.point[chosen[0]]
+            columns, by_reduced = separated.by_reduced(chosen)
+            rows_of_it = _slice_of(chosen)
+            yield key, ObservationRows(
+                None if point < 0 else names[point],
+                separated.by_point[rows_of_it], columns, by_reduced, right[rows_of_it], observations.exact,
+            )  # fmt: skip
+
+
+def _slice_of(rows: list[int]) -> slice | list[int]:
+    """Return rows as a slice where they follow each other, as most do: that is quicker."""
+    return slice(rows[0], rows[-1] + 1) if rows[-1] - rows[0] + 1 == len(rows) else rows
 
 
 def _grouped(observations: Observations) -> Mapping[ObservationKey, list[int]]:
@@ -135,29 +148,69 @@ def _grouped(observations: Observations) -> Mapping[ObservationKey, list[int]]:
     return groups
 
 
-class _Equations(NamedTuple):
-    """Equations of one observation: columns (k, c) of the block, partials (k, c) and right-hand sides (k,)."""
+class _Separated(NamedTuple):
+    """Partials of m equations by their points, and by reduced unknowns, the equations' columns sorted.
 
+    Attributes
+    ----------
+    point : list of m int
+        -1: an equation of reduced unknowns alone.
+    by_point : array (m, 3)
+    columns, partials : arrays (m, k)
+        Places in the triangle, ascending, and `_BEYOND` after the last one.
+    length : list of m int
+        How many each equation touches.
+    is_distinct : list of m bool
+        Whether it touches each of them once.
+    is_like_next : list of m bool
+        Whether the next equation touches the same ones.
+    """
+
+    point: list[int]
+    by_point: FloatArray
     columns: IntArray
     partials: FloatArray
-    right: FloatArray
+    length: list[int]
+    is_distinct: list[bool]
+    is_like_next: list[bool]
+
+    def by_reduced(self, rows: list[int]) -> tuple[IntArray, FloatArray]:
+        """Return the columns (c,) that some equations touch, and their partials (k, c)."""
+        together, length = _slice_of(rows), self.length[rows[0]]
+        is_alike = isinstance(together, slice) and all(self.is_like_next[together.start : together.stop - 1])
+        if is_alike and self.is_distinct[rows[0]]:
+            return self.columns[rows[0], :length], self.partials[together, :length]
+        touched = np.unique(self.columns[rows])
+        touched = touched[touched < _BEYOND]
+        found = np.zeros((len(rows), len(touched)))
+        for into, row in zip(found, rows, strict=True):
+            mine = slice(self.length[row])
+            np.add.at(into, np.searchsorted(touched, self.columns[row, mine]), self.partials[row, mine])
+        return touched, found
 
 
-def _separated(
-    equations: _Equations, unknowns: Unknowns, places: IntArray, names: tuple[str, ...], exact: bool
-) -> ObservationRows:
+def _separated(columns: IntArray, partials: FloatArray, unknowns: Unknowns, places: IntArray) -> _Separated:
     """Return equations with the partials by their point and those by reduced unknowns apart."""
     reduced = unknowns.layout.reduced
-    row, at = np.nonzero(equations.columns != CONSTANT)
-    column, value = equations.columns[row, at], equations.partials[row, at]
-    of_point = column >= reduced
-    by_point, point = np.zeros((len(equations.right), 3)), None
-    if of_point.any():
-        place = column[of_point] - reduced
-        by_point[row[of_point], place % 3] = value[of_point]
-        point = names[int(unknowns.names.eliminated[place[0] // 3])]
-    of_reduced = places[column[~of_point]]
-    touched = np.unique(of_reduced)
-    by_reduced = np.zeros((len(equations.right), len(touched)))
-    np.add.at(by_reduced, (row[~of_point], np.searchsorted(touched, of_reduced)), value[~of_point])
-    return ObservationRows(point, by_point, touched, by_reduced, equations.right, exact)
+    row, at = np.nonzero(columns >= reduced)
+    place = columns[row, at] - reduced
+    by_point, point = np.zeros((len(columns), 3)), np.full(len(columns), -1, dtype=np.int64)
+    by_point[row, place % 3] = partials[row, at]
+    point[row] = unknowns.names.eliminated[place // 3]
+    is_reduced = (columns != CONSTANT) & (columns < reduced)
+    found = np.full(columns.shape, _BEYOND, dtype=np.int64)
+    found[is_reduced] = places[columns[is_reduced]]
+    order = np.argsort(found, axis=1, kind="stable")
+    # one more, which none touches, ends the longest
+    ended = np.pad(np.take_along_axis(found, order, axis=1), ((0, 0), (0, 1)), constant_values=_BEYOND)
+    is_distinct = ((ended[:, 1:] > ended[:, :-1]) | (ended[:, 1:] == _BEYOND)).all(axis=1)
+    is_like_next = np.append((ended[1:] == ended[:-1]).all(axis=1), False)
+    return _Separated(
+        point.tolist(),
+        by_point,
+        ended,
+        np.take_along_axis(partials, order, axis=1),
+        is_reduced.sum(axis=1).tolist(),
+        is_distinct.tolist(),
+        is_like_next.tolist(),
+    )

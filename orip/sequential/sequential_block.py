@@ -9,7 +9,7 @@ before the old ones are taken out, so that the triangle keeps its rank.
 from __future__ import annotations
 
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -20,26 +20,15 @@ from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle
 from orip.sequential.reduced_rows import ReducedRows
 from orip.sequential.standing import LEAST_REDUNDANCY, Standing
 from orip.sequential.triangle import Triangle
+from orip.sequential.whitening import Whitened, standings_of_many, whitened
 
 Key = TypeVar("Key", bound=Hashable)
-
-_AT_ONCE = 256
-"""Observations that are substituted together, which bounds memory."""
 
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
 _MOST_ROUNDING = 1000.0
 """Rounding of the triangle, see there, with which it is built again."""
-
-
-class _Whitened(NamedTuple):
-    """R^-T a^T of k equations in a hyper-row (3, k) and in the triangle (n, k), l - a x (k,), and which are open."""
-
-    own: FloatArray
-    spread: FloatArray
-    innovation: FloatArray
-    is_open: BoolArray
 
 
 class SequentialBlock(Generic[Key]):
@@ -202,7 +191,7 @@ class SequentialBlock(Generic[Key]):
         point = None if name is None else self._points.get(name)
         if name is not None and (point is None or not point.hyper_row.is_complete):
             return self._tried(key, rows)
-        own, spread, innovation, is_open = self._whitened(rows)
+        own, spread, innovation, is_open = self._whitened([rows])[0]
         if is_open.any():
             return self._tried(key, rows)
         cofactor = np.asarray(np.linalg.inv(np.eye(len(innovation)) + own.T @ own + spread.T @ spread), np.float64)
@@ -233,12 +222,12 @@ class SequentialBlock(Generic[Key]):
 
     def standings(self, keys: Sequence[Key]) -> list[Standing]:
         """Return how observations that are in fit."""
+        observations = [self._included[key] for key in keys]
+        if sum(len(rows.right) for rows in observations) > self.triangle.size:
+            return standings_of_many(self._points, self.triangle, observations)
         return [
             Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)
-            for first in range(0, len(keys), _AT_ONCE)
-            for own, spread, innovation, _ in self._all_whitened(
-                [self._included[key] for key in keys[first : first + _AT_ONCE]]
-            )
+            for own, spread, innovation, _ in self._whitened(observations)
         ]
 
     def predicted(self, rows: Sequence[ObservationRows]) -> list[tuple[FloatArray, FloatArray, BoolArray]]:
@@ -252,7 +241,7 @@ class SequentialBlock(Generic[Key]):
         """
         return [
             (innovation, own.T @ own + spread.T @ spread, is_open)
-            for own, spread, innovation, is_open in self._all_whitened(rows)
+            for own, spread, innovation, is_open in self._whitened(rows)
         ]
 
     def jointly_predicted(self, rows: Sequence[ObservationRows]) -> tuple[FloatArray, FloatArray]:
@@ -263,10 +252,10 @@ class SequentialBlock(Generic[Key]):
         difference, cofactor : arrays (k,) and (k, k)
             As `predicted`; unknowns that nothing determines are held.
         """
-        whitened = self._all_whitened(rows)
-        spread = np.hstack([one.spread for one in whitened])
-        own = block_diag(*(one.own.T @ one.own for one in whitened))
-        return np.concatenate([one.innovation for one in whitened]), np.asarray(own + spread.T @ spread)
+        found = self._whitened(rows)
+        spread = np.hstack([one.spread for one in found])
+        own = block_diag(*(one.own.T @ one.own for one in found))
+        return np.concatenate([one.innovation for one in found]), np.asarray(own + spread.T @ spread)
 
     def has_point(self, name: str) -> bool:
         """Return whether all coordinates of a point are determined by equations that are in."""
@@ -279,10 +268,10 @@ class SequentialBlock(Generic[Key]):
         """
         rows = self._included[key]
         of_others = [self._included[other] for other in others]
-        (own, spread, _, _), *whitened = self._all_whitened([rows, *of_others])
+        (own, spread, _, _), *others_whitened = self._whitened([rows, *of_others])
         scale = _scale(np.sum(own**2, axis=0) + np.sum(spread**2, axis=0))
         found = []
-        for their_rows, (theirs, their_spread, _, _) in zip(of_others, whitened, strict=True):
+        for their_rows, (theirs, their_spread, _, _) in zip(of_others, others_whitened, strict=True):
             product = spread.T @ their_spread
             if rows.point is not None and rows.point == their_rows.point:
                 product = product + own.T @ theirs
@@ -300,33 +289,8 @@ class SequentialBlock(Generic[Key]):
         point = self._points.get(name)
         return np.zeros(3) if point is None else point.hyper_row.coordinates_at(reduced)
 
-    def _whitened(self, rows: ObservationRows) -> _Whitened:
-        return self._all_whitened([rows])[0]
-
-    def _all_whitened(self, observations: Sequence[ObservationRows]) -> list[_Whitened]:
-        """Return R^-T a^T of observations in their hyper-rows and in the triangle, l - a x, and which rows are open.
-
-        One substitution serves all of them.
-        """
-        owns, parts = [], []
-        for rows in observations:
-            own: FloatArray = np.zeros((0, len(rows.right)))
-            reduced = rows.reduced
-            if rows.point is not None and rows.point in self._points:
-                own, reduced = self._points[rows.point].hyper_row.whitened(rows)
-            owns.append(own)
-            parts.append(reduced)
-        columns = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(part.columns for part in parts)]))
-        ends = np.cumsum([0, *(len(part.right) for part in parts)])
-        stacked = np.zeros((int(ends[-1]), len(columns)))
-        for part, start, end in zip(parts, ends, ends[1:], strict=False):
-            stacked[start:end, np.searchsorted(columns, part.columns)] = part.rows
-        spread, is_open = self.triangle.whitened(columns, stacked)
-        explained = spread.T @ self.triangle.right
-        return [
-            _Whitened(own, spread[:, start:end], part.right - explained[start:end], is_open[start:end])
-            for own, part, start, end in zip(owns, parts, ends, ends[1:], strict=False)
-        ]
+    def _whitened(self, observations: Sequence[ObservationRows]) -> list[Whitened]:
+        return whitened(self._points, self.triangle, observations)
 
     def _factored(self, name: str) -> PointInTriangle:
         return factored_point([self._included[key] for key in self._of_points[name]])

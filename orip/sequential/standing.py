@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 LEAST_REDUNDANCY = 1e-4
-"""Below this redundancy number an observation is not taken out of the triangle, which would lose more than four digits
-(of sixteen, as -log10 r are lost): it is built again."""
+"""Below this redundancy number an equation counts as not checked: of sixteen digits -log10 r are lost, and w would be a
+small number over another one. Nor is it taken out of the triangle then, which is built again instead."""
 
 
 class Standing(NamedTuple):
@@ -30,16 +31,32 @@ class Standing(NamedTuple):
     @property
     def redundancy(self) -> FloatArray:
         """Return the redundancy numbers (k,), from 0 to 1."""
-        return np.clip(np.diagonal(self.cofactor), 0.0, 1.0)
+        return np.asarray(np.diagonal(self.cofactor).clip(0.0, 1.0))
 
     def normalised(self, least_redundancy: float = LEAST_REDUNDANCY) -> FloatArray:
         """Return Baarda's w (k,) with sigma0 = 1; NaN where nothing checks an equation."""
         checked = self.redundancy > least_redundancy
         return np.where(checked, self.residual / np.sqrt(np.where(checked, self.redundancy, 1.0)), np.nan)
 
-    def square(self, least_redundancy: float = LEAST_REDUNDANCY) -> tuple[float, int]:
+    def square(self) -> tuple[float, int]:
         """Return by how much the square sum falls without the observation, and how many equations are checked."""
-        values, vectors = np.linalg.eigh(self.cofactor)
-        checked = values > least_redundancy
-        parts = (vectors.T @ self.residual)[checked]
-        return float(np.sum(parts**2 / values[checked])), int(np.count_nonzero(checked))
+        squares, checked = falls([self])
+        return float(squares[0]), int(checked[0])
+
+
+def falls(standings: Sequence[Standing]) -> tuple[FloatArray, IntArray]:
+    """Return by how much the square sum falls without each observation (m,), and how many equations are checked.
+
+    `Standing.square` of many: matrices of the same size are decomposed together.
+    """
+    squares, checked = np.zeros(len(standings)), np.zeros(len(standings), dtype=np.int64)
+    sizes = np.array([len(standing.residual) for standing in standings])
+    for size in np.unique(sizes).tolist():
+        same = np.flatnonzero(sizes == size)
+        values, vectors = np.linalg.eigh(np.array([standings[place].cofactor for place in same.tolist()]))
+        residual = np.array([standings[place].residual for place in same.tolist()])
+        parts = (vectors.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
+        is_checked = values > LEAST_REDUNDANCY
+        squares[same] = np.sum(np.where(is_checked, parts**2 / np.where(is_checked, values, 1.0), 0.0), axis=1)
+        checked[same] = np.count_nonzero(is_checked, axis=1)
+    return squares, checked

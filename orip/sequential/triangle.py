@@ -256,6 +256,18 @@ class Triangle:
         found[held] = 0.0
         return found, np.asarray(is_open)
 
+    def inverse(self) -> FloatArray:
+        """Return R^-1 (n, n), with zero columns for unknowns that nothing determines: they are held."""
+        found = np.zeros((self.size, self.size))
+        for panel in reversed(list(self._panels(0))):
+            own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
+            pivotal = self._pivotal(own)
+            found[own, own] = dtrtrs(pivotal, np.eye(panel.last - panel.first))[0]
+            across = self._factor[own, beyond] @ found[beyond, panel.last :]
+            found[own, panel.last :] = -dtrtrs(pivotal, across)[0]
+        found[:, ~self.determined()] = 0.0
+        return found
+
     def _forward(self, right: FloatArray) -> FloatArray:
         """Return R^-T b (n, k) of b (n, k), which is overwritten."""
         touched = np.flatnonzero(right.any(axis=1))

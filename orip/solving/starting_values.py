@@ -12,8 +12,6 @@ from orip.arrays import BoolArray, FloatArray
 from orip.bundle.assemble import with_starting_values
 from orip.bundle.part_of_block import without_photos
 from orip.errors import NotSolvableError, ProjectWarning
-from orip.mistakes.misread_control import misread_control
-from orip.prelim.chain import preliminary_values
 from orip.prelim.ground.project_coordinates import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
@@ -128,8 +126,19 @@ def _left_out(photo: PhotoStart) -> ProjectWarning:
 
 def explained_preliminary_values(block: Block) -> PreliminaryValues:
     """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
+    # they take their time to import, and many adjustments start at known values
+    from orip.mistakes.misread_control import misread_control
+    from orip.prelim.chain import preliminary_values
+
     values = preliminary_values(block)
     return replace(values, findings=(*misread_control(values.reading), *values.findings))
+
+
+def soon_found_values(block: Block) -> PreliminaryValues:
+    """Run as much of the chain as takes little time."""
+    from orip.prelim.chain import preliminary_values_soon
+
+    return preliminary_values_soon(block)
 
 
 def cameras_as_found(cameras: Sequence[Camera], found: Sequence[CameraStart]) -> tuple[Camera, ...]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 from orip.bundle.methods import Method
 from orip.errors import InputError
 from orip.solving.solve import PLAIN, SolveWatcher
 from orip.workflow.adjust.gates import project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
-from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.observations.measure import MEASURED_FROM, MeasureOutcome, measure
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Committed, carry_out, commit
@@ -19,6 +19,9 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
+
+if TYPE_CHECKING:
+    from orip.workflow.drive.table import DriveTableOutcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +104,8 @@ def run(
 
 def _make_table(state: ProjectState, bundle: str, watcher: RunWatcher) -> None:
     """Make the drive table; models that cannot be driven do not make the adjustment fail."""
+    from orip.workflow.drive.table import DRIVEN_FROM, make_drive_table  # few bundles have models
+
     try:
         given = BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle)
         outcome = commit(make_drive_table(given)).outcome

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,12 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import Point, first_project, replace_in, without_points
 
 from orip.errors import UsageError
+from orip.workflow.online import session as session_module
 from orip.workflow.online.replies import Reply, reply_to
 from orip.workflow.online.requests import read_request
 from orip.workflow.online.session import OnlineSession
+from orip.workflow.online.stored_solution import solution_of_what_is_measured
+from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
 from orip.workflow.records.initialise import initialise
@@ -176,6 +180,72 @@ def test_a_calibration_that_nothing_determines_is_held_by_solve_with_prune(proje
     pruned = _reply(session, folder, do="solve", prune=True)
     assert "EBNER" in " ".join(pruned["held"])
     assert not _reply(session, folder, do="solve")["held"]
+
+
+SHOWN = ("photos", "points", "cameras", "statistics", "residuals", "suspects", "waiting")
+
+
+def _leaves(shown: object, at: str = "") -> Iterator[tuple[str, object]]:
+    """Yield all that is shown with where it stands, the items of lists by what names them."""
+    if isinstance(shown, dict):
+        for key, value in shown.items():
+            yield from _leaves(value, f"{at} {key}")
+    elif isinstance(shown, list) and shown and isinstance(shown[0], dict):
+        for one in shown:
+            yield from _leaves(one, f"{at} {one.get('photo')} {one.get('point')} {one.get('camera')}")
+    elif isinstance(shown, list):
+        for place, one in enumerate(shown):
+            yield from _leaves(one, f"{at} {place}")
+    else:
+        yield at, shown
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        None,
+        pytest.param("small_frame_block", marks=pytest.mark.long),
+        pytest.param("drone_rtk", marks=pytest.mark.long),
+    ],
+)
+def test_a_session_from_the_stored_solution_is_that_from_the_measurements_alone(
+    project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str | None
+) -> None:
+    folder, points = project
+    if name is None:
+        session = OnlineSession(folder, None)
+        for point in points:
+            _measure(session, folder, point)
+        _reply(session, folder, do="solve")
+    else:
+        folder = sample(tmp_path, name)
+        run_quietly(folder)
+    from_solution = OnlineSession(folder, None)
+    state = BundleState(from_solution._films.state, from_solution.bundle.name)
+    assert solution_of_what_is_measured(state) is not None
+    monkeypatch.setattr(session_module, "solution_of_what_is_measured", lambda _: None)
+    from_measurements = OnlineSession(folder, None)
+    for what in SHOWN:
+        found = dict(_leaves(_reply(from_solution, folder, do="show", what=what)))
+        expected = dict(_leaves(_reply(from_measurements, folder, do="show", what=what)))
+        assert found.keys() == expected.keys()
+        for at, value in expected.items():
+            # both adjustments end within 1e-4 of a standard deviation, which has two or three digits of what is shown
+            is_figure = isinstance(value, float)
+            assert found[at] == (pytest.approx(value, rel=1e-5, abs=1e-6) if is_figure else value), at
+
+
+def test_a_solution_of_other_measurements_is_not_what_a_session_starts_from(project) -> None:
+    folder, points = project
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    _reply(session, folder, do="solve")
+    photo, name, x, y = points[-1]
+    for moved, is_of_it in ((0.0, True), (0.01, False)):
+        _measure(session, folder, (photo, name, x + moved, y))
+        state = BundleState(OnlineSession(folder, None)._films.state, "MAIN")
+        assert (solution_of_what_is_measured(state) is not None) == is_of_it
 
 
 def test_what_is_answered_is_on_the_disk(project) -> None:

@@ -14,8 +14,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix
 from orip.adjustment.factorisation.band_panels import add_product
-from orip.adjustment.factorisation.cholesky import LOST_ALL
-from orip.adjustment.factorisation.null_space import undetermined_columns
+from orip.adjustment.factorisation.null_space import factor_of_determined
 from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
 
@@ -103,21 +102,16 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
     -------
     BandFactor
     """
-    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
-    if not (np.isfinite(matrix.band).all() and np.isfinite(matrix.border).all()):
-        removed[:], lost[:] = True, LOST_ALL
-    while True:
-        factor = _factor(matrix, removed, lost)
-        found = undetermined_columns(
-            matrix, factor, removed, max_lost_digits, partial(_factor, matrix, removed, np.zeros(len(matrix)))
-        )
-        if factor is not None and not len(found.columns):
-            return factor
-        removed[found.columns] = True
-        lost[found.columns] = found.lost_digits
+    return factor_of_determined(
+        partial(_factor, matrix),
+        matrix.times,
+        lambda: bool(np.isfinite(matrix.band).all() and np.isfinite(matrix.border).all()),
+        undetermined,
+        max_lost_digits,
+    )
 
 
-def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, shift: float = 0.0) -> BandFactor | None:
+def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, shift: float) -> BandFactor | None:
     """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
     arrangement, banded = matrix.arrangement, matrix.arrangement.banded
     left_out = removed[arrangement.columns]

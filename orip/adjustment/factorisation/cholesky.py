@@ -9,19 +9,16 @@ and its correction is zero.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import cho_solve, lapack, solve_triangular
+from scipy.linalg import lapack, solve_triangular
 
-from orip.adjustment.factorisation.null_space import SHIFT, RemovedUnknowns, soft_movements, unknowns_to_remove
-from orip.arrays import FloatArray, IntArray
+from orip.adjustment.factorisation.null_space import factor_of_determined
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 _BLOCK = 128
 """Rows and columns copied at once: a square of 128 kB."""
-
-LOST_ALL = 99.0
-"""Digits lost by an unknown that no observation touches."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +40,7 @@ class Factor:
     order: IntArray
     lower: FloatArray
     lost_digits: FloatArray
-    removed: NDArray[np.bool_]
+    removed: BoolArray
 
     def reduce(self, right: FloatArray) -> FloatArray:
         """Return c = L^-1 right for right-hand sides (m,) or (m, k).
@@ -82,7 +79,7 @@ def _mirror(lower: FloatArray) -> None:
         square[:] = np.tril(square) + np.tril(square, -1).T
 
 
-def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> Factor:
+def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArray) -> Factor:
     """Factorise a symmetric positive semidefinite matrix, removing the columns that are not determined.
 
     Parameters
@@ -98,44 +95,25 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: NDArray[
     -------
     Factor
     """
-    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
-    if not np.isfinite(matrix).all():
-        removed[:], lost[:] = True, LOST_ALL
-    while True:
-        columns = np.flatnonzero(~removed)
-        part = matrix if len(columns) == len(matrix) else matrix[np.ix_(columns, columns)]
-        lower = _lower(part)
-        found = _undetermined(part, lower, max_lost_digits)
-        if lower is not None and not len(found.columns):
-            lost[columns] = -2.0 * np.log10(np.diag(lower))
-            return Factor(columns, lower, lost, removed)
-        removed[columns[found.columns]] = True
-        lost[columns[found.columns]] = found.lost_digits
+    return factor_of_determined(
+        partial(_factor, matrix),
+        matrix.__matmul__,
+        lambda: bool(np.isfinite(matrix).all()),
+        undetermined,
+        max_lost_digits,
+    )
 
 
-def _lower(matrix: FloatArray, shift: float = 0.0) -> FloatArray | None:
-    """Return L of a matrix with its diagonal enlarged, None if it has none."""
-    if not len(matrix):
-        return matrix
-    shifted = matrix + shift * np.eye(len(matrix)) if shift else matrix
+def _factor(matrix: FloatArray, removed: BoolArray, lost: FloatArray, shift: float) -> Factor | None:
+    """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
+    columns = np.flatnonzero(~removed)
+    part = matrix if len(columns) == len(matrix) else matrix[np.ix_(columns, columns)]
+    if shift:
+        part = part + shift * np.eye(len(part))
     # symmetric, so that its transpose is the same, in LAPACK's order
-    lower, info = lapack.dpotrf(shifted.T, lower=1, clean=1)
-    return np.asarray(lower) if info == 0 else None
-
-
-def _undetermined(matrix: FloatArray, lower: FloatArray | None, max_lost_digits: float) -> RemovedUnknowns:
-    """Return the columns to remove of a matrix with its factor; without one, at least one column."""
-    least, shift = 10.0**-max_lost_digits, SHIFT
-    singular = lower is None
-    while lower is None:
-        lower = _lower(matrix, shift)
-        shift *= 10.0
-    solver = (lower, True)
-    every = np.arange(len(matrix))
-    while True:
-        found = soft_movements(
-            lambda x: matrix @ x, lambda x: np.asarray(cho_solve(solver, x)), every, len(matrix), least
-        )
-        if len(found.stiffness) or not singular:
-            return unknowns_to_remove(found)
-        least *= 10.0
+    lower, info = lapack.dpotrf(part.T, lower=1, clean=1) if len(columns) else (part, 0)
+    if info != 0:
+        return None
+    digits = lost.copy()
+    digits[columns] = -2.0 * np.log10(np.diag(lower))
+    return Factor(columns, np.asarray(lower), digits, removed.copy())

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from orip.adjustment.factorisation.cholesky import LOST_ALL
+from orip.adjustment.factorisation.null_space import LOST_ALL
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 

@@ -8,11 +8,15 @@ itself: errors of its factorisation do not count. For each movement below the li
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from functools import partial
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+
+LOST_ALL = 99.0
+"""Digits lost by an unknown that no observation touches."""
 
 SHIFT = 1e-13
 """Added to the diagonal of a matrix that has no factor; far below any limit, and above the rounding of its elements."""
@@ -118,53 +122,74 @@ def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
     return RemovedUnknowns(columns, -np.log10(np.maximum(stiffness, _ROUNDING)))
 
 
-class _Matrix(Protocol):
-    """A symmetric matrix (m, m)."""
-
-    def __len__(self) -> int: ...
-
-    def times(self, vectors: FloatArray, /) -> FloatArray: ...
-
-
 class _Factor(Protocol):
-    """Its factor, zero for the columns that are removed."""
+    """The factor of a symmetric matrix; what it returns is zero for the columns that are removed."""
 
     def reduce(self, vectors: FloatArray, /) -> FloatArray: ...
 
     def back_substitute(self, vectors: FloatArray, /) -> FloatArray: ...
 
 
-def undetermined_columns(
-    matrix: _Matrix,
-    factor: _Factor | None,
-    removed: BoolArray,
+F = TypeVar("F", bound=_Factor)
+
+
+def factor_of_determined(
+    factored: Callable[[BoolArray, FloatArray, float], F | None],
+    product: Callable[[FloatArray], FloatArray],
+    is_finite: Callable[[], bool],
+    undetermined: BoolArray,
     max_lost_digits: float,
-    shifted: Callable[[float], _Factor | None],
-) -> RemovedUnknowns:
-    """Return the further columns to remove of a matrix; where it has no factor, at least one.
+) -> F:
+    """Return the factor of a symmetric positive semidefinite matrix N without the columns that are not determined.
 
     Parameters
     ----------
-    matrix : matrix (m, m)
-    factor : factor, or None
-    removed : array (m,) of bool
-        Columns that are removed already.
+    factored : callable
+        Returns the factor without the columns (m,) that are removed, which have lost so many digits (m,), and with the
+        diagonal enlarged by a number; None if there is none.
+    product : callable
+        Returns N x for x (m, k).
+    is_finite : callable
+        Returns whether all elements of N are finite; if not, all columns are removed.
+    undetermined : array (m,) of bool
+        Columns known to have no observation at all; they are removed at once.
     max_lost_digits : float
-    shifted : callable
-        Returns the factor of the matrix with its diagonal enlarged by a number; None if it has none.
+        A movement whose stiffness has lost more is not determined; a column is removed for it.
     """
-    least, shift = 10.0**-max_lost_digits, SHIFT
+    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
+    factor = factored(removed, lost, 0.0)
+    if factor is None and not is_finite():
+        removed[:], lost[:] = True, LOST_ALL
+        factor = factored(removed, lost, 0.0)
+    while True:
+        found = _undetermined(factor, partial(factored, removed, lost), product, ~removed, 10.0**-max_lost_digits)
+        if factor is not None and not len(found.columns):
+            return factor
+        removed[found.columns] = True
+        lost[found.columns] = found.lost_digits
+        factor = factored(removed, lost, 0.0)
+
+
+def _undetermined(
+    factor: F | None,
+    shifted: Callable[[float], F | None],
+    product: Callable[[FloatArray], FloatArray],
+    taking_part: BoolArray,
+    least: float,
+) -> RemovedUnknowns:
+    """Return the further columns to remove; where there is no factor, at least one."""
+    shift = SHIFT
     singular = factor is None
     while factor is None:
         factor = shifted(shift)
         shift *= 10.0
-    solver, taking_part = factor, ~removed
+    solver = factor
     while True:
         found = soft_movements(
-            lambda x: taking_part[:, None] * matrix.times(x),
+            lambda x: taking_part[:, None] * product(x),
             lambda x: solver.back_substitute(solver.reduce(x)),
             np.flatnonzero(taking_part),
-            len(matrix),
+            len(taking_part),
             least,
         )
         if len(found.stiffness) or not singular:

@@ -205,7 +205,8 @@ class PhotoPointLoop:
 
     def _compute(self, loop: Callable[..., None], *arguments: object) -> None:
         """Let a loop go through the block, with as many threads as that pays for."""
-        threads = max(1, min(available_threads(), len(self.block) // _RAYS_OF_A_THREAD))
+        most = len(self.block) // _RAYS_OF_A_THREAD
+        threads = min(available_threads(), most) if most > 1 else 1
         call = partial(loop, self.layout, compiled.turns(float(threads)), *arguments)
         at_once([call] * threads)
 

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from orip.arrays import FloatArray, IntArray
 
@@ -52,6 +51,8 @@ def groups_of_sets(of_point: IntArray, sets: Sequence[frozenset[int]], coordinat
     if not len(sets):
         return np.empty(0, dtype=np.int64)
     _, first, points = np.unique(of_point, return_index=True, return_counts=True)
+    from scipy.spatial import KDTree  # takes its time to import
+
     # halves of halves of its order are neighbours
     order = KDTree(np.nan_to_num(coordinates[first]), leafsize=1).indices.tolist()
     groups = _joined([_Group(sets[number], int(points[number]) * len(sets[number]), (number,)) for number in order])

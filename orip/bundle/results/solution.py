@@ -38,9 +38,9 @@ from orip.records.results.solution import (
     Residuals,
     SingularUnknown,
     Solution,
-    Status,
     ZeroDirection,
 )
+from orip.records.results.status import Status
 from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05

@@ -62,10 +62,12 @@ class MethodOptions(NamedTuple):
             If settings of data snooping are given without it.
         """
         from orip.bundle.methods import Method
-        from orip.bundle.snooping.search import SnoopingSettings
 
         if not self.snoop and (self.sigma0 is not None or self.alpha is not None):
             message = "--sigma0 and --alpha need --snoop; add --snoop, or leave them out"
             raise UsageError(message)
-        snooping = SnoopingSettings(self.sigma0 or "apriori", self.alpha) if self.snoop else None
-        return Method(snooping, self.prune, self.variance_components)
+        if not self.snoop:
+            return Method(None, self.prune, self.variance_components)
+        from orip.bundle.snooping.search import SnoopingSettings
+
+        return Method(SnoopingSettings(self.sigma0 or "apriori", self.alpha), self.prune, self.variance_components)

@@ -6,7 +6,7 @@ import json
 import queue
 import sys
 import threading
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -59,7 +59,6 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.drive.listening import listening_address
 
         address = None if listen is None else listening_address(listen, ", which is where programs can measure")
-        from orip.cli.online.serving import page_of, serve_programs
         from orip.workflow.online.replies import shown
         from orip.workflow.online.served import ServedSession
         from orip.workflow.online.session import OnlineSession
@@ -68,12 +67,21 @@ def register(app: typer.Typer) -> None:
             session = OnlineSession(invocation.folder, bundle)
             invocation.terminal.warn(session.warnings)
             served = ServedSession(session, invocation.folder)
-            with page_of(invocation, served) if page else nullcontext():
+            with _shown(invocation, served) if page else nullcontext():
                 if address is not None:
+                    from orip.cli.online.serving import serve_programs
+
                     serve_programs(invocation, served, address)
                     return
                 _put(invocation, shown(session, "summary"))
                 _serve(invocation, served)
+
+
+def _shown(invocation: Invocation, session: ServedSession) -> AbstractContextManager[None]:
+    # asyncio and a web server take their time to import
+    from orip.cli.online.serving import page_of
+
+    return page_of(invocation, session)
 
 
 def _serve(invocation: Invocation, session: ServedSession) -> None:

@@ -12,6 +12,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
+from orip.mistakes.left_out_photo import may_fit_without
 from orip.mistakes.photo_readings import FittingReading, fitting_reading, mirror_readings
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
@@ -23,7 +24,9 @@ _DETERMINED = 0.02
 """Standard deviation of a point, as a part of the extent of all, up to which it counts as known."""
 
 
-def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hypothesis]:
+def misread_photos(
+    readjuster: Readjuster, photos: Sequence[str], solved: SolvedBlock | None = None
+) -> Iterator[Hypothesis]:
     """Yield the reading in which a photo fits the others; without one, blocks without a photo.
 
     Parameters
@@ -31,12 +34,16 @@ def misread_photos(readjuster: Readjuster, photos: Sequence[str]) -> Iterator[Hy
     readjuster : Readjuster
     photos : sequence of str
         Those that may be wrong, the likeliest first.
+    solved : SolvedBlock or None
+        The adjustment with all of them, if there is one.
     """
     block = readjuster.block
     rows = {photo.name: row for row, photo in enumerate(block.photos)}
     left_out: list[Hypothesis] = []
     alone: list[str] = []
     for name in photos:
+        if solved is not None and not may_fit_without(solved, name):
+            continue
         without = without_photo(block, rows[name])
         rest = readjuster.adjust_roughly(without) if len(without.photo_points.photo) else None
         if rest is None:

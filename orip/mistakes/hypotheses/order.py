@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from orip.bundle.solve import SolvedBlock
 from orip.mistakes.doubted_observations import (
     down_weighted_share,
     is_in_the_picture,
@@ -47,13 +48,15 @@ _LEFT_OUT = 8
 
 
 def hypotheses_of_misfit(
-    solution: Solution, given: Fit, started: Block, readjuster: Readjuster
+    solution: Solution, solved: SolvedBlock, given: Fit, started: Block, readjuster: Readjuster
 ) -> Iterator[Hypothesis]:
     """Yield what may be the reason that a block does not fit.
 
     Parameters
     ----------
     solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
     given : Fit
         How its observations fit.
     started : Block
@@ -77,7 +80,7 @@ def hypotheses_of_misfit(
             yield from control_units(block)
         yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
         yield from _of_cameras(oriented)
-        yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT])
+        yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT], solved)
         yield from control_of_free_network(readjuster)
     if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
         yield from mirrored_control(block)

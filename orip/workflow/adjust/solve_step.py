@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from orip.files.stores.contents.solutions import SolutionHead
+from orip.files.stores.contents.solution_tables import SolutionHead
 from orip.records.names import record_key
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.outputs import stale_solution_outputs
 from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
-from orip.workflow.project.texts import control_input_digests
+from orip.workflow.project.texts import Digests, control_input_digests
 
 
 def solve_step(bundle: BundleState) -> Step:
@@ -27,13 +27,18 @@ def solve_step(bundle: BundleState) -> Step:
         return Step(command, "missing", f"bundle {bundle.name} has not been adjusted")
     if not bundle.is_measured or record_key(bundle.name) not in bundle.records.bundles:
         return Step(command, "out of date", "its definition or photo observations no longer exist")
-    now = (*control_input_digests(project, bundle.name), *bundle.digests, project.heading_digest)
-    if changed := changed_inputs(head.inputs, now):
+    if changed := changed_inputs(head.inputs, inputs_now(bundle)):
         return Step(command, "out of date", f"changed since: {', '.join(changed)}")
     if stale := stale_solution_outputs(project, bundle.name, head.run):
         names = ", ".join(project.shown(path) for path in stale)
         return Step(command, "out of date", f"missing or older than the last adjustment: {names}; {WRITTEN_BY}")
     return _of_head(command, head)
+
+
+def inputs_now(bundle: BundleState) -> Digests:
+    """Return name and digest of all that an adjustment of the bundle would be computed from now."""
+    project = bundle.project
+    return (*control_input_digests(project, bundle.name), *bundle.digests, project.heading_digest)
 
 
 def _of_head(command: str, head: SolutionHead) -> Step:

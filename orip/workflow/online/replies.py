@@ -5,18 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from orip.bundle.methods import Method
 from orip.errors import OripError, UsageError
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.summary import summary
-from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
-from orip.workflow.observations.measure import MEASURED_FROM, measure
 from orip.workflow.online.requests import Request, Shown, read_request
 from orip.workflow.online.session import OnlineSession
 from orip.workflow.online.showing import cameras_of, photos_of, points_of, residuals_of, statistics_of
-from orip.workflow.project.bundle_state import read_bundle
-from orip.workflow.project.commit import commit
-from orip.workflow.project.state import read_project
 
 Reply = dict[str, Any]
 
@@ -54,13 +48,22 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
             session.measuring.relinearise()
             return {"summary": summary(session.measuring)}
         case "solve":
-            return _solved(session, folder, Method(prune=request.prune))
+            return _solved(session, folder, prune=request.prune)
         case _:
             return shown(session, request.what)
 
 
-def _solved(session: OnlineSession, folder: Path, method: Method) -> Reply:
+def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
     """Do what `orip measure` and `orip solve` do."""
+    # they take their time to import, and a session has to answer soon
+    from orip.bundle.methods import Method
+    from orip.workflow.adjust.solve import ADJUSTED_FROM, solve
+    from orip.workflow.observations.measure import MEASURED_FROM, measure
+    from orip.workflow.project.bundle_state import read_bundle
+    from orip.workflow.project.commit import commit
+    from orip.workflow.project.state import read_project
+
+    method = Method(prune=prune)
     commit(measure(read_project(folder, *MEASURED_FROM)))
     outcome = commit(solve(read_bundle(folder, session.bundle.name, *ADJUSTED_FROM), method=method)).outcome
     solution = outcome.solution

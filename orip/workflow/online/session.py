@@ -7,7 +7,7 @@ started again after a crash is where it was. Lines that others append to measure
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -18,12 +18,14 @@ from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
 from orip.interior.log_coordinates import stored_to_log
 from orip.online.answers import Answer
+from orip.online.first_values import THOROUGH
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
+from orip.workflow.online.stored_solution import solution_of_what_is_measured
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.leftovers import remove_leftovers_of_kills
 from orip.workflow.project.texts import EDITS_FILE
@@ -61,7 +63,7 @@ class OnlineSession:
 
     def __init__(self, folder: Path, bundle: str | None) -> None:
         self._folder = folder
-        self._films = mounted_films(folder, LOG)
+        self._films = mounted_films(folder, LOG, "heads")
         self.warnings = self._films.warnings
         self.bundle = self._films.bundle(bundle)
         if self.bundle.repeated_points == "both":
@@ -177,7 +179,7 @@ class OnlineSession:
         if now == self._seen:
             return
         self._seen = now
-        films = mounted_films(self._folder, LOG)
+        films = mounted_films(self._folder, LOG, "heads")
         if films.state.records != self._films.state.records:
             self._films = films
             self.measuring = self._begun()
@@ -206,7 +208,8 @@ class OnlineSession:
 
     def _begun(self) -> Measuring:
         state = BundleState(self._films.state, self.bundle.name)
-        return Measuring(OnlineBlock(block_input_so_far(state)))
+        first = replace(THOROUGH, solution=solution_of_what_is_measured(state))
+        return Measuring(OnlineBlock(block_input_so_far(state)), first)
 
     def _files_now(self) -> tuple[tuple[str, int, int], ...]:
         """Return name, time and size of the measurement files."""

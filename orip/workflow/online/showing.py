@@ -10,7 +10,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.measuring import Measuring
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.sequential.standing import Standing
+from orip.sequential.standing import falls
 
 Shown = dict[str, Any]
 
@@ -77,21 +77,21 @@ def residuals_of(measuring: Measuring) -> list[Shown]:
     """
     equations = measuring.block.equations
     keys = [key for key in equations.included if key.kind == "photo"]
+    standings = equations.standings(keys)
+    squares, checked = falls(standings)
+    limits = {count: measuring.limit(max(count, 1)) for count in np.unique(checked).tolist()}
     found = [
-        {"photo": key.photo, "point": key.point, **_shown(measuring, standing)}
-        for key, standing in zip(keys, equations.standings(keys), strict=True)
+        {
+            "photo": key.photo,
+            "point": key.point,
+            "v": standing.residual.tolist(),
+            "redundancy": standing.redundancy.tolist(),
+            "w": w,
+            "limit": limits[count],
+        }
+        for key, standing, w, count in zip(keys, standings, np.sqrt(squares).tolist(), checked.tolist(), strict=True)
     ]
     return sorted(found, key=lambda one: -one["w"] / one["limit"])
-
-
-def _shown(measuring: Measuring, standing: Standing) -> Shown:
-    square, checked = standing.square()
-    return {
-        "v": standing.residual.tolist(),
-        "redundancy": standing.redundancy.tolist(),
-        "w": float(np.sqrt(square)),
-        "limit": measuring.limit(max(checked, 1)),
-    }
 
 
 def statistics_of(measuring: Measuring) -> Shown:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.factorisation.cholesky import LOST_ALL, factorise
+from orip.adjustment.factorisation.cholesky import factorise
+from orip.adjustment.factorisation.null_space import LOST_ALL
 
 MAX_LOST = 12.0
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.factorisation.cholesky import LOST_ALL
 from orip.adjustment.factorisation.elimination import factorise_blocks
+from orip.adjustment.factorisation.null_space import LOST_ALL
 
 MAX_LOST = 12.0
 

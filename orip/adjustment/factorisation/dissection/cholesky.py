@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from orip.adjustment.factorisation.cholesky import LOST_ALL
 from orip.adjustment.factorisation.dissection.fronts import (
     Shape,
     eliminate_front,
@@ -23,7 +22,7 @@ from orip.adjustment.factorisation.dissection.fronts import (
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
 from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
-from orip.adjustment.factorisation.null_space import undetermined_columns
+from orip.adjustment.factorisation.null_space import factor_of_determined
 from orip.arrays import BoolArray, FloatArray
 
 
@@ -99,25 +98,10 @@ def factorise_dissected(matrix: DissectedMatrix, max_lost_digits: float, undeter
     -------
     DissectedFactor
     """
-    removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
-    factor = _factor(matrix, removed, lost)
-    if factor is None and not matrix.is_finite():
-        removed[:], lost[:] = True, LOST_ALL
-        factor = _factor(matrix, removed, lost)
-    while True:
-        found = undetermined_columns(
-            matrix, factor, removed, max_lost_digits, partial(_factor, matrix, removed, np.zeros(len(matrix)))
-        )
-        if factor is not None and not len(found.columns):
-            return factor
-        removed[found.columns] = True
-        lost[found.columns] = found.lost_digits
-        factor = _factor(matrix, removed, lost)
+    return factor_of_determined(partial(_factor, matrix), matrix.times, matrix.is_finite, undetermined, max_lost_digits)
 
 
-def _factor(
-    matrix: DissectedMatrix, removed: BoolArray, lost: FloatArray, shift: float = 0.0
-) -> DissectedFactor | None:
+def _factor(matrix: DissectedMatrix, removed: BoolArray, lost: FloatArray, shift: float) -> DissectedFactor | None:
     """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
     tree, passes, shapes = matrix.tree, matrix.passes, matrix.shapes()
     parts = passes.upward(eliminate_front, matrix.parts, shapes, matrix.front_scales(~removed, shift))
