@@ -1,19 +1,24 @@
 """How quickly an archive is adjusted, beside one process alone, and how much memory that takes.
 
+    OPENBLAS_NUM_THREADS=1 python benchmarks/archive.py 1000
     OPENBLAS_NUM_THREADS=1 python benchmarks/archive.py 5000
     OPENBLAS_NUM_THREADS=1 python benchmarks/archive.py 5000 --tcp --kill-every 60
 
 The archive is simulated, without mistakes; Linux only. Required: no failure, at least 85 % of cores times the speed of
-one process that adjusts projects one after the other, and memory that does not grow. With ``--tcp`` scheduler and
-workers are started separately, and every so many seconds one of the workers is killed and another one started. What
-other work on the machine spoils is the time on the clock; CPU seconds say what the distribution costs.
+one process that adjusts projects one after the other, and memory that does not grow. That process is measured before
+and after the archive, and so are as many of them at once as there are cores: what these share bounds any program. With
+``--tcp`` scheduler and workers are started separately, and every so many seconds one of the workers is killed and
+another one started. What other work on the machine spoils is the time on the clock; CPU seconds say what the
+distribution costs.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -23,6 +28,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
@@ -30,7 +36,7 @@ from orip.workflow.archive.simulate import simulate_archive
 from orip.workflow.archive.task import ProjectTask, TaskSettings, carry_out
 from orip.workflow.cluster.connection import cores
 
-ALONE = 20
+ALONE = 50
 """Projects by which the speed of one process is measured."""
 REQUIRED = 0.85
 _TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
@@ -90,18 +96,41 @@ def _is_copy(parent: int) -> bool:
         return False
 
 
-def speed_alone(top: Path) -> tuple[float, float]:
-    """Return the projects a second, and a CPU second, of one process that has loaded everything."""
+def speeds_alone(top: Path, processes: int) -> list[float]:
+    """Return the projects a second of each of some processes at once, which load everything before they begin."""
+    started = [
+        subprocess.Popen(
+            [sys.executable, __file__, "--alone", str(top / f"alone{number}")],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        )
+        for number in range(processes)
+    ]  # fmt: skip
+    for process in started:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "loaded\n"
+    for process in started:
+        assert process.stdin is not None
+        process.stdin.write("begin\n")
+        process.stdin.flush()
+    return [float(process.communicate()[0]) for process in started]
+
+
+def run_alone(top: Path) -> None:
+    """Adjust projects one after the other when stdin says so, and print how many a second."""
+    gc.set_threshold(100_000, 20, 20)  # as the command `orip` does
     tasks = []
     for number in range(ALONE + 1):
-        folder = top / "alone" / str(number)
+        folder = top / str(number)
         write_new_folder(folder, simulated_project(number, 1, 0.0).texts | own_cameras(number))
-        tasks.append(ProjectTask(str(number), str(folder), str(top / "alone_results"), TaskSettings(report=False)))
+        tasks.append(ProjectTask(str(number), str(folder), str(top / "results"), TaskSettings(report=False)))
     carry_out(tasks[0])
-    began, used = time.monotonic(), time.process_time()
+    print("loaded", flush=True)
+    sys.stdin.readline()
+    began = time.monotonic()
     for task in tasks[1:]:
         assert carry_out(task).state == "adjusted"
-    return ALONE / (time.monotonic() - began), ALONE / (time.process_time() - used)
+    print(ALONE / (time.monotonic() - began))
+    shutil.rmtree(top)
 
 
 def own_cameras(number: int) -> dict[str, str]:
@@ -134,28 +163,28 @@ def _started(words: list[str], environment: dict[str, str], stack: ExitStack) ->
     stack.callback(process.kill)
 
 
-def main() -> None:
-    """Measure, and say whether what is required is reached."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("projects", type=int)
-    parser.add_argument("--workers", type=int, default=cores())
-    parser.add_argument("--tcp", action="store_true")
-    parser.add_argument("--kill-every", type=float, default=0.0)
-    given = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="orip-archive-") as name, ExitStack() as stack:
-        top = Path(name)
-        simulate_archive(top / "surveys", given.projects, 1, 0.0)
-        clock, cpu = speed_alone(top)
-        print(f"one process alone: {clock:.2f} projects a second, {1 / cpu:.3f} CPU seconds each", flush=True)
-        environment = {**os.environ, "ORIP_BENCHMARK": name}
-        words = ["orip", "archive", "run", str(top / "surveys"), "--no-report", "--json", "--out", str(top / "results")]
-        address = ""
+@dataclass(frozen=True)
+class Run:
+    """A run of the archive: its document, seconds of the whole command, how many workers were killed, what was seen."""
+
+    document: dict[str, Any]
+    whole: float
+    kills: int
+    watched: Watched
+
+
+def run_archive(top: Path, given: argparse.Namespace) -> Run:
+    """Run `orip archive run` on the projects of a folder, and kill workers meanwhile."""
+    environment = {**os.environ, "ORIP_BENCHMARK": str(top)}
+    words = ["orip", "archive", "run", str(top / "surveys"), "--no-report", "--json", "--out", str(top / "results")]
+    address = ""
+    with ExitStack() as stack:
         if given.tcp:
-            address = stack.enter_context(separate_cluster(environment, given.workers, stack))
+            address = stack.enter_context(separate_cluster(environment, given.workers or cores(), stack))
             words += ["--dask", address]
-        else:
+        elif given.workers:
             words += ["--workers", str(given.workers)]
-        watched = Watched(name)
+        watched = Watched(str(top))
         client = subprocess.Popen(
             [sys.executable, "-m", *words],
             env=environment,
@@ -172,17 +201,54 @@ def main() -> None:
                 start_worker(address, environment, stack)
             time.sleep(1.0)
         assert client.stdout is not None
-        document = json.loads(client.stdout.read())
+        return Run(json.loads(client.stdout.read()), time.monotonic() - watched.began, kills, watched)
+
+
+def main() -> None:
+    """Measure, and say whether what is required is reached."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("projects", type=int, nargs="?")
+    parser.add_argument("--workers", type=int, help="default: as `orip archive run`; with --tcp the cores")
+    parser.add_argument("--tcp", action="store_true")
+    parser.add_argument("--kill-every", type=float, default=0.0)
+    parser.add_argument("--alone", type=Path, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.alone:
+        run_alone(given.alone)
+        return
+    with tempfile.TemporaryDirectory(prefix="orip-archive-") as name:
+        top = Path(name)
+        simulate_archive(top / "surveys", given.projects, 1, 0.0)
+        before = _speeds(top)
+        run = run_archive(top, given)
+        after = _speeds(top)
+    alone, at_once = ((one + other) / 2.0 for one, other in zip(before, after, strict=True))
+    document, watched = run.document, run.watched
     rate = document["projects"] / document["seconds"]
-    print(f"archive: {document['states']} of {document['projects']} in {document['seconds']} s; {kills} workers killed")
     print(
-        f"throughput {rate:.2f} a second, {rate / (clock * given.workers):.0%} of {given.workers} x one process alone"
+        f"archive: {document['states']} of {document['projects']} in {document['seconds']} s, {run.whole:.0f} s with "
+        f"the start of the cluster and the tables; {run.kills} workers killed"
+    )
+    print(
+        f"throughput {rate:.2f} a second, {rate / (alone * cores()):.0%} of {cores()} x one process alone, "
+        f"{rate / at_once:.0%} of {cores()} processes at once"
     )
     print(f"CPU seconds of all processes {sum(watched.cpu.values()) / document['projects']:.3f} each")
     early, late = watched.mean_memory(0.25, 0.5), watched.mean_memory(0.75, 1.0)
     print(f"memory {early:.0f} MB in the second quarter, {late:.0f} MB in the last")
     failures = document["projects"] - document["states"].get("adjusted", 0)
-    sys.exit(1 if failures or rate < REQUIRED * clock * given.workers else 0)
+    sys.exit(1 if failures or rate < REQUIRED * alone * cores() else 0)
+
+
+def _speeds(top: Path) -> tuple[float, float]:
+    """Return the projects a second of one process alone, and of as many as there are cores at once, all together."""
+    alone, at_once = sum(speeds_alone(top, 1)), sum(speeds_alone(top, cores()))
+    print(
+        f"one process alone: {alone:.2f} projects a second; {cores()} at once: {at_once:.2f}, "
+        f"{at_once / (alone * cores()):.0%} of {cores()} x one",
+        flush=True,
+    )
+    return alone, at_once
 
 
 if __name__ == "__main__":

@@ -3,10 +3,11 @@
     python whole_solve.py 500
     python whole_solve.py 2000 --keep /var/tmp/block
     python whole_solve.py 20000 --most-memory 16      photos with 250 points each, 5 million in all: takes an hour
+    python whole_solve.py 20000 --points 100 --workers 4 --worker-memory 2000        `solve --dask local`
 
 The aerial block as orip.toml, .MEA and .PNT: photo coordinates in millimetres, weighted control, no values for points.
 Prints one line of JSON: seconds (CPU and on the clock) and peak memory of each command, one thread each; and how many
-MB of files they leave.
+MB of files they leave. With workers, CPU seconds are those of all processes, and the peak is that of the largest one.
 """
 
 from __future__ import annotations
@@ -77,11 +78,11 @@ def _measured(block: Block) -> Iterator[str]:
             yield f"{block.point_names[point]} {x:.5f} {y:.5f}"
 
 
-def command_figures(folder: Path, command: str) -> dict[str, float]:
+def command_figures(folder: Path, command: str, options: list[str]) -> dict[str, float]:
     """Return CPU seconds, seconds on the clock and peak memory (MB) of a command in a project."""
     start = time.perf_counter()
     with (folder / f"{command}.log").open("wb") as log:
-        words = [sys.executable, "-m", "orip", "-C", str(folder), command]
+        words = [sys.executable, "-m", "orip", "-C", str(folder), command, *options]
         output = [(os.POSIX_SPAWN_DUP2, log.fileno(), place) for place in (1, 2)]
         child = os.posix_spawn(sys.executable, words, _environment(), file_actions=output)
         _, status, used = os.wait4(child, 0)
@@ -111,24 +112,28 @@ def main() -> None:
     parser.add_argument("photos", type=int)
     parser.add_argument("--keep", type=Path, help="a folder for the project, which stays")
     parser.add_argument("--write", type=Path, help="write the project to a folder, and nothing else")
+    parser.add_argument("--points", type=int, help="points in a photo")
+    parser.add_argument("--workers", type=int, help="of Dask, which adjust the block")
+    parser.add_argument("--worker-memory", type=int, default=2000, help="MB of each worker")
     parser.add_argument("--most-memory", type=float, help="GB that a command may use")
     given = parser.parse_args()
     if given.most_memory:
         limit = round(given.most_memory * 2**30)
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    points = given.points or (_POINTS_OF_LARGE if given.photos > _LARGE else POINTS_A_PHOTO)
+    divided = ["--dask", "local", "--workers", str(given.workers), "--worker-memory", str(given.worker_memory)]
     if given.write:
         given.write.mkdir(parents=True, exist_ok=True)
-        points = _POINTS_OF_LARGE if given.photos > _LARGE else POINTS_A_PHOTO
         write_project(aerial_block(given.photos, points), given.write)
         return
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.keep or Path(temporary)
         # a process starts with the peak memory of the one that started it: the block is not made in this one
-        writing = [sys.executable, __file__, str(given.photos), "--write", str(folder)]
+        writing = [sys.executable, __file__, str(given.photos), "--points", str(points), "--write", str(folder)]
         subprocess.run(writing, check=True, env={**os.environ, **_ONE_THREAD})
         found = {}
         for command in COMMANDS:
-            found |= command_figures(folder, command)
+            found |= command_figures(folder, command, divided if given.workers and command == "solve" else [])
         found["outputs"] = size_of_outputs(folder)
     print(json.dumps(found))
 

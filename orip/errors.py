@@ -192,6 +192,12 @@ def _first_of_each_file(complaints: Sequence[Complaint]) -> Iterator[Complaint]:
             yield Complaint(f"and {more} more error{'s' if more > 1 else ''}; correct those above first", path)
 
 
+class OrientationError(OripError):
+    """The marks do not give an orientation; the text says why and what to do."""
+
+    exit_code = 3
+
+
 class NotSolvableError(OripError):
     """The adjustment has no solution, or did not converge."""
 

@@ -19,6 +19,7 @@ from orip.files.result.json_text import result_text
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results import solution as records
 from orip.records.results.gate import GATE_FIGURES
+from orip.records.results.status import Status
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,7 +83,7 @@ class Solution:
         self.bundle = record.bundle
         self.ground_unit = record.ground_unit
         self.run = record.run
-        self.status: records.Status = record.status
+        self.status: Status = record.status
         self.sigma0 = record.sigma0
         self.sigma0_all = record.sigma0_all
         self.redundancy = record.redundancy

@@ -60,8 +60,7 @@ def adjust_block(
     stop_asked : callable
         Asked after each iteration; True ends the adjustment with the current state.
     pose : callable
-        Returns the problem of a block, as a whole or divided; a search for blunders and variance components, which ask
-        for the rows of single observations, have it as a whole.
+        Returns the problem of a block, as a whole or divided.
 
     Returns
     -------
@@ -90,7 +89,7 @@ def adjust_block(
         from orip.bundle.snooping.findings import snooping_diagnosis
         from orip.bundle.snooping.search import snoop
 
-        snooped = snoop(block, method.snooping, numbered, stop_asked)
+        snooped = snoop(block, method.snooping, numbered, stop_asked, pose)
         solved, blunders = snooped.solved, snooped.blunders
         advice += snooping_diagnosis(solved, snooped.findings)
     if method.prune and not stop_asked():
@@ -109,7 +108,7 @@ def adjust_block(
         settings = iteration_settings(block.definition)
         if method.snooping is not None:
             settings = replace(settings, start_down_weight=None)
-        solved, components = estimate_errors(solved, settings, numbered, stop_asked)
+        solved, components = estimate_errors(solved, settings, numbered, stop_asked, pose)
     solution = solution_of(solved)
     groups = _grouped(solved, solution, blunders)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from orip.interior.orientation import OrientationError
+from orip.errors import OrientationError
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from orip.errors import OrientationError
 from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.fiducial_system import fiducials_from_plate
-from orip.interior.orientation import OrientationError
 from orip.records.names import record_key
 from orip.records.observations.measurement import FiducialsRecord, TicksRecord
 from orip.records.project.camera import Camera, Mark

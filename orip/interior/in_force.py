@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orip.errors import Complaint, ProjectWarning
+from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.interior.orientation import OrientationError, orient_photo, orient_template, transformation_without_marks
+from orip.interior.orientation import orient_photo, orient_template, transformation_without_marks
 from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured

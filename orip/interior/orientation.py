@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.errors import OripError
+from orip.errors import OrientationError
 from orip.geometry.plane import (
     IDENTITY,
     MARKS_NEEDED,
@@ -35,12 +35,6 @@ class OrientedMarks(NamedTuple):
 
     transformation: PlaneTransformation
     adjustment: MarkAdjustment
-
-
-class OrientationError(OripError):
-    """The marks do not give an orientation; the text says why and what to do."""
-
-    exit_code = 3
 
 
 def orient_template(orientation: TemplateOrientation, ticks: Iterable[Mark]) -> OrientedMarks:

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from orip.errors import Complaint, ProjectWarning
+from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
 from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
 from orip.interior.findings import Findings
 from orip.interior.measured_points import MeasuredPoints, PointsOfPhoto, points_of_record
 from orip.interior.mounting import STORED, FilmMountings, Mounting
-from orip.interior.orientation import OrientationError
 from orip.interior.pixels import pixel_size, scan_transformation
 from orip.interior.stored_coordinates import StoredCoordinates
 from orip.records.names import record_key

@@ -30,6 +30,9 @@ _DOUBTFUL = 20.0
 _LOOKING_UP = -0.5
 """Mean cosine of the angle between the photos' z axes and the vertical below which photos are said to look up."""
 
+_AS_WELL = 3.0
+"""Multiple of the largest residual of control in an absolute orientation up to which it fits another one as well."""
+
 _NAMED = 6
 """Number of photos of a part of a block that are named one by one."""
 
@@ -176,8 +179,38 @@ def _grown_further(measured: MeasuredBlock, outcome: Outcome, others: list[Growi
     """Add the other parts that have control of their own, and the photos that can be oriented by control."""
     for other in others:
         outcome = _with_other(measured, outcome, other)
+    return _with_all_its_control(measured, _grown(measured, outcome))
+
+
+def _grown(measured: MeasuredBlock, outcome: Outcome) -> Outcome:
     grower = measured.grower(measured.fitting_control(outcome.absolute))
     return replace(outcome, grown=grower.grow(outcome.grown))
+
+
+def _with_all_its_control(measured: MeasuredBlock, outcome: Outcome) -> Outcome:
+    """Return the outcome on the ground by the control of all its photos, where more of that fits than before.
+
+    Before the block had grown, a control point may have been in photos that were in the wrong place.
+    """
+    if outcome.absolute is None:
+        return outcome
+    by_rays = measured.grower().intersected(outcome.grown)
+    seen = {name for name in measured.control.names if name in measured.row_of and by_rays.known[measured.row_of[name]]}
+    if seen <= set(outcome.absolute.points):
+        return outcome
+    again = _absolute(measured, outcome.route, by_rays)
+    if again.absolute is None:
+        return outcome
+    step = again.absolute
+    rows = [measured.row_of[name] for name in step.points if name in seen]
+    control = step.coordinates[[name in seen for name in step.points]]
+    off = np.nan_to_num(np.abs(by_rays.coordinates[rows] - control)).max(axis=1)
+    fitting = min(_fitting_points(outcome.absolute), int(np.count_nonzero(off <= _AS_WELL * step.max_residual)))
+    return _grown(measured, again) if _fitting_points(step) > fitting else outcome
+
+
+def _fitting_points(step: SimilarityStep) -> int:
+    return int(np.count_nonzero(np.all(step.weight_factor >= 1.0, axis=1)))
 
 
 def _with_other(measured: MeasuredBlock, outcome: Outcome, other: GrowingBlock) -> Outcome:

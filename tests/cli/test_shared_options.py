@@ -142,7 +142,8 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     statements = "from orip.cli.main import app; app(['-C', '.', 'status'], standalone_mode=False)"
     found = modules_after(statements, project)
     assert "orip.workflow.status" in found
-    assert not {*SLOW, "orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay"} & found
+    computing = {"orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay", "orip.interior.orientation"}
+    assert not {*SLOW, *computing, "orip.records.results.solution"} & found
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:

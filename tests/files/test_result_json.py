@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files.result import json_text as module
-from orip.files.result.json_text import result_document, result_text, run_of_result
+from orip.files.result.identification import run_of_result
+from orip.files.result.json_text import result_document, result_text
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupTest

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
+from orip.errors import OrientationError
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.driving_orientation import drive_photo, drive_template
-from orip.interior.orientation import OrientationError, orient_photo
+from orip.interior.orientation import orient_photo
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 
 CAMERA = DEFINITIONS.cameras["FILM"]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
-from orip.interior.orientation import OrientationError, orient_photo, orient_template
+from orip.errors import OrientationError
+from orip.interior.orientation import orient_photo, orient_template
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.project.camera import Mark
 

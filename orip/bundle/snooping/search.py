@@ -87,6 +87,7 @@ def snoop(
     settings: SnoopingSettings,
     on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
+    pose: Callable[[Block], BlockProblem] = pose_problem,
 ) -> Snooped:
     """Adjust a block and leave out its blunders.
 
@@ -96,13 +97,15 @@ def snoop(
     settings : SnoopingSettings
     on_iteration, stop_asked : callables
         See `orip.bundle.solve.solve_block`; weights are not reduced while snooping.
+    pose : callable
+        Returns the problem of a block, as a whole or divided.
 
     Returns
     -------
     Snooped
     """
     with stage("searching for blunders"):
-        search = _Search(block, settings, on_iteration, stop_asked)
+        search = _Search(pose(block), settings, on_iteration, stop_asked)
         while search.goes_on and (search.leave_out() or search.take_back() or search.review()):
             search.adjust_again()
         findings = search.findings()
@@ -114,15 +117,15 @@ class _Search:
 
     def __init__(
         self,
-        block: Block,
+        problem: BlockProblem,
         settings: SnoopingSettings,
         on_iteration: Callable[[IterationRecord], None],
         stop_asked: Callable[[], bool],
     ) -> None:
+        block = problem.block
         self.sigma0 = settings.sigma0
         self.on_iteration, self.stop_asked = on_iteration, stop_asked
         self.iterations = replace(iteration_settings(block.definition), start_down_weight=None)
-        problem = pose_problem(block)
         self.hypotheses = hypotheses_of(problem.observations)
         tests = max(len(self.hypotheses), 1)
         self.alpha = min(FAMILY_ALPHA / tests, LARGEST_ALPHA) if settings.alpha is None else settings.alpha

@@ -11,7 +11,7 @@ from scipy.special import gammainc, gammaincc
 
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.problem import pose_problem
+from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock, solve_problem
 from orip.bundle.variance_components.helmert import VarianceEquations, variance_equations
 from orip.bundle.variance_components.variance_groups import (
@@ -20,6 +20,7 @@ from orip.bundle.variance_components.variance_groups import (
     variance_groups,
     with_errors_times,
 )
+from orip.records.block import Block
 from orip.records.results.variance_component import VarianceComponent
 
 _MOST_ADJUSTMENTS = 20
@@ -48,6 +49,7 @@ def estimate_errors(
     settings: IterationSettings,
     on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
+    pose: Callable[[Block], BlockProblem] = pose_problem,
 ) -> EstimatedErrors:
     """Estimate the a-priori errors of all groups of observations, and adjust the block with them.
 
@@ -59,6 +61,8 @@ def estimate_errors(
         Of that adjustment and the further ones.
     on_iteration, stop_asked : callable
         See `orip.bundle.solve.solve_block`.
+    pose : callable
+        Returns the problem of a block, as a whole or divided.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def estimate_errors(
         If an adjustment diverges to numbers that are not finite.
     """
     groups = tuple(part.group for part in variance_groups(solved))
-    task = _Estimation(groups, solved, settings, on_iteration, stop_asked)
+    task = _Estimation(groups, solved, settings, on_iteration, stop_asked, pose)
     estimated, found = np.ones(len(groups), dtype=bool), task.with_equations(solved, np.ones(len(groups)))
     while True:
         found = task.settled(found, estimated)
@@ -118,6 +122,7 @@ class _Estimation:
     settings: IterationSettings
     on_iteration: Callable[[IterationRecord], None]
     stop_asked: Callable[[], bool]
+    pose: Callable[[Block], BlockProblem]
 
     def settled(self, found: _Adjusted, estimated: BoolArray) -> _Adjusted:
         """Return the block as adjusted with errors that do not change any more."""
@@ -138,7 +143,7 @@ class _Estimation:
         """Return the block as adjusted with other errors, from the values of another adjustment."""
         block = self.given.block
         factors = dict(zip(self.groups, np.sqrt(variances).tolist(), strict=True))
-        problem = replace(pose_problem(with_errors_times(block, factors)), excluded=self.given.problem.excluded)
+        problem = replace(self.pose(with_errors_times(block, factors)), excluded=self.given.problem.excluded)
         solved = solve_problem(problem, start.state, self.settings, self.on_iteration, self.stop_asked)
         return self.with_equations(solved, variances)
 

@@ -13,9 +13,9 @@ import typer
 from orip.cli.adjust.progress import solve_watcher
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
+from orip.wording import counted
 
 if TYPE_CHECKING:
-    from orip.bundle.methods import Method
     from orip.bundle.problem import BlockProblem
     from orip.records.block import Block
     from orip.records.results.solution import IterationPass
@@ -47,14 +47,14 @@ class ClusterOptions(NamedTuple):
 
     @contextmanager
     def posing(
-        self, terminal: Terminal, method: Method, project: Path
+        self, terminal: Terminal, project: Path
     ) -> Iterator[tuple[Callable[[Block], BlockProblem], SolveWatcher]]:
         """Yield how blocks are posed as problems, and what shows the progress of their adjustment.
 
         Raises
         ------
         UsageError
-            If the options contradict each other or the method, or Dask is not installed.
+            If the options contradict each other, or Dask is not installed.
         OripError
             If there is no cluster that is fit.
         """
@@ -66,7 +66,6 @@ class ClusterOptions(NamedTuple):
             yield pose_problem, watcher
             return
         self._require_own_workers()
-        _require_divisible(method)
         from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
         scheduler = None if self.dask == _LOCAL else self.dask
@@ -83,7 +82,9 @@ class ClusterOptions(NamedTuple):
             yield blocks.pose, replace(watcher, passed=passed)
             if moved and blocks.trees:
                 tree, most = blocks.trees[-1], max(moved, key=lambda one: one.total)
-                terminal.say(f"dask     {len(tree)} sub-blocks; in one iteration at most {_moved_text(most)}")
+                terminal.say(
+                    f"dask     {counted(len(tree), 'sub-block')}; in one iteration at most {_moved_text(most)}"
+                )
 
     def _require_nothing_else(self) -> None:
         if self.workers is not None or self.worker_memory is not None:
@@ -97,15 +98,6 @@ class ClusterOptions(NamedTuple):
                 "theirs, so leave them out"
             )
             raise UsageError(message)
-
-
-def _require_divisible(method: Method) -> None:
-    if method.snooping is not None or method.variance_components:
-        message = (
-            "--snoop and --variance-components ask for the equations of single observations, which --dask leaves with "
-            "the workers; leave them out, or --dask"
-        )
-        raise UsageError(message)
 
 
 def _moved_text(moved: Moved) -> str:

@@ -41,7 +41,7 @@ def register(app: typer.Typer) -> None:
         method, terminal = options.method(), invocation.terminal
         with limited_threads(terminal.threads):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
-            with cluster.posing(terminal, method, given.project.folder) as (pose, watcher):
+            with cluster.posing(terminal, given.project.folder) as (pose, watcher):
                 solved = commit(solve(given, watcher, method, options.check or (), pose))
         tell_solution(terminal, solved)
         outcome = solved.outcome

@@ -31,7 +31,10 @@ class ClusterOptions(NamedTuple):
         str | None, typer.Option("--dask", metavar="ADDRESS", help="A scheduler of Dask, such as tcp://host:8786.")
     ] = None
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Worker processes on this machine (default: its cores).")
+        int | None,
+        typer.Option(
+            "--workers", min=1, help="Worker processes on this machine (default: its cores, and one for every 8 more)."
+        ),
     ] = None
 
 

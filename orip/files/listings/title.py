@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
-from orip.records.results.solution import Solution, Status
+from orip.records.results.status import Status
 from orip.version import __version__
+
+if TYPE_CHECKING:
+    from orip.records.results.solution import Solution
 
 RUN_LABEL = "Run id"
 TITLE_LINES = 16

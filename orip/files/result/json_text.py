@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -12,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.files.result.identification import SCHEMA
 from orip.number_text import shortest_texts
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
@@ -19,9 +19,7 @@ from orip.records.results.group_test import GroupTest
 from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 from orip.records.results.station_residuals import station_residuals
 from orip.records.results.variance_component import VarianceComponent
-from orip.schemas.catalogue import identifier
 
-SCHEMA = identifier("result")
 SINGULAR = "singular"
 RESIDUALS_FILE = "residuals.csv"
 
@@ -30,8 +28,6 @@ LONGEST_LEAF = 160
 """An object or list without others inside stands on one line if that line's own text is not longer than this."""
 
 POINTS_PER_PIECE = 8192
-
-_HEAD = re.compile(rf'\s*{{\s*"schema"\s*:\s*"{re.escape(SCHEMA)}"\s*,\s*"run"\s*:\s*("(?:[^"\\]|\\.)*")')
 
 
 def result_document(solution: Solution) -> dict[str, object]:
@@ -110,25 +106,6 @@ def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> I
     """
     yield from _json_pieces(_document(solution, _Points(solution), residuals_file), "")
     yield "\n"
-
-
-def run_of_result(text: str) -> str | None:
-    """Return the run id of a result.json, or None where the text is none.
-
-    Parameters
-    ----------
-    text : str
-        The file or, as orip writes it, its beginning: the run id is in the second line.
-    """
-    head = _HEAD.match(text)
-    try:
-        document = {"schema": SCHEMA, "run": json.loads(head[1])} if head else json.loads(text)
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
-        return None
-    run = document.get("run")
-    return run if isinstance(run, str) else None
 
 
 def _key_figures(solution: Solution) -> dict[str, object]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from orip.errors import UsageError
 from orip.files.stores import provenance
 from orip.files.stores.checksum import CHECKSUM
-from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
+from orip.files.stores.contents import cameras, exterior, observations, photos, solution_tables, templates, temticks
 from orip.files.stores.table import StoreTable
 
 APPLICATION_ID = int.from_bytes(b"ORIP", "big")
@@ -26,7 +26,7 @@ TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
     "TIK": (*provenance.TABLES, *temticks.TABLES),
     "PHO": (*provenance.TABLES, *photos.TABLES),
     "TEM": (*provenance.TABLES, *templates.TABLES),
-    "EXT": (*provenance.TABLES, *exterior.TABLES, *solutions.TABLES),
+    "EXT": (*provenance.TABLES, *exterior.TABLES, *solution_tables.TABLES),
     "EXO": (*provenance.TABLES, *observations.TABLES),
 }
 """Tables by kind of store, parents before their lists."""

@@ -253,12 +253,15 @@ class BlockGrower:
         return found if spread.shortcoming is None else replace(found, how=f"{found.how}; {spread.shortcoming}")
 
     def _enough_fit(self, found: Resected, xy: FloatArray) -> bool:
-        """Tell whether so many known points fit a resection, or fit it so well, that it is no chance."""
+        """Tell whether so many known points fit a resection, or fit it so well, that it is no chance.
+
+        Where many points may be wrong, most of a few fit by chance.
+        """
         fitting: BoolArray = np.asarray(found.weight_factor >= 1.0)
-        part = np.mean(fitting)
-        return bool(part >= FITTING) or (
-            bool(part >= 1.0 - self.blunders) and fits_beyond_chance(xy, found.residuals, fitting)
-        )
+        part = float(np.mean(fitting))
+        if part >= FITTING and (len(fitting) >= _WELL or self.blunders <= FEW_BLUNDERS):
+            return True
+        return part >= 1.0 - self.blunders and fits_beyond_chance(xy, found.residuals, fitting)
 
     def _by_three_points(self, current: GrowingBlock) -> GrowingBlock | None:
         """Return the block with the photos that see exactly three known points, each in its most likely position.

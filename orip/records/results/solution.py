@@ -12,9 +12,8 @@ from orip.arrays import FloatArray
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import Projection
 from orip.records.results.group_test import GroupTest
+from orip.records.results.status import Status
 from orip.records.results.variance_component import VarianceComponent
-
-Status = Literal["converged", "doubtful", "not_converged", "stopped"]
 
 
 @dataclass(frozen=True, slots=True)

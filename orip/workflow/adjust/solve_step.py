@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.files.stores.contents.solutions import SolutionHead
+from orip.files.stores.contents.solution_tables import SolutionHead
 from orip.records.names import record_key
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.outputs import stale_solution_outputs

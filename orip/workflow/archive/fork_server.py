@@ -15,6 +15,8 @@ import signal
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from itertools import chain
 from pathlib import Path
 
 from orip.archive.simulation import simulated_project
@@ -29,27 +31,40 @@ _MEGABYTE = 1 << 20
 def main() -> None:
     """Serve until stdin ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that handed out the tasks
-    _load_all()
+    tasks, replies = _tasks(), sys.stdout.buffer
+    first = next(tasks, None)
+    if first is None:
+        return
+    _load_all(first.settings)
     gc.collect()
-    gc.freeze()  # what all copies share is not touched by their garbage collection
-    requests, replies = sys.stdin.buffer, sys.stdout.buffer
-    while True:
-        try:
-            task: bytes = pickle.load(requests)
-        except EOFError:
-            return
-        pickle.dump(_adjusted_apart(pickle.loads(task)), replies)
+    gc.disable()  # a copy ends with its project, and looking for circles would copy the pages of all that is loaded
+    for task in chain([first], tasks):
+        pickle.dump(_adjusted_apart(task), replies)
         replies.flush()
 
 
-def _load_all() -> None:
-    """Adjust a small project here, so that every module that a project needs is loaded before the copies are made."""
+def _tasks() -> Iterator[ProjectTask]:
+    """Yield the tasks that come from stdin, until it ends."""
+    while True:
+        try:
+            task: bytes = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            return
+        yield pickle.loads(task)
+
+
+def _load_all(settings: TaskSettings) -> None:
+    """Adjust a small project here, so that every module that a project needs is loaded before the copies are made.
+
+    The less is loaded, the less a copy costs: method and reports are those of the first task.
+    """
     import pyproj  # noqa: F401  # of projects with a crs
 
     with tempfile.TemporaryDirectory(prefix="orip-") as top:
         folder, results = Path(top, "project"), Path(top, "results")
         write_new_folder(folder, simulated_project(0, 0, 0.0).texts)
-        carry_out(ProjectTask("loading", str(folder), str(results), TaskSettings()))
+        plain = TaskSettings(settings.method, report=settings.report)
+        carry_out(ProjectTask("loading", str(folder), str(results), plain))
 
 
 def _adjusted_apart(task: ProjectTask) -> tuple[str, bytes]:

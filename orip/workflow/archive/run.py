@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 import secrets
 import time
@@ -24,7 +25,7 @@ from orip.workflow.archive.finding import find_projects
 from orip.workflow.archive.packages import require_dask
 from orip.workflow.archive.task import AS_USUAL, ProjectTask, TaskReply, TaskSettings, keep
 from orip.workflow.archive.worker import MachineFailureError, run_project
-from orip.workflow.cluster.connection import connected, lost_cluster, require_fit_workers
+from orip.workflow.cluster.connection import connected, cores, lost_cluster, require_fit_workers
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -34,6 +35,10 @@ _GO_ON = "what is finished is not repeated"
 
 _RETRIES = 2
 """How often a project is repeated whose process died or whom the system refused something."""
+
+_CORES_A_FURTHER_WORKER = 8
+"""So many cores have one worker more, which computes while others wait: a project waits a tenth of its time until the
+disk has what it writes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +57,7 @@ class ArchiveRequest:
     scheduler : str or None
         Its address; None: a cluster on this machine.
     workers : int or None
-        Worker processes on this machine; None: one for each core.
+        Worker processes on this machine; None: as many as keep its cores busy.
     """
 
     roots: Sequence[Path]
@@ -96,7 +101,8 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
     require_dask()
     base, projects = find_projects(request.roots, request.results)
     results = ResultsFolder(request.results.resolve())
-    with _alone(results), connected(request.scheduler, request.workers) as client:
+    workers = request.workers or cores() + math.ceil(cores() / _CORES_A_FURTHER_WORKER)
+    with _alone(results), connected(request.scheduler, workers) as client:
         require_fit_workers(client, results.lock, forking=True)
         names = tuple(project.name for project in projects)
         plan = ArchivePlan(

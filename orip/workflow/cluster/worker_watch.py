@@ -73,13 +73,18 @@ class WorkerWatch:
 
 
 def memory_advice(needed: int, workers: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return what to do where workers die or stand still, with the memory they have and need."""
+    """Return what to do where workers die or stand still, with the memory they have and need.
+
+    More workers are of no use to one that has no room for the largest front.
+    """
     limits = [worker["memory_limit"] for worker in workers.values() if worker.get("memory_limit")]
-    has = f"each may use {min(limits) / 1e6:.0f} MB, and" if limits else "each"
-    return (
-        f"{has} needs {needed / 1e6:.0f} MB at the least for this block: give each more (--worker-memory, or "
-        "--memory-limit of 'dask worker'), or take more workers on further machines"
-    )
+    least = min(limits, default=0)
+    has = f"each may use {least / 1e6:.0f} MB, and" if limits else "each"
+    more = "give each more (--worker-memory, or --memory-limit of 'dask worker')"
+    need = f"{has} needs {needed / 1e6:.0f} MB at the least for this block"
+    if 0 < least < needed:
+        return f"{need}, however many there are: {more}"
+    return f"{need}: {more}, or take more workers on further machines"
 
 
 def _is_full(worker: Mapping[str, Any]) -> bool:

@@ -9,12 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from orip.errors import InputError, ProjectWarning, UsageError
+from orip.errors import InputError, OrientationError, ProjectWarning, UsageError
 from orip.files.log.writing import measurement_line, photo_header, template_header
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.driving_orientation import DrivingOrientation, drive_photo, drive_template
 from orip.interior.orientation import (
-    OrientationError,
     OrientedMarks,
     given_coordinates_of_photo,
     given_coordinates_of_template,

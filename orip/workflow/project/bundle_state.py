@@ -6,19 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orip.errors import InputError
 from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior
 from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.project.definition import BundleDefinition
-from orip.records.results.solution import Solution
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
 from orip.workflow.project.texts import Digests
+
+if TYPE_CHECKING:
+    from orip.interior.in_force import Interior
+    from orip.records.results.solution import Solution
 
 
 @dataclass(frozen=True)

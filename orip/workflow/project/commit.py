@@ -10,6 +10,7 @@ from typing import Generic, Protocol, Self, TypeVar
 
 from orip.errors import LockedError
 from orip.files.stores.contents import solutions
+from orip.files.stores.contents.solution_tables import read_head
 from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
@@ -239,7 +240,7 @@ def _write_replay(project: ProjectFolder, stores: Stores, replay: ReplayRecord) 
 
 
 def _is_stored(store: Store, solution: Solution) -> bool:
-    head = solutions.read_head(store, solution.bundle)
+    head = read_head(store, solution.bundle)
     if head is None or head.run != solution.run:  # then the old one need not be read as a whole
         return False
     return same_record(solutions.read(store, solution.bundle), solution)

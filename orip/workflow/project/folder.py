@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
@@ -13,7 +14,9 @@ from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
-from orip.records.results.solution import Solution
+
+if TYPE_CHECKING:
+    from orip.records.results.solution import Solution
 
 PROJECT_FILE = "orip.toml"
 

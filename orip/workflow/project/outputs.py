@@ -5,20 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from orip.files.listings.title import run_of_listing
-from orip.files.result.json_text import result_pieces, run_of_result
+from orip.files.result.identification import run_of_result
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
 from orip.files.text.regular_file import beginning
-from orip.interior.in_force import Interior
 from orip.records.observations.measurement import PhotoObservations, no_observations
-from orip.records.results.solution import Reliability, Solution
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import read_state
 from orip.workflow.project.text_output import TextOutput, write_output
+
+if TYPE_CHECKING:
+    from orip.interior.in_force import Interior
+    from orip.records.results.solution import Reliability, Solution
 
 _HEAD = 4096
 """Number of characters at the beginning of an output that include its run id."""
@@ -43,6 +46,7 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
     from orip.bundle.results.reliability import reliability_of
     from orip.files.listings.bundle import bundle_listing_lines
     from orip.files.listings.errors import error_listing_lines
+    from orip.files.result.json_text import result_pieces
     from orip.report.misfits import suspect_rows
 
     files = project.outputs(solution.bundle)
@@ -62,7 +66,7 @@ def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path
     return tuple(path for path in files.all if path not in files.written(solution))
 
 
-def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes]:
+def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes | memoryview]:
     """Return the residuals of a solution as a text table, or as arrays where they are many."""
     from orip.files.result.residuals_csv import residuals_csv_pieces
     from orip.files.result.residuals_npz import residuals_npz_pieces

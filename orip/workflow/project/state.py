@@ -11,21 +11,23 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-from orip.files.stores.contents import observations, solutions
-from orip.files.stores.contents.solutions import SolutionHead
+from orip.files.stores.contents import observations
+from orip.files.stores.contents.solution_tables import SolutionHead, read_head
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior, interior_orientation
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
-from orip.records.results.solution import Solution
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.measurements import measured_stores, read_marks, runs_of_measurements
 from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_project
+
+if TYPE_CHECKING:
+    from orip.interior.in_force import Interior
+    from orip.records.results.solution import Solution
 
 Part = Literal["definitions", "marks", "observations", "replay", "heads", "solutions"]
 """What of the stores is read:
@@ -125,6 +127,8 @@ class ProjectState:
     @cached_property
     def interior(self) -> Interior:
         """Return the interior orientation in force."""
+        from orip.interior.in_force import interior_orientation  # `orip status` does not need it
+
         return interior_orientation(self.records, self.measured)
 
     def head(self, bundle: str) -> SolutionHead | None:
@@ -205,9 +209,15 @@ def read_stored(project: ProjectFolder, stores: Stores, parts: Collection[Part],
         read_definitions(project, stores) if "definitions" in parts else None,
         _read_measured(project, stores, parts, bundles),
         _read_replay(project, stores) if "replay" in parts else None,
-        {record_key(name): solutions.read_head(stores[project.exterior], name) for name in with_heads},
-        {record_key(name): solutions.read(stores[project.exterior], name) for name in with_solutions},
+        {record_key(name): read_head(stores[project.exterior], name) for name in with_heads},
+        {record_key(name): _read_solution(project, stores, name) for name in with_solutions},
     )
+
+
+def _read_solution(project: ProjectFolder, stores: Stores, bundle: str) -> Solution | None:
+    from orip.files.stores.contents import solutions  # few commands read all of it
+
+    return solutions.read(stores[project.exterior], bundle)
 
 
 def _stores_of(project: ProjectFolder, parts: frozenset[Part], bundles: Sequence[str]) -> list[Path]:

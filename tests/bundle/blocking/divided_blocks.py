@@ -95,6 +95,27 @@ def largest_difference(one: SolvedBlock, other: SolvedBlock) -> float:
     return max(largest, _in_deviations(np.hstack([centres, rotation]), unknowns.photos, deviation))
 
 
+def largest_difference_of_shape(one: SolvedBlock, other: SolvedBlock) -> float:
+    """Return the largest difference of points and centres, in their standard deviations, without one of their datum.
+
+    A similarity transformation of the whole block is fitted to the differences and taken off.
+    """
+    unknowns = one.problem.unknowns
+    roots = np.concatenate([one.cofactors.reduced.diagonal(), np.einsum("bii->bi", one.cofactors.blocks).ravel()])
+    columns = np.vstack([unknowns.photos[:, :3], unknowns.points])
+    deviation = one.deviation_scale * np.sqrt(roots[columns])
+    at, there = (np.vstack([solved.state.centres, solved.state.points]) for solved in (one, other))
+    about = at - at.mean(axis=0)
+    movements = np.stack(
+        [*(np.tile(axis, (len(at), 1)) for axis in np.eye(3)), *(np.cross(axis, about) for axis in np.eye(3)), about],
+        axis=2,
+    ).reshape(-1, 7)
+    movements /= np.linalg.norm(movements, axis=0)
+    difference = (there - at).ravel()
+    difference = difference - movements @ np.linalg.lstsq(movements, difference, rcond=None)[0]
+    return float(np.abs(difference / deviation.ravel()).max())
+
+
 def _in_deviations(difference: np.ndarray, columns: np.ndarray, deviation: np.ndarray) -> float:
     known = columns != CONSTANT
     sizes = deviation[columns[known]]

@@ -15,6 +15,7 @@ from orip.errors import InputError
 from orip.files.stores import provenance
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.files.stores.contents.solution_tables import bundles
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
 from orip.records.names import record_key
@@ -126,7 +127,7 @@ def test_a_solution_replaces_that_of_its_bundle_only(tmp_path):
         solutions.delete(stores[path], "Ä")
         solutions.delete(stores[path], "never solved")
     with reading([path]) as stores:
-        assert solutions.bundles(stores[path]) == ("Main", "second")
+        assert bundles(stores[path]) == ("Main", "second")
         assert samples.same(solutions.read(stores[path], "MAIN"), shorter)
         assert samples.same(solutions.read(stores[path], "SECOND"), samples.rich_solution("second"))
         assert solutions.read(stores[path], "ä") is None
@@ -149,7 +150,7 @@ def test_writing_definitions_keeps_orientations_and_solutions(tmp_path):
     with reading([pho, ext]) as stores:
         assert [item.record.name for item in photos.read(stores[pho])] == ["other"]
         assert list(photos.ORIENTATIONS.read(stores[pho])) == ["P1", "P2"]
-        assert solutions.bundles(stores[ext]) == ("MAIN",)
+        assert bundles(stores[ext]) == ("MAIN",)
 
 
 @pytest.mark.parametrize(("first", "second"), [("OLYMPUS", "Olympus"), ("ä", "Ä"), ("A", "A")])

@@ -7,11 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bundle.blocking.divided_blocks import calibrated, largest_difference
+from bundle.blocking.divided_blocks import calibrated, largest_difference, with_blunders
 
 from orip.bundle.blocking.posing import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
-from orip.bundle.problem import starting_state
+from orip.bundle.methods import Method, adjust_block
+from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
@@ -49,6 +51,20 @@ def test_the_workers_find_the_results_of_one_machine(blocks):
     assert largest_difference(whole, divided) < 1e-9
     assert [iteration.there > 0 and iteration.back > 0 for iteration in moved] == [True] * len(moved)
     assert moved[0].separators == sum(4 * len(node.border) * (len(node.border) + 3) for node in blocks.trees[0].nodes)
+
+
+@pytest.mark.long
+def test_methods_that_ask_for_single_equations_find_the_same_by_workers(blocks):
+    block, method = with_blunders(24), Method(SnoopingSettings(), variance_components=True)
+    whole, divided = (
+        adjust_block(block, method, lambda _: None, lambda: False, pose=pose)[0] for pose in (pose_problem, blocks.pose)
+    )
+    assert len(blocks.trees[0]) > 1
+    assert len(whole.blunders) >= 10
+    assert [(one.photo, one.point) for one in divided.blunders] == [(one.photo, one.point) for one in whole.blunders]
+    factors = [[found.factor for found in solution.variance_components] for solution in (divided, whole)]
+    # their condition is that of the cofactors, as far as these agree
+    assert factors[0] == pytest.approx(factors[1], rel=1e-8, nan_ok=True)
 
 
 def test_the_sub_blocks_are_written_once(blocks, tmp_path):

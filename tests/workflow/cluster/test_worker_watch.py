@@ -39,8 +39,15 @@ def test_workers_that_die_again_and_again_are_told_with_their_memory():
     text = given_up(lambda look: {f"worker {look}": worker(), "steady": worker()} if look != 5 else {})
     assert text == (
         "workers died again and again, 6 of them in one pass over the block; each may use 500 MB, and needs 700 MB at "
-        "the least for this block: give each more (--worker-memory, or --memory-limit of 'dask worker'), or take more "
-        "workers on further machines"
+        "the least for this block, however many there are: give each more (--worker-memory, or --memory-limit of 'dask "
+        "worker')"
+    )
+
+
+def test_more_workers_are_advised_where_each_has_room_for_the_largest_part():
+    text = given_up(lambda _: {"one": worker("paused", executing=0, limit=2 * NEEDED)})
+    assert text.endswith(
+        "(--worker-memory, or --memory-limit of 'dask worker'), or take more workers on further machines"
     )
 
 
