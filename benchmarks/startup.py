@@ -7,6 +7,7 @@ Prints the smallest of five, in seconds: what the machine does besides can only 
 
 from __future__ import annotations
 
+import atexit
 import os
 import resource
 import shutil
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import cache
 from pathlib import Path
 
 TIMES = 5
@@ -46,8 +48,18 @@ def help_cpu() -> float:
 
 
 def status_cpu() -> float:
-    """Return the CPU seconds of `orip status` in the folder of Zurich City Hall."""
-    return cpu_of("-C", str(ZURICH), "status")
+    """Return the CPU seconds of `orip status` of the Zurich City Hall project after it was run."""
+    return cpu_of("-C", str(_finished()), "status")
+
+
+@cache
+def _finished() -> Path:
+    """Return the folder of the project with all its stores and results, which is there until the end."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    project = shutil.copytree(ZURICH, Path(folder.name) / "zurich")
+    orip("-C", str(project), "run")
+    return project
 
 
 def zurich() -> tuple[float, float]:

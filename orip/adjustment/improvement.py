@@ -17,12 +17,12 @@ import numpy as np
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Linearised, OtherPlace, Problem, StateT
-from orip.adjustment.exchanges import are_few, exchanges_to_try, wrong_one_by_one
+from orip.adjustment.exchanges import Exchange, are_few, exchanges_to_try, wrong_one_by_one
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
-from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""
@@ -36,6 +36,10 @@ _MOST_RELOCATIONS = 6
 _MOST_CORRECTIONS = 4
 """Corrections with the same normal equations before an exchange is judged: residuals of hundreds of a-priori errors are
 not linear."""
+
+_MOST_TURNS = 8
+"""Corrections with the same normal equations in which control that has lost its weight may lead back: without it a
+block may have turned by a tenth of a radian."""
 
 _CLEARLY, _MOST_HIGHER = 0.002, 0.05
 """Parts of the square of the limit: by the first the cost is lower where that is certain; an exchange after which it is
@@ -64,8 +68,8 @@ def next_attempt(
         return now, reason
     if tried.attempts >= settings.most_attempts or not _reduced(now).any():
         return now, reason
-    if tried.exchanges is None and (reason is not None or not now.weighing.of_tracks):
-        tried = replace(tried, exchanges=_candidates(problem, now, weights, normals))
+    if tried.exchanges is None:
+        tried = replace(tried, exchanges=_candidates(problem, now, weights, normals, settings.max_lost_digits))
     if tried.exchanges and (reason is not None or tried.exchanges[0].is_lower):
         candidate, *others = tried.exchanges
         beginning = Linearised(candidate.state, problem.linearise(candidate.state))
@@ -86,35 +90,84 @@ def _may_be_lower(there: Equations, now: IterationState[StateT]) -> bool:
 
 
 def _candidates(
-    problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray, normals: SolvedNormals
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    weights: FloatArray,
+    normals: SolvedNormals,
+    max_lost_digits: float,
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges and relocations lead that lower the robust cost, or may lower it, the lowest first."""
-    limit = now.weighing.final_limit
     singly = wrong_one_by_one(now.current.equations, weights)
-    exchangeable = bool((singly & (weights < 1.0)).any())
+    lost = np.flatnonzero(singly & (weights < 1.0))
     places = _places(problem, now, weights)
-    if not places and not exchangeable:
+    if not places and not len(lost):
         return ()
     # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
-    bound, known = normals.with_constraints(equations), _cost(now)
+    bound = normals.with_constraints(equations)
     found = []
-    exchanges = exchanges_to_try(equations, weights, bound, problem.layout, limit, singly) if exchangeable else ()
-    for exchange in exchanges:
-        moved, cost = now.current, np.inf
-        for _ in range(_MOST_CORRECTIONS):
-            correction = exchange.correction(moved.equations.residual, equations, weights, bound)
-            state, before = problem.update(moved.state, correction), cost
-            moved = Linearised(state, problem.linearise(state))
-            cost = now.weighing.cost(moved.equations)
-            if cost > before - _CLEARLY * limit**2 or cost < known:
-                break
-        if cost < known + _MOST_HIGHER * limit**2:
-            is_lower = cost < known - _CLEARLY * limit**2
-            found.append((cost, Candidate(moved.state, exchange.full_weight, exchange.no_weight, is_lower)))
+    if len(lost):
+        limit = now.weighing.final_limit
+        for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, singly):
+            found += _where_it_leads(problem, now, exchange, equations, weights, bound)
+        if not are_few(equations, weights):
+            found += _taken_back(problem, now, lost, equations, weights, max_lost_digits)
     if places:
         found += _relocated(problem, now, weights, equations, bound, places)
     return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])
+
+
+def _where_it_leads(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    exchange: Exchange,
+    equations: Equations,
+    weights: FloatArray,
+    normals: SolvedNormals,
+) -> list[tuple[float, Candidate[StateT]]]:
+    """Return the cost and the state that an exchange leads to by a few corrections; none where the cost is higher."""
+    limit, known = now.weighing.final_limit, _cost(now)
+    moved, cost = now.current, np.inf
+    for _ in range(_MOST_CORRECTIONS):
+        correction = exchange.correction(moved.equations.residual, equations, weights, normals)
+        state, before = problem.update(moved.state, correction), cost
+        moved = Linearised(state, problem.linearise(state))
+        cost = now.weighing.cost(moved.equations)
+        if cost > before - _CLEARLY * limit**2 or cost < known:
+            break
+    if cost >= known + _MOST_HIGHER * limit**2:
+        return []
+    is_lower = cost < known - _CLEARLY * limit**2
+    return [(cost, Candidate(moved.state, exchange.full_weight, exchange.no_weight, is_lower))]
+
+
+def _taken_back(
+    problem: Problem[StateT],
+    now: IterationState[StateT],
+    lost: IntArray,
+    equations: Equations,
+    weights: FloatArray,
+    max_lost_digits: float,
+) -> list[tuple[float, Candidate[StateT]]]:
+    """Return the cost and the state with the weight of all observations `lost` given back; none where it is not lower.
+
+    Control that has lost its weight may leave the rest undetermined, and cofactors tell nothing then: normal equations
+    are formed with it. The rest may have turned far away.
+    """
+    limit, known, back = now.weighing.final_limit, _cost(now), weights.copy()
+    back[lost] = 1.0
+    normals = solve_normals(equations, back, problem.layout, max_lost_digits).with_constraints(equations)
+    moved = now.current
+    for _ in range(_MOST_TURNS):
+        weighted = np.where(equations.active, back, 0.0) * moved.equations.residual
+        correction = -normals.solve((equations.design.T @ weighted)[:, None])[:, 0]
+        state = problem.update(moved.state, correction)
+        moved = Linearised(state, problem.linearise(state))
+        cost = now.weighing.cost(moved.equations)
+        if cost < known:
+            is_lower = cost < known - _CLEARLY * limit**2
+            return [(cost, Candidate(state, lost, np.zeros(0, dtype=np.intp), is_lower))]
+    return []
 
 
 def _places(problem: Problem[StateT], now: IterationState[StateT], weights: FloatArray) -> Sequence[OtherPlace]:
