@@ -125,11 +125,14 @@ def residual_cofactor(redundancy_number: FloatArray, weight_factor: FloatArray) 
     array (n,)
         NaN where one of the two is NaN, or where the weight factor is not positive.
     """
-    weight = np.where(weight_factor > 0.0, weight_factor, np.nan)
+    found = 1.0 - redundancy_number
     # the figures of an adjustment that diverged may overflow; they are printed as they are
     with np.errstate(over="ignore", invalid="ignore"):
-        leverage = np.clip(1.0 - redundancy_number, 0.0, None) / weight
-        return np.asarray(redundancy_number * (redundancy_number + leverage))
+        np.maximum(found, 0.0, out=found)
+        found /= np.where(weight_factor > 0.0, weight_factor, np.nan)
+        found += redundancy_number
+        found *= redundancy_number
+    return found
 
 
 def _root_of_mean(square_sum: float, redundancy: float) -> float:

@@ -7,9 +7,8 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import typer
+from typer.core import TyperGroup
 from typer.main import get_group
-
-from orip.cli.plain_values import PlainGroup
 
 
 class Listed(NamedTuple):
@@ -139,7 +138,7 @@ def _loaded(name: str) -> Any:
     return get_group(app).commands[name]
 
 
-class Commands(PlainGroup):
+class Commands(TyperGroup):
     """The program's group of commands."""
 
     def __init__(self, **settings: Any) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import typer
+from typer.core import TyperGroup
 from typer.main import get_group
 
 from orip.cli.options import group_of_commands
-from orip.cli.plain_values import PlainGroup
 
 Registration = Callable[[typer.Typer], None]
 
@@ -27,7 +27,7 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
         Adds the commands of the group.
     """
 
-    class Group(PlainGroup):
+    class Group(TyperGroup):
         """The group of that name; commands that the program added to it are there from the beginning."""
 
         complete = False

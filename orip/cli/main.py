@@ -39,11 +39,11 @@ def _print_version(wanted: bool) -> None:
 def before_command(
     context: typer.Context,
     folder: Annotated[
-        str,
+        Path,
         typer.Option(
             "--project", "-C", metavar="DIR", help="The project folder: work as if started there (file names too)."
         ),
-    ] = ".",
+    ] = Path(),
     quiet: Quiet = False,
     verbose: Verbose = False,
     json: Json = False,
@@ -60,7 +60,7 @@ def before_command(
     Example: orip init --sample small_frame_block; orip -C small_frame_block run
     """
     options = SharedOptions(quiet, verbose, json, color, threads)
-    context.obj = Invocation(Path(folder), options, options.terminal())
+    context.obj = Invocation(folder, options, options.terminal())
     if context.invoked_subcommand is None:
         from orip.cli.project import status
 

@@ -13,7 +13,6 @@ import typer
 
 from orip.cli.completion import bundles
 from orip.cli.exits import exit_on_error
-from orip.cli.plain_values import PlainCommand, PlainGroup
 from orip.cli.terminal import ColorChoice, Terminal
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
@@ -97,8 +96,7 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
                 function(invocation, **given)
 
         _give_signature(run, own)
-        text = _first_paragraph(inspect.getdoc(function) or "")
-        app.command(name, cls=PlainCommand, short_help=text, **settings)(run)
+        app.command(name, short_help=_first_paragraph(inspect.getdoc(function) or ""), **settings)(run)
         return run
 
     return register
@@ -106,7 +104,6 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
 
 def group_of_commands(name: str, text: str, **settings: Any) -> typer.Typer:
     """Return a group of commands, with the text that `--help` says of it. Settings are those of typer's groups."""
-    settings = {"cls": PlainGroup, **settings}
     return typer.Typer(name=name, help=text, short_help=_first_paragraph(text), rich_markup_mode=None, **settings)
 
 

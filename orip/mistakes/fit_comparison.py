@@ -95,10 +95,12 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
         joined(observations.component for observations in rows),
     )
     equations = solved.equations
-    standard = np.where(equations.active, np.abs(equations.residual), np.inf)
+    known = equations.active & np.isfinite(equations.residual)
+    standard = np.where(known, np.abs(equations.residual), np.inf)
+    if used.all():
+        return Fit(columns, standard, solved.variance.sigma0)
     kind, photo, point, component = (names[used] for names in columns)
-    names = (kind, photo, point, component)
-    return Fit(names, np.where(np.isfinite(standard), standard, np.inf)[used], solved.variance.sigma0)
+    return Fit((kind, photo, point, component), standard[used], solved.variance.sigma0)
 
 
 def explains(other: Fit, given: Fit) -> bool:

@@ -34,6 +34,9 @@ _NEAR = 0.3
 _FEW = 0.4
 """Largest part of the photos that may be reported one by one as given wrong."""
 
+_MOST_RAYS = 20_000
+"""Rays from which it is told how far points typically are."""
+
 
 @dataclass(frozen=True, slots=True)
 class ComparedOrientations:
@@ -86,7 +89,9 @@ def compared_orientations(
     points : array (number of points, 3)
         In the frame of the block, in its order.
     """
-    seen = block.photo_points
+    # what is typical shows in an even selection
+    rays = np.arange(0, len(block.photo_points.photo), 1 + len(block.photo_points.photo) // _MOST_RAYS)
+    seen = block.photo_points.of(rays)
     away = np.linalg.norm(points[seen.point] - centres[seen.photo], axis=1)
     given = block.photo_orientation.copy()
     given[:, :3] = block.ground.to_project(given[:, :3])

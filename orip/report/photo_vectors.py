@@ -34,7 +34,13 @@ class PhotoVectors:
     @property
     def rms(self) -> float:
         """Return the root mean square (mm) of the components of the sound points, 0 where there are none."""
-        return float(np.sqrt(np.mean(self.residual[self.sound] ** 2))) if self.sound.any() else 0.0
+        sound = self.sound_residual
+        return float(np.sqrt(np.vdot(sound, sound) / sound.size)) if sound.size else 0.0
+
+    @property
+    def sound_residual(self) -> FloatArray:
+        """Return the residuals (k, 2) of the sound points, mm."""
+        return self.residual if self.sound.all() else self.residual[self.sound]
 
 
 def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:

@@ -27,6 +27,9 @@ Key = TypeVar("Key", bound=Hashable)
 _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
+_MANY = 0.25
+"""Equations, over unknowns, from which the inverse of the triangle takes less time than their substitution."""
+
 _MOST_ROUNDING = 1000.0
 """Rounding of the triangle, see there, with which it is built again."""
 
@@ -223,7 +226,7 @@ class SequentialBlock(Generic[Key]):
     def standings(self, keys: Sequence[Key]) -> list[Standing]:
         """Return how observations that are in fit."""
         observations = [self._included[key] for key in keys]
-        if sum(len(rows.right) for rows in observations) > self.triangle.size:
+        if sum(len(rows.right) for rows in observations) > _MANY * self.triangle.size:
             return standings_of_many(self._points, self.triangle, observations)
         return [
             Standing(-innovation, np.eye(len(innovation)) - own.T @ own - spread.T @ spread)

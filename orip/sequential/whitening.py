@@ -65,7 +65,7 @@ def whitened(
 def standings_of_many(
     points: Mapping[str, PointInTriangle], triangle: Triangle, observations: Sequence[ObservationRows]
 ) -> list[Standing]:
-    """Return how observations that are in fit, by R^-1: quicker than substitution if they have more equations than R.
+    """Return how observations that are in fit, by R^-1: quicker than substitution of many.
 
     Points that are seen in the same photos are multiplied together.
     """

@@ -143,7 +143,8 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     found = modules_after(statements, project)
     assert "orip.workflow.status" in found
     computing = {"orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay", "orip.interior.orientation"}
-    assert not {*SLOW, *computing, "orip.records.results.solution"} & found
+    slow = SLOW - {"pydantic"}  # which checks orip.toml
+    assert not {*slow, *computing, "orip.records.results.solution"} & found
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:

@@ -17,7 +17,6 @@ from orip.errors import INTERRUPTED, OripError
 from orip.files.control.text import ELEMENT_KINDS
 from orip.files.log.headers import ACTIONS, BLOCK_KINDS
 from orip.files.project import tables as project_tables
-from orip.files.project.checked_table import keys_of
 from orip.files.result.json_text import result_document
 from orip.files.result.residuals_csv import HEADER
 from orip.records.observations.control import DistanceCode
@@ -48,7 +47,7 @@ def first_cells(text: str) -> list[str]:
 @pytest.mark.parametrize("heading", TABLES)
 def test_keys_of_orip_toml(heading: str) -> None:
     section = reference("project-file").partition(f"## `{heading}`\n")[2].partition("\n## ")[0]
-    assert first_cells(section) == list(keys_of(TABLES[heading]))
+    assert first_cells(section) == project_tables.keys_of(TABLES[heading])
 
 
 def test_words_of_control_files() -> None:

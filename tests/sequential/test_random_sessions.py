@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_triangular
 
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.sequential_block import SequentialBlock
@@ -107,10 +108,35 @@ class _Session:
         self.next_key += 1
 
     def check_leftovers(self, before: list[ObservationRows], rows: ObservationRows, leftovers: np.ndarray) -> None:
-        """Compare with w of each equation as the last one, from the singular values of all equations.
+        """Compare with w of each equation as the last one, from a factorisation of all equations before it.
 
-        Of an equation that is not checked, w is a small number over a small number; its leftover is compared with the
-        rise of the square sum, which it is the root of.
+        With R^T p = a^T its residual is e r and w = e sqrt(r), where r = 1 / (1 + p^T p) and e = l - a x: this keeps
+        its digits however small the redundancy number r is.
+        """
+        factor = np.linalg.qr(np.column_stack(self.dense(before)), mode="r") if before else np.zeros((0, 1))
+        pivots = np.abs(np.diagonal(factor)[:-1])
+        if (
+            not before
+            or len(pivots) < factor.shape[1] - 1
+            or (pivots <= _RANK * np.linalg.norm(factor[:, :-1], axis=0)).any()
+        ):
+            self.check_leftovers_by_singular_values(before, rows, leftovers)
+            return
+        size = len(pivots)
+        for left, row in zip(leftovers, rows.rows(), strict=True):
+            design, right = self.dense([row])
+            p = solve_triangular(factor[:size, :size], design[0], trans="T")
+            w = abs(right[0] - p @ factor[:size, size]) / np.sqrt(1.0 + p @ p)
+            assert abs(left) == pytest.approx(w, abs=_LEFTOVER * (1.0 + w))
+            factor = np.linalg.qr(np.vstack([factor, np.append(design[0], right[0])]), mode="r")
+
+    def check_leftovers_by_singular_values(
+        self, before: list[ObservationRows], rows: ObservationRows, leftovers: np.ndarray
+    ) -> None:
+        """Do the same where some unknowns are not determined.
+
+        There w of an equation that is not checked is a small number over a small number; its leftover is compared with
+        the rise of the square sum, which it is the root of.
         """
         for row in range(len(rows.right)):
             design, right = self.dense([*before, *rows.rows()[: row + 1]])

@@ -130,7 +130,7 @@ def test_a_sample_typed_in_random_order_ends_with_the_figures_of_solve(tmp_path:
     _reply(session, folder, do="solve")
     run_quietly(other)
     assert _figures(folder) == _figures(other)
-    assert WRONG[name] <= suspects
+    assert suspects == WRONG[name]
 
 
 def test_a_session_on_a_measured_sample_names_its_two_blunders(tmp_path: Path) -> None:
@@ -313,18 +313,17 @@ def test_faulty_requests(line: str, wrong: str) -> None:
         read_request(line)
 
 
-@pytest.mark.parametrize("lines", [500, pytest.param(100_000, marks=[pytest.mark.long, pytest.mark.timeout(3600)])])
-def test_garbled_lines_change_nothing(project, lines: int) -> None:
+def test_a_hundred_thousand_garbled_lines_change_nothing(project) -> None:
     folder, points = project
     session = OnlineSession(folder, None)
     _measure(session, folder, points[0])
     before = (folder / "EDITS.MEA").read_bytes()
-    noise = random.Random(5)
+    noise = random.Random(5).random
     line = json.dumps({"do": "measure", "photo": "NONE", "point": "7", "x": 1.0, "y": 2.0})
-    for _ in range(lines):
+    for _ in range(100_000):
         characters = list(line)
-        for _ in range(noise.randrange(1, 6)):
-            characters[noise.randrange(len(characters))] = chr(noise.randrange(1, 0x2000))
+        for _ in range(1 + int(5 * noise())):
+            characters[int(len(line) * noise())] = chr(1 + int(0x2000 * noise()))
         reply = reply_to(session, folder, "".join(characters))
         assert reply is not None
         assert "error" in reply

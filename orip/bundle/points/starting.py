@@ -18,6 +18,9 @@ from orip.records.observations.repeated import photos_per_point
 _RAYS_AT_A_TIME = 65536
 """Bounds memory: each ray needs a rotation matrix."""
 
+_MOST_RAYS = 20_000
+"""Rays from which it is told how far points typically are."""
+
 _ROUNDING = 1e-9
 """Part of the largest coordinate; a point that is nearer than that to a projection centre coincides with it."""
 
@@ -99,8 +102,12 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
 
 
 def _typical_distance(positions: FloatArray, block: Block, origins: FloatArray) -> float:
-    """Return the median distance of points from their photos, those at a centre left out; 1 if none is known."""
-    distances = np.linalg.norm(positions[block.photo_points.point] - origins, axis=1)
+    """Return the median distance of points from their photos, those at a centre left out; 1 if none is known.
+
+    In a large block that of an even selection of its rays.
+    """
+    rays = slice(None, None, 1 + len(origins) // _MOST_RAYS)
+    distances = np.linalg.norm(positions[block.photo_points.point[rays]] - origins[rays], axis=1)
     distances = distances[distances > _ROUNDING * np.abs(origins).max(initial=1.0)]
     return float(np.median(distances)) if len(distances) else 1.0
 

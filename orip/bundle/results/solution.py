@@ -142,15 +142,21 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
     state, equations = solved.state, solved.equations
     error = np.concatenate([part.error for part in rows])
-    # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
-    added = np.concatenate([np.broadcast_to(state.memory.get(part.kind.name, 0.0), len(part.photo)) for part in rows])
-    of_equations = equations.residual * error - added
+    of_equations = equations.residual * error
+    first = 0
+    for part in rows:
+        # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
+        of_equations[first : first + len(part.photo)] -= state.memory.get(part.kind.name, 0.0)
+        first += len(part.photo)
     residual = solved.problem.as_observed(of_equations)
-    taking_part = np.where(equations.active, 1.0, np.nan)
     numbers = solved.variance.redundancy_numbers
-    testable = np.where(numbers > _TESTABLE, numbers, np.nan)
-    weight_factors = solved.weight_factors * taking_part
-    standard = np.abs(of_equations) / error
+    weight_factors = np.where(equations.active, solved.weight_factors, np.nan)
+    # a block has millions of observations: as few arrays as there have to be
+    standard = np.abs(of_equations, out=of_equations)
+    standard /= error
+    w = np.sqrt(residual_cofactor(np.where(numbers > _TESTABLE, numbers, np.nan), weight_factors))
+    w *= solved.deviation_scale
+    np.divide(standard, w, out=w)
     return Residuals(
         kind=joined(repeated(part.kind.name, len(part.photo)) for part in rows),
         photo=joined(part.photo for part in rows),
@@ -162,7 +168,7 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         standard_residual=standard,
         weight_factor=weight_factors,
         redundancy_number=numbers,
-        w=standard / (solved.deviation_scale * np.sqrt(residual_cofactor(testable, weight_factors))),
+        w=w,
     )
 
 

@@ -12,9 +12,10 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from orip.files.project.checked_table import CheckedTable, keys_of
+from pydantic import BaseModel
+
 from orip.files.project.record_values import TomlTable
-from orip.files.project.tables import TABLE_OF_KIND
+from orip.files.project.tables import TABLE_OF_KIND, CheckedTable, keys_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
 
@@ -45,13 +46,13 @@ def _word_fault(kind: str, key: str, equals: str) -> str | None:
     return None
 
 
-def _assign(form: type[CheckedTable], table: TomlTable, path: Sequence[str], text: str) -> str | None:
+def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: str) -> str | None:
     """Assign in place; return what is wrong, or None."""
     key, *rest = path
     annotation = _annotation(form, key)
     if not rest:
         if not text and annotation is None:
-            return unknown_key(key, "the record", list(keys_of(form)))
+            return unknown_key(key, "the record", keys_of(form))
         return _set(table, key, annotation, text)
     inner = _table_in(annotation) or CheckedTable
     if get_origin(_without_none(annotation)) is list:
@@ -61,9 +62,7 @@ def _assign(form: type[CheckedTable], table: TomlTable, path: Sequence[str], tex
     return _assign(inner, table[key], rest, text)
 
 
-def _assign_to_named(
-    form: type[CheckedTable], table: TomlTable, key: str, rest: Sequence[str], text: str
-) -> str | None:
+def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
     """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
     name, *inner = rest
     if form is CheckedTable:
@@ -127,8 +126,8 @@ def _words(text: str) -> list[str]:
     return list(filter(None, (word.strip().strip("\"'") for word in text.strip("[]").split(","))))
 
 
-def _annotation(form: type[CheckedTable], key: str) -> Any:
-    return found.annotation if (found := keys_of(form).get(key)) is not None else None
+def _annotation(form: type[BaseModel], key: str) -> Any:
+    return info.annotation if (info := form.model_fields.get(key)) is not None else None
 
 
 def _without_none(annotation: Any) -> Any:
@@ -145,12 +144,12 @@ def _is_text(annotation: Any) -> bool:
     return annotation is str or get_origin(annotation) is Literal
 
 
-def _table_in(annotation: Any) -> type[CheckedTable] | None:
+def _table_in(annotation: Any) -> type[BaseModel] | None:
     return next(_tables(annotation), None)
 
 
-def _tables(annotation: Any) -> Iterator[type[CheckedTable]]:
-    if isinstance(annotation, type) and issubclass(annotation, CheckedTable):
+def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):
         yield from _tables(part)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import is_dataclass
 from typing import Any, TypeAlias, TypeVar, cast, get_args
 
-from orip.files.project.checked_table import CheckedTable
+from orip.files.project.tables import CheckedTable
 from orip.records.project.definition import Precision
 from orip.records.project.fields import Part, RecordField, fields_by_key, fields_of
 
@@ -26,7 +26,7 @@ def record_of(record: type[T], table: CheckedTable) -> T:
             # a camera with the lens of another one has no principal distance of its own: not a number
             optional = float not in get_args(record_field.type)
             given[record_field.name] = tuple(math.nan if value is None and not optional else value for value in values)
-        elif record_field.key in table.given:
+        elif record_field.key in table.model_fields_set:
             given[record_field.name] = _value(record_field, getattr(table, record_field.key))
     return record(**given)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable, ReportTable
@@ -33,7 +33,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         temtick_file=project.temtick_file,
         project_files=project.name if project.project_files is None else project.project_files,
         control_files=project.name if project.control_files is None else project.control_files,
-        measurement_files=project.measurement_files,
+        measurement_files=tuple(project.measurement_files),
         ground_unit=project.ground_unit,
         crs=project.crs,
         cameras=with_shared_lenses(camera.record for camera in source.cameras),
@@ -41,7 +41,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         templates=tuple(_with_photos(template.record, photo_names, photos_of) for template in source.templates),
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
-        gates=source.check.gates,
+        gates=tuple(source.check.gates),
         test_level=source.check.test_level,
         report=_report(source.report),
         antennas=tuple(antenna.record for antenna in source.antennas),
@@ -50,7 +50,8 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
 
 
 def _report(table: ReportTable) -> ReportDetails:
-    return ReportDetails(**{field.name: getattr(table, field.name) for field in fields(ReportDetails)})
+    keys = table.model_dump()
+    return ReportDetails(**{**keys, "remarks": tuple(keys["remarks"])})
 
 
 def _with_photos(template: Template, photo_names: dict[str, str], photos_of: dict[str, list[str]]) -> Template:

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar, cast
 
-from orip.files.project.checked_table import CheckedTable, checked_table
+from pydantic import ValidationError
+
 from orip.files.project.record_values import record_of
-from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, ReportTable, table_of
+from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, ProjectTable, ReportTable, table_of
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
@@ -109,7 +110,7 @@ def _record(
     name = raw.get("name") if isinstance(raw, dict) else None
     if isinstance(name, str):
         source.names.setdefault(section, []).append(NamePlace(name, place))
-    return [] if table is None else [Located(place, record_of(kind, table), table.given)]
+    return [] if table is None else [Located(place, record_of(kind, table), frozenset(table.model_fields_set))]
 
 
 def _bundles(document: Mapping[str, Any], source: ProjectSource) -> None:
@@ -141,9 +142,11 @@ def _elements(around: Mapping[str, Any], key: str, place: KeyPath, source: Proje
 
 
 def _table(raw: Any, table: type[AnyTable], title: str, place: KeyPath, source: ProjectSource) -> AnyTable | None:
-    found, faults = checked_table(table, raw)
-    source.faults += table_faults(faults, table, title, place)
-    return found
+    try:
+        return table.model_validate(raw)
+    except ValidationError as error:
+        source.faults += table_faults(error, table, title, place)
+        return None
 
 
 def _title(section: str, index: int, raw: Any) -> str:

@@ -12,39 +12,47 @@ from datetime import date, datetime
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args, get_origin
 
-from orip.files.project.checked_table import CheckedTable, Example, Limits, ReadBy
+from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
+from pydantic import Field as Limits
+
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.project.definition import RECORD_TYPES, Precision
 from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
 
-ShortText: TypeAlias = Annotated[str, Limits(longest=20)]
-FilledText: TypeAlias = Annotated[str, Limits(shortest=1)]
+ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
+FilledText: TypeAlias = Annotated[str, Limits(min_length=1)]
 
 SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "photo", "antenna", "bundle")
 """Tables of orip.toml; all but the first three may come several times."""
 
 
+class CheckedTable(BaseModel):
+    """A TOML table: no unknown keys, no conversion of types, no NaN."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+
+
 class ProjectTable(CheckedTable):
     """``[project]``."""
 
-    name: Annotated[str, Limits(shortest=1, longest=20), Example('"ZURICH"')]
-    user: Annotated[ShortText, Example('"K. Dueholm"')] = ""
-    camera_file: Annotated[FilledText, Example('"CAMERAS.CAM"')] = "CAMERAS.CAM"
-    temtick_file: Annotated[FilledText, Example('"TEMTICKS.TIK"')] = "TEMTICKS.TIK"
-    project_files: Annotated[str | None, Example('"ZURICH"')] = None
-    control_files: Annotated[str | None, Example('"ZURICH"')] = None
-    measurement_files: Annotated[tuple[FilledText, ...], Example('["*.MEA"]')] = ("*.MEA",)
-    output_folder: Annotated[str | None, Example('"results"')] = None
-    ground_unit: Annotated[FilledText, Example('"m"')] = "m"
-    crs: Annotated[str | None, Limits(shortest=1), Example('"EPSG:2056"')] = None
+    name: Annotated[str, Limits(min_length=1, max_length=20, examples=['"ZURICH"'])]
+    user: Annotated[ShortText, Limits(examples=['"K. Dueholm"'])] = ""
+    camera_file: Annotated[FilledText, Limits(examples=['"CAMERAS.CAM"'])] = "CAMERAS.CAM"
+    temtick_file: Annotated[FilledText, Limits(examples=['"TEMTICKS.TIK"'])] = "TEMTICKS.TIK"
+    project_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
+    control_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
+    measurement_files: Annotated[list[FilledText], Limits(examples=['["*.MEA"]'])] = ["*.MEA"]
+    output_folder: Annotated[str | None, Limits(examples=['"results"'])] = None
+    ground_unit: Annotated[FilledText, Limits(examples=['"m"'])] = "m"
+    crs: Annotated[str | None, Limits(min_length=1, examples=['"EPSG:2056"'])] = None
 
 
 class CheckTable(CheckedTable):
     """``[check]``."""
 
-    gates: Annotated[tuple[FilledText, ...], Example('["sigma0<=1.5"]')] = ()
-    test_level: Annotated[float | None, Limits(least=1e-9, most=0.5), Example("0.001")] = None
+    gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
+    test_level: Annotated[float | None, Limits(ge=1e-9, le=0.5, examples=["0.001"])] = None
 
 
 def _printable(text: str) -> str:
@@ -64,23 +72,34 @@ def _day(value: object) -> str:
     raise ValueError(message)
 
 
-OneLine: TypeAlias = Annotated[str, ReadBy(_printable)]
-Day: TypeAlias = Annotated[Any, ReadBy(_day)]
+OneLine: TypeAlias = Annotated[str, AfterValidator(_printable)]
+Day: TypeAlias = Annotated[Any, PlainValidator(_day)]
 
 
 class ReportTable(CheckedTable):
     """``[report]``."""
 
-    title: Annotated[OneLine, Example('"Quarry Hohenfels, flight 3"')] = ""
-    client: Annotated[OneLine, Example('"Kalkwerk Hohenfels GmbH"')] = ""
-    contractor: Annotated[OneLine, Example('"Vermessung Huber"')] = ""
-    author: Annotated[OneLine, Example('"K. Huber"')] = ""
-    order: Annotated[OneLine, Example('"2026-117"')] = ""
-    location: Annotated[OneLine, Example('"Hohenfels"')] = ""
-    flown: Annotated[Day, Example("2026-04-28")] = ""
-    date: Annotated[Day, Example("2026-05-04")] = ""
-    equipment: Annotated[OneLine, Example('"DJI M3E, RTK by SAPOS"')] = ""
-    remarks: Annotated[tuple[OneLine, ...], Example('["Signalled points were set out by the client."]')] = ()
+    title: Annotated[OneLine, Limits(examples=['"Quarry Hohenfels, flight 3"'])] = ""
+    client: Annotated[OneLine, Limits(examples=['"Kalkwerk Hohenfels GmbH"'])] = ""
+    contractor: Annotated[OneLine, Limits(examples=['"Vermessung Huber"'])] = ""
+    author: Annotated[OneLine, Limits(examples=['"K. Huber"'])] = ""
+    order: Annotated[OneLine, Limits(examples=['"2026-117"'])] = ""
+    location: Annotated[OneLine, Limits(examples=['"Hohenfels"'])] = ""
+    flown: Annotated[Day, Limits(examples=["2026-04-28"])] = ""
+    date: Annotated[Day, Limits(examples=["2026-05-04"])] = ""
+    equipment: Annotated[OneLine, Limits(examples=['"DJI M3E, RTK by SAPOS"'])] = ""
+    remarks: Annotated[list[OneLine], Limits(examples=['["Signalled points were set out by the client."]'])] = []
+
+
+def example_of(table: type[BaseModel], key: str) -> str | None:
+    """Return how the value of a key may be written."""
+    info = table.model_fields.get(key)
+    return str(info.examples[0]) if info is not None and info.examples else None
+
+
+def keys_of(table: type[BaseModel]) -> list[str]:
+    """Return the keys that a table may have, in their order."""
+    return list(table.model_fields)
 
 
 def _as_number(value: object) -> float | None:
@@ -139,26 +158,19 @@ def table_of(record: type) -> type[CheckedTable]:
                 record_field.field,
                 required=record_field.required,
             )
-    return _table_class(f"{record.__name__}Table", keys)
-
-
-def _table_class(name: str, keys: Mapping[str, tuple[Any, Any]]) -> type[CheckedTable]:
-    """Return the class of a table with the annotation and the default of each key; `...`: it has to be there."""
-    annotations = {key: annotation for key, (annotation, _) in keys.items()}
-    defaults = {key: default for key, (_, default) in keys.items() if default is not ...}
-    return type(name, (CheckedTable,), {"__annotations__": annotations, **defaults})
+    return create_model(f"{record.__name__}Table", __base__=CheckedTable, **keys)
 
 
 def _key(annotation: Any, field: Field | Part, *, required: bool) -> Any:
-    shown = Annotated[annotation, Example(field.example)] if field.example else annotation
-    return shown, ... if required else None
+    examples = [field.example] if field.example else None
+    return Annotated[annotation, Limits(examples=examples)], ... if required else None
 
 
 def _read_by(record_field: RecordField) -> Any:
     """Return the type of a value that may be written in several forms; None for all others."""
     if record_field.type is Precision:
-        return Annotated[Any, ReadBy(_precision)]
-    return Annotated[Any, ReadBy(_one_for_both)] if record_field.field.one_for_all else None
+        return Annotated[Any, PlainValidator(_precision)]
+    return Annotated[Any, PlainValidator(_one_for_both)] if record_field.field.one_for_all else None
 
 
 def _part(element: Any, part: Part) -> Any:
@@ -169,7 +181,7 @@ def _part(element: Any, part: Part) -> Any:
 
 
 def _value(kind: Any, field: Field) -> Any:
-    """Return the type of a value as it is checked: a table, a list of any or of a certain length, or itself."""
+    """Return the type of a value as pydantic checks it: a table, a list of any or of a certain length, or itself."""
     items = get_args(kind) if get_origin(kind) is tuple else ()
     if field.names:
         return _elements_table(field.names)
@@ -183,17 +195,18 @@ def _value(kind: Any, field: Field) -> Any:
 
 
 def _elements_table(names: Sequence[str]) -> type[CheckedTable]:
-    return _table_class("ElementsTable", dict.fromkeys(names, (float, 0.0)))
+    elements: dict[str, Any] = dict.fromkeys(names, (float, 0.0))
+    return create_model("ElementsTable", __base__=CheckedTable, **elements)
 
 
 def _list_of(item: Any, length: int | None) -> Any:
-    return list[item] if length is None else Annotated[list[item], Limits(shortest=length, longest=length)]
+    return list[item] if length is None else Annotated[list[item], Limits(min_length=length, max_length=length)]
 
 
 def _limited(kind: Any, above: float | None = None, least: float | None = None, most: float | None = None) -> Any:
     if above is None and least is None and most is None:
         return kind
-    return Annotated[kind, Limits(above, least, most)]
+    return Annotated[kind, Limits(gt=above, ge=least, le=most)]
 
 
 TABLE_OF_KIND: Mapping[str, type[CheckedTable]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}

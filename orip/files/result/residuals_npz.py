@@ -26,19 +26,17 @@ _SINGLE = np.dtype(np.float32)
 """Seven digits, for what is a statistic of a residual; what has a unit keeps all of its digits."""
 
 
-def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[bytes]:
+def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[bytes | memoryview]:
     """Yield the bytes of residuals.npz, array by array; equal residuals give equal bytes."""
-    written = io.BytesIO()
-    with zipfile.ZipFile(cast("IO[bytes]", _Appended(written)), "w", allowZip64=True) as archive:
+    written = _Appended()
+    with zipfile.ZipFile(cast("IO[bytes]", written), "w", allowZip64=True) as archive:
         for name, values in _arrays(residuals, reliability):
             data = _npy(values)
             entry = zipfile.ZipInfo(f"{name}.npy")  # of 1980: no clock goes in
             entry.compress_type = zipfile.ZIP_DEFLATED if _compresses(data) else zipfile.ZIP_STORED
             archive.writestr(entry, data, compresslevel=_LEVEL)
-            yield written.getvalue()
-            written.seek(0)
-            written.truncate()
-    yield written.getvalue()
+            yield from written.taken()
+    yield from written.taken()
 
 
 def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -55,26 +53,32 @@ def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[st
     yield "external_reliability", reliability.external.astype(_SINGLE)
 
 
-def _npy(values: NDArray[Any]) -> bytes:
+def _npy(values: NDArray[Any]) -> memoryview:
     stream = io.BytesIO()
     np.lib.format.write_array(stream, np.ascontiguousarray(values), allow_pickle=False)
-    return stream.getvalue()
+    return stream.getbuffer()
 
 
-def _compresses(data: bytes) -> bool:
+def _compresses(data: memoryview) -> bool:
     sample = data[:_SAMPLE]
     return len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
 
 
 class _Appended:
-    """A stream that only grows: what is written can be taken away before the rest comes."""
+    """A stream that only grows: what is written can be taken away, as it is, before the rest comes."""
 
-    def __init__(self, to: io.BytesIO) -> None:
-        self._to = to
+    def __init__(self) -> None:
+        self._pieces: list[bytes | memoryview] = []
 
-    def write(self, data: bytes) -> int:
+    def taken(self) -> list[bytes | memoryview]:
+        """Return what has been written since it was taken last."""
+        pieces, self._pieces = self._pieces, []
+        return pieces
+
+    def write(self, data: bytes | memoryview) -> int:
         """Append bytes."""
-        return self._to.write(data)
+        self._pieces.append(data)
+        return len(data)
 
     def flush(self) -> None:
         """Do nothing: there is no buffer."""

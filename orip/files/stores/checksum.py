@@ -136,8 +136,11 @@ def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> byte
         texts = [_NULL_TEXT if value is None else value for value in values] if column.null != "never" else values
         return (_END.join(texts) + _END).encode("utf-8", "surrogatepass")
     if column.type == "REAL":
-        numbers = np.array(values, dtype="<f8") + 0.0  # SQLite keeps no negative zero
-        numbers[np.isnan(numbers)] = np.nan  # nor does it keep which NaN it was
+        numbers = np.array(values, dtype="<f8")
+        numbers += 0.0  # SQLite keeps no negative zero
+        unknown = np.isnan(numbers)
+        if unknown.any():
+            numbers[unknown] = np.nan  # nor does it keep which NaN it was
         return numbers.tobytes()
     if column.null != "never":
         return _END.join(map(repr, values)).encode("ascii") + b"\0"

@@ -39,7 +39,7 @@ def packed_column(column: StoreColumn, values: Any) -> bytes:
     if column.type == "TEXT":
         names = coded(values)
         words = json.dumps(names.distinct, ensure_ascii=False).encode("utf-8")
-        return _part(words) + _numbers(names.codes.astype(_TYPES["TEXT"]))
+        return _judged_part(words) + _numbers(names.codes.astype(_TYPES["TEXT"]))
     return _numbers(np.ascontiguousarray(values, dtype=_TYPES[column.type]))
 
 
@@ -76,13 +76,14 @@ _LENGTH = "it has other values than its length says"
 
 def _numbers(values: NDArray[Any]) -> bytes:
     places = values.view(np.uint8).reshape(len(values), values.dtype.itemsize).T
-    return b"".join(_part(np.ascontiguousarray(place).tobytes()) for place in places)
+    return b"".join(map(_part, places))
 
 
-def _part(data: bytes) -> bytes:
+def _part(place: NDArray[np.uint8]) -> bytes:
+    data = place.tobytes()
     first = data[:1]
     # codes, flags and equal a-priori errors: most places have one byte throughout
-    return _constant_part(first, len(data)) if data == first * len(data) else _judged_part(data)
+    return _constant_part(first, len(data)) if data.count(first) == len(data) else _judged_part(data)
 
 
 @lru_cache(maxsize=64)

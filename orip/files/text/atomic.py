@@ -60,7 +60,7 @@ def replace_text(path: Path, text: str) -> None:
     replace_in_pieces(path, [text])
 
 
-def replace_in_pieces(path: Path, pieces: Iterable[str | bytes]) -> None:
+def replace_in_pieces(path: Path, pieces: Iterable[str | bytes | memoryview]) -> None:
     """Do what `replace_text` does with a text, or bytes, too large to be in memory as a whole.
 
     Raises
@@ -102,7 +102,7 @@ def lines_in_pieces(lines: Iterable[str]) -> Iterator[str]:
         yield "\n".join(some) + "\n"
 
 
-def _replace(path: Path, pieces: Iterable[bytes]) -> None:
+def _replace(path: Path, pieces: Iterable[bytes | memoryview]) -> None:
     mode = _mode_of(path)
     temporary = temporary_beside(path)
     try:
@@ -127,7 +127,7 @@ def _mode_of(path: Path) -> int | None:
         return None
 
 
-def _write_through(temporary: Path, pieces: Iterable[bytes], mode: int | None) -> None:
+def _write_through(temporary: Path, pieces: Iterable[bytes | memoryview], mode: int | None) -> None:
     with temporary.open("xb", buffering=_BUFFER_BYTES) as stream:
         for piece in pieces:
             stream.write(piece)

@@ -75,7 +75,7 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
     shape = np.maximum(np.round((high - low) / (np.max(high - low) / CELLS)).astype(np.int64), 1)
     count, total, squares = np.zeros(shape.prod(), dtype=np.int64), np.zeros((shape.prod(), 2)), 0.0
     for photo in vectors:
-        xy, residual = photo.xy[photo.sound], _sound_residual(photo)
+        xy, residual = photo.xy[photo.sound], photo.sound_residual
         cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
         place = cell[:, 0] * shape[1] + cell[:, 1]
         count += np.bincount(place, minlength=len(count))
@@ -150,12 +150,9 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
 
 def _large(vectors: Sequence[PhotoVectors]) -> float:
     """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
-    squares = np.concatenate([np.einsum("ij,ij->i", residual, residual) for residual in map(_sound_residual, vectors)])
+    sound = [photo.sound_residual for photo in vectors]
+    squares = np.concatenate([np.einsum("ij,ij->i", residual, residual) for residual in sound])
     return float(np.sqrt(np.quantile(squares, 0.95))) if squares.size else 0.0
-
-
-def _sound_residual(vectors: PhotoVectors) -> FloatArray:
-    return vectors.residual if vectors.sound.all() else vectors.residual[vectors.sound]
 
 
 @dataclass(frozen=True, slots=True)

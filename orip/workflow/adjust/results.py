@@ -132,7 +132,7 @@ def write_residuals(solution: Solution, output: Path) -> None:
         replace_in_pieces(output, write(solution.residuals, reliability_of(solution)))
 
 
-_FORMATS: Mapping[str, Callable[[Residuals, Reliability], Iterable[str | bytes]]] = {
+_FORMATS: Mapping[str, Callable[[Residuals, Reliability], Iterable[str | bytes | memoryview]]] = {
     ".csv": residuals_csv_pieces,
     ".npz": residuals_npz_pieces,
 }

@@ -66,7 +66,7 @@ def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path
     return tuple(path for path in files.all if path not in files.written(solution))
 
 
-def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes]:
+def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes | memoryview]:
     """Return the residuals of a solution as a text table, or as arrays where they are many."""
     from orip.files.result.residuals_csv import residuals_csv_pieces
     from orip.files.result.residuals_npz import residuals_npz_pieces

@@ -26,7 +26,7 @@ class TextOutput:
     """
 
     path: Path
-    pieces: Callable[[], Iterable[str | bytes]]
+    pieces: Callable[[], Iterable[str | bytes | memoryview]]
     remedy: str
 
 

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from orip.files.project.checked_table import keys_of
-from orip.files.project.tables import TABLE_OF_KIND
+from orip.files.project.tables import TABLE_OF_KIND, keys_of
 from orip.files.project.toml_text import toml_value
 from orip.records.project.definition import RECORD_TYPES
 from orip.records.project.fields import GROUND_UNIT, units_of
