@@ -68,7 +68,7 @@ def next_attempt(
         return now, reason
     if tried.attempts >= settings.most_attempts or not _reduced(now).any():
         return now, reason
-    if tried.exchanges is None:
+    if tried.exchanges is None and (reason is not None or not now.weighing.of_tracks):
         tried = replace(tried, exchanges=_candidates(problem, now, weights, normals, settings.max_lost_digits))
     if tried.exchanges and (reason is not None or tried.exchanges[0].is_lower):
         candidate, *others = tried.exchanges

@@ -121,5 +121,5 @@ def test_400_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_no
     found = [asdict(outcome_of(outlier_records(run))) for run in range(400)]
     for family in OUTLIER_FAMILIES:
         LOG.info("%s: %.2f %%", family, 100.0 * success([outcome for outcome in found if outcome["family"] == family]))
-    # 90 of the first 100 near the line and all gross ones were right; the aim is 99.5 %
-    assert success(found) >= 0.9
+    # 190 of 200 near the line and all gross ones that were run were right; the aim is 99.5 %
+    assert success(found) >= 0.95
