@@ -14,12 +14,12 @@ error: such unknowns are held at zero.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dtpmqrt, dtpqrt, dtrtrs
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.sequential.panels import Panel, Replaced
 from orip.sequential.reduced_rows import ReducedRows
 
 _PANEL = 48
@@ -30,25 +30,6 @@ _ZERO_PIVOT = 1e-10
 
 _ROOM = 60
 """Unknowns by which the arrays grow at least: ten photos."""
-
-
-class _Panel(NamedTuple):
-    """Rows `first` to `last` of R, and the end of the columns in which they are not zero."""
-
-    first: int
-    last: int
-    end: int
-
-
-class Replaced(NamedTuple):
-    """The triangle from a row on, before a change."""
-
-    first: int
-    panels: list[tuple[_Panel, FloatArray, FloatArray]]
-    reach: IntArray
-    square_sums: FloatArray
-    residual_square_sum: float
-    rounding: float
 
 
 class Triangle:
@@ -284,11 +265,11 @@ class Triangle:
         empty = np.diagonal(block) == 0.0
         return np.where(np.diag(empty), 1.0, block) if empty.any() else block
 
-    def _panels(self, first: int) -> Iterator[_Panel]:
+    def _panels(self, first: int) -> Iterator[Panel]:
         """Yield panels of rows from a first one on."""
         for start in range(first - first % _PANEL, self.size, _PANEL):
             last = min(start + _PANEL, self.size)
-            yield _Panel(start, last, max(last, int(self._reach[start:last].max())))
+            yield Panel(start, last, max(last, int(self._reach[start:last].max())))
 
     def _is_safe(self, columns: IntArray) -> bool:
         """Return whether no pivot is zero that equations in some columns could meet."""
@@ -347,7 +328,7 @@ class Triangle:
         self.residual_square_sum += float(np.square(right).sum())
         return np.asarray(right[:, 0])
 
-    def _reflect(self, panel: _Panel, end: int, new: FloatArray, right: FloatArray) -> FloatArray:
+    def _reflect(self, panel: Panel, end: int, new: FloatArray, right: FloatArray) -> FloatArray:
         """Eliminate the columns of a panel from new rows (k, n), in place; return their right-hand sides (k, 1)."""
         own, beyond = slice(panel.first, panel.last), slice(panel.last, end)
         width = panel.last - panel.first
@@ -391,7 +372,7 @@ class Triangle:
         self.rounding += 1.0 / float(left[-1])
         return True
 
-    def _scale_down(self, panel: _Panel, p: FloatArray, left: FloatArray, rest: FloatArray) -> None:
+    def _scale_down(self, panel: Panel, p: FloatArray, left: FloatArray, rest: FloatArray) -> None:
         """Multiply a panel by its rows of U; `rest` (n + 1,) is the row less what the panels above have of it."""
         own, across = slice(panel.first, panel.last), slice(panel.first, self.size)
         if not p[own].any():
