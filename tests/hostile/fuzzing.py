@@ -177,7 +177,7 @@ def _of_dump(data: bytes) -> None:
     with closing(connected(PRIVATE, 0.0)) as connection:
         store = Store(Path(f"Z.{kind}"), kind, connection, "main", present=True)
         connection.execute("BEGIN")
-        create(store)
+        create(store, packed=False)
         read_dump(data.decode("utf-8", "replace").split("\n"), store, "fuzzed")
 
 
