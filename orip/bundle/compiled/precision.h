@@ -53,9 +53,10 @@ INLINE void take_part(const Reduced *inverse, const Local *local, int32_t *stret
     }
 }
 
+#define MOST_COLUMNS 2
+
 /* Add what some columns of Q, from the j-th on, contribute to B Q. A part of many unknowns does not stay in the nearest
  * cache: it is read once, column after column. */
-#define MOST_COLUMNS 2
 INLINE void add_columns(const Part *part, int64_t size, const double *const *b, int64_t j, int count, double *const *q)
 {
     const double *column = part->inverse + j * part->stride;

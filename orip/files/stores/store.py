@@ -243,6 +243,7 @@ class Store:
             message = f"table {table.name}: a column is shorter than another one"
             raise ValueError(message)
         for first in range(0, len(owner), ROWS_OF_PART):
+            # a list in one row keeps all its names, in the order in which the points of a block are known
             parts = rest if len(owner) <= ROWS_OF_PART else [_part_of(values, first) for values in rest]
             try:
                 blobs = [packed_column(column, part) for column, part in zip(table.packed_columns, parts, strict=True)]
