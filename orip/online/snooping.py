@@ -58,8 +58,23 @@ class Snooping:
             self.suspects.pop(key, None)
             self.block.left_out.discard(key)
 
-    def snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
-        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
+    def snoop(
+        self, keys: Collection[ObservationKey], latest: ObservationKey | None = None, most: int | None = None
+    ) -> list[Suspect]:
+        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one.
+
+        Parameters
+        ----------
+        keys : collection of ObservationKey
+        latest : ObservationKey or None
+        most : int or None
+            As many as are taken out for their own tests; None: all.
+
+        Returns
+        -------
+        list of Suspect
+            With others that these have shown to be wrong.
+        """
         found: list[Suspect] = []
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
@@ -79,6 +94,8 @@ class Snooping:
                 break
             if worst.kind == "photo":
                 found += self._blamed_control(worst.point)
+            if most is not None and len(found) >= most:
+                break
             if len(tested) > _ALL:
                 keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
         found += self._outvoted(dict.fromkeys(one.key.point for one in found if one.key.kind == "photo"))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from support.sample_projects import sample
 from threadpoolctl import threadpool_limits
+from workflow.online_points import typed_points
 from workflow.quiet import run_quietly
 from workflow.small_projects import Point, first_project, replace_in, without_points
 
@@ -86,26 +87,6 @@ def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Pa
     assert _figures(folder) == _figures(other)
 
 
-def _typed(folder: Path) -> list[Point]:
-    """Take the photo points out of the measurement files of a project, and return those that count."""
-    session = OnlineSession(folder, None)
-    rays = session.measuring.block.measurements.observations
-    found = [
-        (photo, point, *session.to_log(photo, (float(x), float(y))))
-        for photo, point, (x, y) in zip(rays.photos, rays.points, rays.measured, strict=True)
-    ]
-    for log in folder.glob("*.MEA"):
-        kept, is_of_points = [], False
-        for line in log.read_text(encoding="utf-8").splitlines():
-            words = line.split("!")[0].split()
-            if words[:1] in (["POINTS"], ["PHOTO"], ["TEMPLATE"]):
-                is_of_points = words[0] == "POINTS"
-            if not (is_of_points and words):
-                kept.append(line)
-        log.write_text("\n".join([*kept, ""]), encoding="utf-8")
-    return found
-
-
 WRONG = {
     "small_frame_block": {"1213 in 203", "1307 in 104"},
     "zurich_city_hall": {f"control point {name}" for name in (201, 202, 211, 212, 311, 312)},
@@ -120,7 +101,7 @@ WRONG = {
 def test_a_sample_typed_in_random_order_ends_with_the_figures_of_solve(tmp_path: Path, seed: int, name: str) -> None:
     folder, other = sample(tmp_path, name), sample(tmp_path / "other", name)
     commit(initialise(read_project(folder, "definitions")))
-    points = _typed(folder)
+    points = typed_points(folder)
     random.Random(seed).shuffle(points)
     session = OnlineSession(folder, None)
     for point in points:

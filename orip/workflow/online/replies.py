@@ -119,7 +119,16 @@ def reply_of(session: OnlineSession, answer: Answer) -> Reply:
         "oriented": list(answer.oriented),
         "placed": list(answer.placed),
         "next": [_candidate(session, one) for one in answer.next],
+        "pending": answer.is_pending,
     }
+
+
+def reconsidered_of(session: OnlineSession, answer: Answer) -> Reply:
+    """Return what is told of an answer that has changed, or that took longer than was waited for."""
+    # takes its time to import
+    from orip.schemas.catalogue import identifier
+
+    return {"schema": identifier("online-reconsidered"), "command": "online", "reconsidered": reply_of(session, answer)}
 
 
 def _candidate(session: OnlineSession, candidate: Candidate) -> Reply:
