@@ -157,20 +157,17 @@ class Measuring:
         request, self._request = self._request, None
         if request is None:
             return None
-        examined = self._control.examined
         if self.block.values.orientations and self.block.values.points:
-            self._settle(request)
+            is_moved = self._settle(request)
         else:
-            self._start([request.key.photo], SOON)
-            self._snoop_first(request.key)
+            is_moved = self._start_soon(request.key)
+        examined = self._control.examined
         self._control.examine_if_doubted()
         # both take their time, and measurements may wait
-        if self._control.examined == examined and len(self.block.measurements) >= self._begun_with * (
-            1.0 + _MUCH_LATER
-        ):
-            self._begin_again_if_doubted()
-        answer = self._answer(request.key, request.before)
-        return answer if _is_news(answer, request.answer) else None
+        if self._control.examined != examined or self._begin_again_if_doubted() or is_moved:
+            answer = self._answer(request.key, request.before)
+            return answer if _is_news(answer, request.answer) else None
+        return None
 
     def exclude(self, photo: str, point: str) -> Answer:
         """Leave a photo point out, by the operator's decision.
@@ -285,37 +282,58 @@ class Measuring:
         )
         return answer
 
-    def _settle(self, request: _Request) -> None:
-        """Linearise at the solution with a new measurement, and test all that it concerns there."""
+    def _settle(self, request: _Request) -> bool:
+        """Linearise at the solution with a new measurement, and test all that it concerns there.
+
+        Returns
+        -------
+        bool
+            Whether there was anything to be done.
+        """
         if request.has_oriented:
             self._adjust_cameras()
         is_estimated = self._scale.estimated()
         if request.is_tested and not (request.has_oriented or is_estimated):
-            return
+            return False
         self.block.settle(request.points)
         if is_estimated:
             self._snooping.review()
         self._snooping.snoop(self._concerned(request.key, request.new), request.key)
         self.block.lose_unsettled()
+        return True
 
-    def _begin_again_if_doubted(self) -> None:
+    def _start_soon(self, latest: ObservationKey) -> bool:
+        """Orient the first photos if that takes little time; return whether there are any."""
+        self._start([latest.photo], SOON)
+        self._snoop_first(latest)
+        return bool(self.block.values.orientations)
+
+    def _begin_again_if_doubted(self) -> bool:
         """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
 
         What is measured first may orient photos wrongly, so that what is right does not fit later.
-        """
-        suspects = sum(key.kind == "photo" for key in self.suspects)
-        if suspects > max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)):
-            self._begin_again()
 
-    def _begin_again(self) -> None:
-        """Start again from all measurements, and go on from there unless fewer of them fit."""
+        Returns
+        -------
+        bool
+            Whether the session goes on from there.
+        """
+        measured = len(self.block.measurements)
+        suspects = sum(key.kind == "photo" for key in self.suspects)
+        if measured < self._begun_with * (1.0 + _MUCH_LATER) or suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * measured):
+            return False
+        return self._begin_again()
+
+    def _begin_again(self) -> bool:
+        """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
         self._begun_with = len(self.block.measurements)
         other = Measuring(self.block.begun_again(self.excluded), SOON)
         if len(other.block.equations.included) < len(self.block.equations.included):
-            return
+            return False
         self.block, self._scale = other.block, other._scale
         self._snooping, self._control = other._snooping, other._control
         self._next_adjustment = self._begun_with * (1.0 + _LATER)
+        return True
 
     def _snoop_first(self, latest: ObservationKey | None = None) -> None:
         """Take out what does not fit of the first photos, and linearise them at their solution without it.

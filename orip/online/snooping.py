@@ -76,12 +76,20 @@ class Snooping:
             With others that these have shown to be wrong.
         """
         found: list[Suspect] = []
+        results: dict[ObservationKey, tuple[float, float]] = {}
+        changed = set(keys)
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
-            results = dict(zip(tested, self.tested(tested), strict=True))
+            again = [key for key in tested if key in changed]
+            results = {key: results[key] for key in tested if key not in changed}
+            results |= zip(again, self.tested(again), strict=True)
             worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
-            if w <= limit:
+            if w <= limit and len(again) == len(tested):
                 break
+            if w <= limit:
+                # what was taken out has changed all a little
+                changed = set(tested)
+                continue
             alike = self._alike(worst, tested)
             if latest in alike and latest is not None:
                 alike = [worst, *(other for other in alike if other != latest)]
@@ -96,8 +104,12 @@ class Snooping:
                 found += self._blamed_control(worst.point)
             if most is not None and len(found) >= most:
                 break
+            changed = set(keys)
             if len(tested) > _ALL:
                 keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
+                changed = {
+                    key for key in keys if key.point == worst.point or (worst.photo and key.photo == worst.photo)
+                }
         found += self._outvoted(dict.fromkeys(one.key.point for one in found if one.key.kind == "photo"))
         return [one for one in found if one.key in self.suspects]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,14 @@ class Standing(NamedTuple):
         """Return by how much the square sum falls without the observation, and how many equations are checked."""
         squares, checked = falls([self])
         return float(squares[0]), int(checked[0])
+
+
+def redundancies(standings: Sequence[Standing]) -> list[list[float]]:
+    """Return the redundancy numbers of each observation; `Standing.redundancy` of many."""
+    found = np.concatenate([np.zeros(0), *(np.diagonal(standing.cofactor) for standing in standings)]).clip(0.0, 1.0)
+    ends = np.cumsum([0, *(len(standing.residual) for standing in standings)]).tolist()
+    numbers = found.tolist()
+    return [numbers[start:end] for start, end in pairwise(ends)]
 
 
 def falls(standings: Sequence[Standing]) -> tuple[FloatArray, IntArray]:

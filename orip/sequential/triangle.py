@@ -25,6 +25,8 @@ from orip.sequential.reduced_rows import ReducedRows
 _PANEL = 48
 """Rows of R that are transformed together: wide enough for LAPACK, narrow enough for a band."""
 
+_UP_TO_DIAGONAL = np.tri(_PANEL, dtype=bool)
+
 _ZERO_PIVOT = 1e-9
 """Part of an unknown's column in R below which its pivot is rounding: nothing determines the unknown. Rounding has been
 met that came to 1.3e-10 of a column that depends on others."""
@@ -238,16 +240,25 @@ class Triangle:
         found[held] = 0.0
         return found, np.asarray(is_open)
 
-    def inverse(self) -> FloatArray:
-        """Return R^-1 (n, n), with zero columns for unknowns that nothing determines: they are held."""
-        found = np.zeros((self.size, self.size))
-        for panel in reversed(list(self._panels(0))):
+    def cofactors(self) -> FloatArray:
+        """Return N^-1 = (R^T R)^-1 (n, n) for the unknowns that a row of R has in common; elsewhere it is zero.
+
+        Unknowns that nothing determines are held. From R N^-1 = R^-T, panel by panel from the last one on: what a panel
+        needs of N^-1 has been computed by then (Takahashi, Fagan and Chen 1973; Erisman and Tinney 1975).
+        """
+        found, end = np.zeros((self.size, self.size)), 0
+        panels = []
+        for panel in self._panels(0):
+            # what is common to a row is then common to all rows below it that have one of both
+            end = max(end, panel.end)
+            panels.append(panel._replace(end=end))
+        for panel in reversed(panels):
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            pivotal = self._pivotal(own)
-            found[own, own] = dtrtrs(pivotal, np.eye(panel.last - panel.first))[0]
-            across = self._factor[own, beyond] @ found[beyond, panel.last :]
-            found[own, panel.last :] = -dtrtrs(pivotal, across)[0]
-        found[:, ~self.determined()] = 0.0
+            pivotal, across = self._pivotal(own), self._factor[own, beyond]
+            found[own, beyond] = -dtrtrs(pivotal, across @ found[beyond, beyond])[0]
+            found[beyond, own] = found[own, beyond].T
+            transposed = dtrtrs(pivotal, np.diag(self.determined()[own].astype(np.float64)), trans=1)[0]
+            found[own, own] = dtrtrs(pivotal, transposed - across @ found[beyond, own])[0]
         return found
 
     def _forward(self, right: FloatArray) -> FloatArray:
@@ -386,7 +397,11 @@ class Triangle:
         factors, slopes = np.sqrt(after / before)[:, None], (p[own] / np.sqrt(after * before))[:, None]
         below = rest[across] - np.cumsum(p[own, None] * self._factor[own, across], axis=0)
         beyond = rest[-1] - np.cumsum(p[own] * self._right[own])
-        self._factor[own, across] = np.triu(factors * self._factor[own, across] - slopes * np.triu(below, 1))
-        self._right[own] = factors[:, 0] * self._right[own] - slopes[:, 0] * beyond
         rest[across], rest[-1] = below[-1], beyond[-1]
         rest[own] = 0.0
+        width = panel.last - panel.first
+        below[:, :width][_UP_TO_DIAGONAL[:width, :width]] = 0.0
+        below *= slopes
+        self._factor[own, across] *= factors
+        self._factor[own, across] -= below
+        self._right[own] = factors[:, 0] * self._right[own] - slopes[:, 0] * beyond

@@ -1,7 +1,9 @@
 """How observations fit: their equations divided by the triangle, with the points' own rows of it.
 
 With the equations a of an observation and R of all, p = R^-T a^T has p^T p = a N^-1 a^T, the cofactor of what the
-adjustment says about it. A few observations are substituted into R; of many, R^-1 is computed once.
+adjustment says about it. A few observations are substituted into R; of many, N^-1 is computed once, as far as unknowns
+have observations in common. That has fewer digits where the datum is weak: with the weight of all control at a
+millionth, redundancy numbers of 512 photos are right to 3e-6.
 """
 
 from __future__ import annotations
@@ -65,26 +67,26 @@ def whitened(
 def standings_of_many(
     points: Mapping[str, PointInTriangle], triangle: Triangle, observations: Sequence[ObservationRows]
 ) -> list[Standing]:
-    """Return how observations that are in fit, by R^-1: quicker than substitution of many.
+    """Return how observations that are in fit, by their unknowns' part of N^-1: quicker than substitution of many.
 
     Points that are seen in the same photos are multiplied together.
     """
-    inverse, solution = triangle.inverse(), triangle.solution()
+    cofactors, solution = triangle.cofactors(), triangle.solution()
     sharing: dict[bytes, list[_OfPoint]] = {}
     for group in _without_points(points, observations):
         sharing.setdefault(group.reduced.columns.tobytes(), []).append(group)
     found: dict[int, Standing] = {}
     for groups in sharing.values():
         columns = groups[0].reduced.columns
-        across = inverse[columns, int(columns.min(initial=triangle.size)) :]
-        spread, start = np.concatenate([group.reduced.rows for group in groups]) @ across, 0
+        rows = np.concatenate([group.reduced.rows for group in groups])
+        residuals = rows @ solution[columns] - np.concatenate([group.reduced.right for group in groups])
+        spread, start = rows @ cofactors[np.ix_(columns, columns)], 0
         for group in groups:
-            mine = spread[start : start + len(group.reduced.right)]
-            start += len(mine)
-            residual = group.reduced.rows @ solution[columns] - group.reduced.right
-            cofactor = np.eye(len(mine)) - group.own.T @ group.own - mine @ mine.T
+            own = slice(start, start + len(group.reduced.right))
+            start = own.stop
+            cofactor = np.eye(len(residuals[own])) - group.own.T @ group.own - spread[own] @ group.reduced.rows.T
             for place, part in _parts(group.places, observations):
-                found[place] = Standing(residual[part], cofactor[part, part])
+                found[place] = Standing(residuals[own][part], cofactor[part, part])
     return [found[place] for place in range(len(observations))]
 
 

@@ -10,7 +10,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.measuring import Measuring
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.sequential.standing import falls
+from orip.sequential.standing import falls, redundancies
 
 Shown = dict[str, Any]
 
@@ -85,11 +85,13 @@ def residuals_of(measuring: Measuring) -> list[Shown]:
             "photo": key.photo,
             "point": key.point,
             "v": standing.residual.tolist(),
-            "redundancy": standing.redundancy.tolist(),
+            "redundancy": redundancy,
             "w": w,
             "limit": limits[count],
         }
-        for key, standing, w, count in zip(keys, standings, np.sqrt(squares).tolist(), checked.tolist(), strict=True)
+        for key, standing, redundancy, w, count in zip(
+            keys, standings, redundancies(standings), np.sqrt(squares).tolist(), checked.tolist(), strict=True
+        )
     ]
     return sorted(found, key=lambda one: -one["w"] / one["limit"])
 
