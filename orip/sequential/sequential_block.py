@@ -19,8 +19,9 @@ from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle, factored_point
 from orip.sequential.reduced_rows import ReducedRows
 from orip.sequential.standing import LEAST_REDUNDANCY, Standing
+from orip.sequential.standings_of_many import standings_of_many
 from orip.sequential.triangle import Triangle
-from orip.sequential.whitening import Whitened, standings_of_many, whitened
+from orip.sequential.whitening import Whitened, whitened
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -28,7 +29,7 @@ _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
 _MANY = 0.25
-"""Equations, over unknowns, from which the inverse of the triangle takes less time than their substitution."""
+"""Equations, over unknowns, from which N^-1 takes less time than their substitution."""
 
 _LEAST_OF_POINT = 0.1
 """Redundancy number of an observation, reduced unknowns held, from which its point is well determined without it."""

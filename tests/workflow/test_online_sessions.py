@@ -142,6 +142,16 @@ def test_photos_points_cameras_residuals_and_statistics_are_those_of_the_adjustm
     assert of_photos <= statistics["square sum"] * (1.0 + 1e-9) + 1e-12
     assert len(shown["residuals"]) == len(points)
     assert all(one["w"] <= one["limit"] for one in shown["residuals"])
+    photo, name = points[0][:2]
+    for asked in ({"photo": photo}, {"point": name}, {"photo": photo, "point": name}):
+        of_it = _reply(session, folder, do="show", what="residuals", **asked)["residuals"]
+        expected = [one for one in shown["residuals"] if one.items() >= asked.items()]
+        assert [one["point"] for one in of_it] == [one["point"] for one in expected]
+        # by substitution of few, and by the inverse for many
+        assert all(
+            one["w"] == pytest.approx(other["w"], rel=1e-6, abs=1e-9)
+            for one, other in zip(of_it, expected, strict=True)
+        )
     assert {one["photo"] for one in shown["photos"]} == {point[0] for point in points}
     assert {one["point"] for one in shown["points"]} == {point[1] for point in points}
     assert shown["cameras"][0]["C"] > 0.0
@@ -285,6 +295,7 @@ def test_lines_that_others_append_are_answered(project) -> None:
         ('{"do": "measure", "photo": "P1", "point": "1", "x": NaN, "y": 1}', "a number"),
         ('{"do": "measure", "photo": "P1", "point": 1, "x": 1, "y": 1}', "in quotes"),
         ('{"do": "show", "what": "all"}', "it is one of summary"),
+        ('{"do": "show", "what": "points", "photo": "P1"}', 'for "what": "residuals" alone'),
         ('{"do": "solve", "now": true}', "does not have"),
         ('{"do": "solve", "prune": "yes"}', "true or false"),
     ],

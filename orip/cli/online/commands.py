@@ -74,7 +74,7 @@ def register(app: typer.Typer) -> None:
 
                     serve_programs(invocation, served, address)
                     return
-                _put(invocation, shown(session, "summary"))
+                _put(invocation, shown(session))
                 _serve(invocation, served)
 
 

@@ -29,7 +29,7 @@ class ServedSession:
     def greeting(self) -> Reply:
         """Return what a program is told first."""
         with self._lock:
-            return shown(self._session, "summary")
+            return shown(self._session)
 
     def reply(self, line: str) -> Reply | None:
         """Return the reply to a line; None: who has sent it wants to leave."""

@@ -286,6 +286,10 @@ class OnlineSession:
         x, y = to_log.inverse().apply(np.array([xy]))[0]
         return float(x), float(y)
 
+    def name_of(self, photo: str) -> str:
+        """Return the name of a photo as it is defined; raise UsageError, with names like it, if it is not."""
+        return self._films.photo(photo).name
+
     def to_photo(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
         """Return the photo coordinates, mm, of stored ones."""
         x, y = self._films.interior.to_photo[record_key(photo)].apply(np.array([stored]))[0]

@@ -70,13 +70,24 @@ def cameras_of(measuring: Measuring) -> list[Shown]:
     ]
 
 
-def residuals_of(measuring: Measuring) -> list[Shown]:
+def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list[Shown]:
     """Return the photo points that are in: residuals and redundancy numbers of x and y, w and its limit, largest first.
 
     Residuals are computed minus observed, divided by the a-priori errors.
+
+    Parameters
+    ----------
+    measuring : Measuring
+    photo, point : str
+        Those of this photo alone, as it is defined, and of this point; empty: of all.
     """
     equations = measuring.block.equations
-    keys = [key for key in equations.included if key.kind == "photo"]
+    of_both = measuring.block.included_of([photo] if photo else (), [point] if point else ())
+    keys = [
+        key
+        for key in (of_both if photo or point else equations.included)
+        if key.kind == "photo" and photo in ("", key.photo) and point in ("", key.point)
+    ]
     standings = equations.standings(keys)
     squares, checked = falls(standings)
     limits = {count: measuring.limit(max(count, 1)) for count in np.unique(checked).tolist()}
