@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,14 @@ def image_vectors(block: Block) -> FloatArray:
         C in the direction of the ray, which may be more than 90 degrees from the axis. NaN where the distortion
         cannot be removed.
     """
+    points = block.photo_points
+    vectors = np.empty((len(points.photo), 3))
+    for rows in points.parts():
+        vectors[rows] = _vectors_at_once(replace(block, photo_points=points.of(rows)))
+    return vectors
+
+
+def _vectors_at_once(block: Block) -> FloatArray:
     points = block.photo_points
     camera = block.photo_camera[points.photo]
     parameters = np.array([record.parameters for record in block.cameras])
