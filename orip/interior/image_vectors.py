@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, parts
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
@@ -28,7 +28,7 @@ def image_vectors(block: Block) -> FloatArray:
     """
     points = block.photo_points
     vectors = np.empty((len(points.photo), 3))
-    for rows in points.parts():
+    for rows in parts(len(points.photo)):
         vectors[rows] = _vectors_at_once(replace(block, photo_points=points.of(rows)))
     return vectors
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -21,10 +21,6 @@ from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
-
-
-_AT_A_TIME = 16384
-"""Photo points of a part: arrays with a number or three for each are reused by the allocator, and stay in the cache."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +58,6 @@ class IndexedPhotoPoints:
     def of(self, rows: IntArray | slice) -> IndexedPhotoPoints:
         """Return some of the photo points; photos and points keep their indices."""
         return IndexedPhotoPoints(self.photo[rows], self.point[rows], self.xy[rows], self.error[rows], self.used[rows])
-
-    def parts(self) -> Iterator[slice]:
-        """Yield which photo points to compute with at a time, so that what is between fits a processor's cache."""
-        for start in range(0, len(self.photo), _AT_A_TIME):
-            yield slice(start, start + _AT_A_TIME)
 
 
 @dataclass(frozen=True, slots=True)

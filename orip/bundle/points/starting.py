@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.errors import ProjectWarning
 from orip.geometry.rays import RayMeeting, points_at_origins
 from orip.geometry.rotation import rotation_from_angles
@@ -89,7 +89,7 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
     photo, point, centres = block.photo_points.photo, block.photo_points.point, block.photo_orientation[:, :3]
     rotation, seen = rotation_from_angles(block.photo_orientation[:, 3:]), block.photo_points.in_use
     meeting = RayMeeting(centres.mean(axis=0), len(block.point_names))
-    for rows in block.photo_points.parts():
+    for rows in parts(len(photo)):
         origins, directions = _rays(block, rotation, rows)
         chosen = seen[rows]
         chosen &= np.isfinite(directions).all(axis=1)
@@ -97,7 +97,7 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
     found = meeting.positions()
     typical = _typical_distance(found if np.isnan(known).all() else known, block)
     near = np.zeros(len(found), dtype=bool)
-    for rows in block.photo_points.parts():
+    for rows in parts(len(photo)):
         points = point[rows][seen[rows]]
         near[points_at_origins(found, centres[photo[rows][seen[rows]]], points, typical)] = True
     found[near] = np.nan
