@@ -25,7 +25,7 @@ def parts(count: int) -> Iterator[slice]:
     long as all observations of a block are cleared by the system, which takes as long as computing them.
     """
     for start in range(0, count, _AT_A_TIME):
-        yield slice(start, start + _AT_A_TIME)
+        yield slice(start, min(start + _AT_A_TIME, count))
 
 
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:

@@ -100,7 +100,7 @@ def variance_of_unit_weight(
     used = squares_used = squares = 0.0
     for part in parts(len(numbers)):
         full = active[part] & (weight_factors[part] >= 1.0)
-        of_part = np.where(equations.exact[part], 0.0, equations.residual[part]**2)
+        of_part = np.where(equations.exact[part], 0.0, equations.residual[part] ** 2)
         used += float(np.sum(numbers[part][full]))
         squares_used += float(np.sum(of_part[full]))
         squares += float(np.sum(of_part[active[part]]))

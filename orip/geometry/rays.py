@@ -94,4 +94,4 @@ def points_at_origins(
     Rays from one place meet there only: a position nearer to it than a thousandth of a typical distance is none.
     """
     apart = positions[point_index] - origins
-    return point_index[np.einsum("ij,ij->i", apart, apart) < (_AT_ORIGIN * typical) ** 2]
+    return np.asarray(point_index[np.einsum("ij,ij->i", apart, apart) < (_AT_ORIGIN * typical) ** 2])

@@ -91,11 +91,12 @@ class CodedNames(Sequence[str]):
 
     def numbers(self, number_of: Callable[[str], int]) -> IntArray:
         """Return the number (n,) that a function gives the name of each row."""
-        return np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes]
+        return np.asarray(np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes])
 
     def places(self, place: Mapping[str, int]) -> IntArray:
         """Return the place (n,) of the name of each row; -1 where it has none."""
-        return np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))[self.codes]
+        places = np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))
+        return np.asarray(places[self.codes])
 
     def places_among(self, names: tuple[str, ...]) -> IntArray:
         """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
@@ -108,7 +109,7 @@ class CodedNames(Sequence[str]):
         meant = np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))
         chosen = np.flatnonzero(meant)
         # of a kind or a component: comparing is several times faster than looking up
-        return self.codes == int(chosen[0]) if len(chosen) == 1 else meant[self.codes]
+        return np.asarray(self.codes == int(chosen[0]) if len(chosen) == 1 else meant[self.codes])
 
     def values(self, value_of: Callable[[str], T]) -> list[T]:
         """Return for each row the value that a function gives its name."""

@@ -62,7 +62,7 @@ def unpacked_column(column: StoreColumn, data: bytes, count: int) -> Any:
         words, rest = _taken(rest, None)
         distinct = json.loads(bytes(words).decode("utf-8"))
     kind = _TYPES[column.type]
-    numbers = np.empty(count, dtype=kind)
+    numbers: NDArray[Any] = np.empty(count, dtype=kind)
     places = numbers.view(np.uint8).reshape(count, kind.itemsize)
     for place in range(kind.itemsize):
         part, rest = _taken(rest, count)
