@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from orip.online.advice import advice
+from orip.online.answering import Before, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
@@ -41,16 +40,6 @@ _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Before:
-    """What there was before a request, as far as an answer tells of changes."""
-
-    sigma0: float | None
-    suspects: tuple[ObservationKey, ...]
-    oriented: frozenset[str]
-    placed: frozenset[str]
-
-
 @dataclass(slots=True)
 class _Request:
     """A request that has been answered, and what is left of it to be done.
@@ -59,7 +48,7 @@ class _Request:
     ----------
     key : ObservationKey
         The photo point that it is about.
-    before : _Before
+    before : Before
     answer : Answer
     points : dict of str
         Points that may have moved.
@@ -71,7 +60,7 @@ class _Request:
     """
 
     key: ObservationKey
-    before: _Before
+    before: Before
     answer: Answer
     points: dict[str, None]
     new: list[ObservationKey]
@@ -166,7 +155,7 @@ class Measuring:
         # both take their time, and measurements may wait
         if self._control.examined != examined or self._begin_again_if_doubted() or is_moved:
             answer = self._answer(request.key, request.before)
-            return answer if _is_news(answer, request.answer) else None
+            return answer if is_news(answer, request.answer) else None
         return None
 
     def exclude(self, photo: str, point: str) -> Answer:
@@ -252,9 +241,9 @@ class Measuring:
             raise KeyError(message)
         return key
 
-    def _before(self, sigma0: float | None) -> _Before:
+    def _before(self, sigma0: float | None) -> Before:
         values = self.block.values
-        return _Before(sigma0, tuple(self.suspects), frozenset(values.orientations), frozenset(values.points))
+        return Before(sigma0, tuple(self.suspects), frozenset(values.orientations), frozenset(values.points))
 
     def _advanced(self, key: ObservationKey, sigma0: float | None) -> Answer:
         """Find values that can be found now, take in what has them, test it if that is soon done, and answer."""
@@ -378,47 +367,8 @@ class Measuring:
         included = self.block.equations.included
         return list(dict.fromkeys([*self.block.included_of(few, points), *(key for key in fresh if key in included)]))
 
-    def _answer(self, key: ObservationKey, before: _Before) -> Answer:
-        values, included = self.block.values, self.block.equations.included
-        answer = Answer(
-            key.photo, key.point, "waiting", "",
-            sigma0=self.block.sigma0,
-            sigma0_before=before.sigma0,
-            suspects=tuple(one for other, one in self.suspects.items() if other not in before.suspects),
-            cleared=tuple(other for other in before.suspects if other in included),
-            oriented=tuple(photo for photo in values.orientations if photo not in before.oriented),
-            placed=tuple(point for point in values.points if point not in before.placed),
-            next=self.next([key.photo], _ADVISED),
-        )  # fmt: skip
-        if key in self.excluded:
-            return replace(answer, state="excluded", text=f"{words_of(key)} is left out by your decision")
-        if key in self.suspects:
-            suspect = self.suspects[key]
-            text = f"{words_of(key)} does not fit: w {suspect.w:.1f}, limit {suspect.limit:.1f}{_also(suspect)}"
-            return replace(answer, state="suspect", text=text, w=suspect.w, limit=suspect.limit)
-        if key not in included:
-            return replace(answer, text=self._wait(key))
-        standing = self.block.equations.standing(key)
-        square, checked = standing.square()
-        redundancy = tuple(float(value) for value in standing.redundancy)
-        if checked < len(redundancy):
-            text = f"{words_of(key)} is not checked yet" if not checked else (
-                f"{words_of(key)} is checked in one direction only"
-            )  # fmt: skip
-            w, limit = None, None
-            if checked:
-                w, limit = float(np.sqrt(square)), self._scale.limit(checked)
-            return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = float(np.sqrt(square)), self._scale.limit(checked)
-        text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
-        return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
-
-    def _wait(self, key: ObservationKey) -> str:
-        """Return what a photo point waits for."""
-        values = self.block.values
-        if key.photo not in values.orientations:
-            return values.photos_wait.get(key.photo, f"photo {key.photo} waits: it is not oriented")
-        return values.points_wait.get(key.point, f"point {key.point} waits: it has no coordinates")
+    def _answer(self, key: ObservationKey, before: Before) -> Answer:
+        return answer_now(key, before, self._snooping, self.excluded, self.next([key.photo], _ADVISED))
 
 
 def _no_start(photo: str) -> str:
@@ -426,19 +376,3 @@ def _no_start(photo: str) -> str:
         f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
         f"{COMMON_POINTS - 1} known points"
     )
-
-
-def _is_news(answer: Answer, before: Answer) -> bool:
-    """Return whether an answer says more than the one before it, figures apart."""
-
-    def said(one: Answer) -> tuple[object, ...]:
-        return one.state, one.is_pending, {other.key for other in one.suspects}, one.cleared, one.oriented, one.placed
-
-    return said(answer) != said(before)
-
-
-def _also(suspect: Suspect) -> str:
-    if not suspect.alike:
-        return "; measure it again"
-    names = ", ".join(map(words_of, suspect.alike))
-    return f"; an error in {names} would look the same: measure these again, or the point in one more photo"

@@ -19,7 +19,8 @@ import numpy as np
 from scipy.linalg.lapack import dtpmqrt, dtpqrt, dtrtrs
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.sequential.panels import Panel, Replaced
+from orip.sequential.cofactors import cofactors_in_band
+from orip.sequential.panels import Panel, Replaced, pivotal
 from orip.sequential.reduced_rows import ReducedRows
 
 _PANEL = 48
@@ -224,7 +225,7 @@ class Triangle:
         for panel in reversed(list(self._panels(0))):
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
             right = self._right[own] - self._factor[own, beyond] @ found[beyond]
-            found[own] = dtrtrs(self._pivotal(own), right)[0]
+            found[own] = dtrtrs(pivotal(self._factor[own, own]), right)[0]
         return found
 
     def whitened(self, columns: IntArray, rows: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -243,23 +244,9 @@ class Triangle:
     def cofactors(self) -> FloatArray:
         """Return N^-1 = (R^T R)^-1 (n, n) for the unknowns that a row of R has in common; elsewhere it is zero.
 
-        Unknowns that nothing determines are held. From R N^-1 = R^-T, panel by panel from the last one on: what a panel
-        needs of N^-1 has been computed by then (Takahashi, Fagan and Chen 1973; Erisman and Tinney 1975).
+        Unknowns that nothing determines are held.
         """
-        found, end = np.zeros((self.size, self.size)), 0
-        panels = []
-        for panel in self._panels(0):
-            # what is common to a row is then common to all rows below it that have one of both
-            end = max(end, panel.end)
-            panels.append(panel._replace(end=end))
-        for panel in reversed(panels):
-            own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            pivotal, across = self._pivotal(own), self._factor[own, beyond]
-            found[own, beyond] = -dtrtrs(pivotal, across @ found[beyond, beyond])[0]
-            found[beyond, own] = found[own, beyond].T
-            transposed = dtrtrs(pivotal, np.diag(self.determined()[own].astype(np.float64)), trans=1)[0]
-            found[own, own] = dtrtrs(pivotal, transposed - across @ found[beyond, own])[0]
-        return found
+        return cofactors_in_band(self._factor, list(self._panels(0)), self.determined())
 
     def _forward(self, right: FloatArray) -> FloatArray:
         """Return R^-T b (n, k) of b (n, k), which is overwritten."""
@@ -267,15 +254,9 @@ class Triangle:
         found = np.zeros_like(right)
         for panel in self._panels(int(touched[0])) if len(touched) else ():
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            found[own] = dtrtrs(self._pivotal(own), right[own], trans=1)[0]
+            found[own] = dtrtrs(pivotal(self._factor[own, own]), right[own], trans=1)[0]
             right[beyond] -= self._factor[own, beyond].T @ found[own]
         return found
-
-    def _pivotal(self, own: slice) -> FloatArray:
-        """Return a diagonal block of R, with 1 as the pivot of rows that are zero."""
-        block = self._factor[own, own]
-        empty = np.diagonal(block) == 0.0
-        return np.where(np.diag(empty), 1.0, block) if empty.any() else block
 
     def _panels(self, first: int) -> Iterator[Panel]:
         """Yield panels of rows from a first one on."""
