@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from orip.api import control_tables
 from orip.api.columns import Columns
@@ -57,8 +58,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
 """The class of each table, and whether it must be given."""
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """What a block is made from; see `orip.Block`."""
 
     cameras: Sequence[Camera]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.api.estimates import AdjustedCameras
@@ -28,8 +29,7 @@ Words = NDArray[np.object_]
 """Texts (n,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationResiduals:
+class ObservationResiduals(Struct, frozen=True):
     """The residuals of n observation components, column by column; each array has the shape (n,).
 
     Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import orip
+from orip.structs import replace
 
 NAN, INF = float("nan"), float("inf")
 XY = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]

@@ -9,7 +9,6 @@ import signal
 import sqlite3
 import sys
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,6 +20,7 @@ from orip.errors import OripError
 from orip.files.archive.finished import read_head, read_rows
 from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.stores.older import OLDER_STORES
+from orip.structs import replace
 from orip.version import __version__
 from orip.workflow.archive import fork_server, worker
 from orip.workflow.archive import task as tasks

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -26,6 +25,7 @@ from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.records.names import record_key
+from orip.structs import replace
 
 
 @pytest.mark.parametrize("run", [6, 7], ids=["gross", "near the epipolar line"])

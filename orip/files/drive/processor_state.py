@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Literal, NoReturn
 
+from msgspec import Struct
 from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
 from orip.errors import InputError
@@ -18,8 +19,7 @@ SCHEMA = "orip.plate-processor/1"
 Position = tuple[FiniteFloat, FiniteFloat]
 
 
-@dataclass(frozen=True, slots=True)
-class SavedProcessorState:
+class SavedProcessorState(Struct, frozen=True):
     """The state of a plate processor.
 
     Parameters

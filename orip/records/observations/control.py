@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from msgspec import Struct
+
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
 PointKind = Literal["control", "check", "rejected", "tie"]
@@ -12,8 +14,7 @@ DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
 ElementGroup = Literal["CAMERA", "PHOTO", "POINT", "THEODOLITE"]
 
 
-@dataclass(frozen=True, slots=True)
-class ControlPoint:
+class ControlPoint(Struct, frozen=True):
     """One line of a .PNT file.
 
     Parameters
@@ -44,8 +45,7 @@ class ControlPoint:
         return "check" if all(error < 0 for error in known) else "control"
 
 
-@dataclass(frozen=True, slots=True)
-class ControlElement:
+class ControlElement(Struct, frozen=True):
     """One line of a .ELE file: an observed value of an unknown; angles in degrees, as in the file."""
 
     name: str
@@ -56,8 +56,7 @@ class ControlElement:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ControlDistance:
+class ControlDistance(Struct, frozen=True):
     """One line of a .LEN file; X, Y and Z are signed (end minus start); ground units."""
 
     name: str
@@ -69,8 +68,7 @@ class ControlDistance:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ControlDirection:
+class ControlDirection(Struct, frozen=True):
     """One line of a .DIR file: a theodolite direction and perhaps a zenith angle, degrees."""
 
     set: str
@@ -83,8 +81,7 @@ class ControlDirection:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Control:
+class Control(Struct, frozen=True):
     """All ground control of a project."""
 
     points: tuple[ControlPoint, ...] = ()

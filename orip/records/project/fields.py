@@ -10,16 +10,16 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+from msgspec import Struct
 
 GROUND_UNIT = "ground unit"
 """In place of a unit: that of the project."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(Struct, frozen=True, kw_only=True):
     """A key of orip.toml that holds some elements of a field which is spread over several keys.
 
     Parameters
@@ -46,8 +46,7 @@ class Part:
     required: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
+class Field(Struct, frozen=True, kw_only=True):
     """What a field is called, how its value is written, and what it may be.
 
     Parameters
@@ -99,8 +98,7 @@ class Field:
     column_after: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordField:
+class RecordField(Struct, frozen=True):
     """A field of a record.
 
     Parameters

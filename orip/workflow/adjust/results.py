@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.results.reliability import reliability_of
 from orip.errors import UsageError
@@ -21,12 +22,12 @@ from orip.files.text.table import table_lines
 from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
+from orip.structs import replace
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
 
-@dataclass(frozen=True, slots=True)
-class Results:
+class Results(Struct, frozen=True):
     """The part of a solution that was asked for, as text and as a JSON document."""
 
     text: str

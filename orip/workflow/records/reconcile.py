@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, Generic, Literal, TypeVar
+
+from msgspec import Struct
 
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
@@ -20,8 +22,7 @@ Action = Literal["added", "changed", "removed", "detached"]
 T = TypeVar("T", bound=NamedRecord)
 
 
-@dataclass(frozen=True, slots=True)
-class AppliedChange:
+class AppliedChange(Struct, frozen=True):
     """What applying the text does to one record."""
 
     kind: str
@@ -29,8 +30,7 @@ class AppliedChange:
     action: Action
 
 
-@dataclass(frozen=True, slots=True)
-class Conflict:
+class Conflict(Struct, frozen=True):
     """A record that text and store have both changed; `text` names the values on both sides."""
 
     kind: str
@@ -38,8 +38,7 @@ class Conflict:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Reconciled(Generic[T]):
+class Reconciled(Struct, Generic[T], frozen=True):
     """The records that the store should hold (unchanged where there is a conflict), the changes, and the conflicts."""
 
     records: tuple[StoredRecord[T], ...]

@@ -2,7 +2,7 @@
 
 import tempfile
 import time
-from dataclasses import make_dataclass, replace
+from dataclasses import make_dataclass
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from orip.records.observations.measurement import MeasuredMarks, PhotoObservatio
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Temtick
+from orip.structs import replace
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
 exactly = settings(max_examples=25, deadline=None)
