@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import typer
+from msgspec.structs import asdict
 
 from orip.cli.terminal import Terminal, warning_rows
 

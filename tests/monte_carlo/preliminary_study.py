@@ -15,7 +15,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
@@ -26,6 +25,7 @@ from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
 from monte_carlo.preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
 from monte_carlo.simulated_blocks import solved
 from msgspec import Struct
+from msgspec.structs import asdict
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple
 
@@ -54,7 +54,7 @@ class Linearisation(NamedTuple):
     computable: BoolArray
 
 
-class Observations(ABC):
+class Observations(Struct, frozen=True):
     """All observations of one kind in a block.
 
     Attributes

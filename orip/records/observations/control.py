@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Literal
 
 from msgspec import Struct
@@ -92,11 +91,10 @@ class Control(Struct, frozen=True):
     station_reference: StationReference = IN_PROJECT
 
 
-@dataclass(frozen=True, slots=True)
-class PreliminaryPoint:
+class PreliminaryPoint(Struct, frozen=True):
     """One line of a .PRE file: preliminary coordinates and, if computed, their standard deviations."""
 
     name: str
     coordinates: tuple[float, float, float]
     deviations: tuple[float, float, float] | None = None
-    line: int = field(default=0, compare=False)
+    line: int = 0

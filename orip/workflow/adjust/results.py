@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -109,7 +108,7 @@ def _residuals(solution: Solution, names: Sequence[str]) -> Results:
         message = f"no residual belongs to {', '.join(names)}; name photos or points"
         raise UsageError(message)
     text = "\n".join(table_lines(component_columns(found, rows, solution.ground_unit)))
-    columns = [field.name for field in fields(Residuals)]
+    columns = Residuals.__struct_fields__
     table = [[_plain(getattr(found, column)[row]) for column in columns] for row in rows]
     document = {"run": solution.run, "residuals": [dict(zip(columns, row, strict=True)) for row in table]}
     return Results(f"{text}\n", document)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.errors import Complaint, InputError
 from orip.files.result.before_update import before_update_text, read_before_update
@@ -51,8 +51,9 @@ def text_before(path: Path, edited: EditedText) -> TextBefore:
 
 def record_before(old: NamedRecord, new: NamedRecord) -> RecordBefore:
     """Return what an update has changed of a record."""
-    names = [field.name for field in fields(old)]  # type: ignore[arg-type]
-    changed = tuple((name, getattr(old, name)) for name in names if getattr(old, name) != getattr(new, name))
+    now = asdict(new)  # type: ignore[arg-type]
+    before = asdict(old)  # type: ignore[arg-type]
+    changed = tuple((name, value) for name, value in before.items() if value != now[name])
     return RecordBefore(old.name, changed, record_digest(new))
 
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec import Struct, field
+from msgspec.structs import astuple
 
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
@@ -341,7 +342,7 @@ def array_bytes(found: Any) -> int:
         return found.nbytes
     if isinstance(found, list | tuple | Values):
         return sum(map(array_bytes, found))
-    return sum(array_bytes(getattr(found, one.name)) for one in fields(found)) if is_dataclass(found) else 0
+    return sum(map(array_bytes, astuple(found))) if isinstance(found, Struct) else 0
 
 
 def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -146,13 +146,8 @@ class _Dissection(Struct):
     graph: csr_array
     positions: FloatArray
     largest: int
-
-    owned: list[IntArray]
-    parents: list[int]
-
-    def __init__(self, graph: csr_array, positions: FloatArray, largest: int) -> None:
-        self.graph, self.positions, self.largest = graph, positions, largest
-        self.owned, self.parents = [], []
+    owned: list[IntArray] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
 
     def divide(self, part: IntArray, also_own: IntArray) -> int:
         """Divide a part of the groups, and return the number of its node, which eliminates `also_own` as well."""
