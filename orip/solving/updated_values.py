@@ -128,7 +128,7 @@ def updated_points(
             new[name] = _preliminary_point(name, estimates)
         else:
             kept.append(KeptValue(name, "XYZ", fault))
-    before = {point.name: point for point in points}
+    before = {point.name: replace(point, line=0) for point in points}  # values are compared, not where they stand
     after = {**before, **new}
     changed = tuple(name for name, point in after.items() if point != before.get(name))
     values = tuple(value for name in changed for value in _changed_coordinates(before, after[name]))
