@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 import typer
-from msgspec.structs import asdict
 
 from orip.cli.completion import samples
 from orip.cli.options import Invocation, command
@@ -84,7 +84,7 @@ def register(app: typer.Typer) -> None:
                         {"kind": change.kind, "name": change.name, "action": change.action}
                         for change in outcome.changes
                     ],
-                    "differences": [asdict(difference) for difference in outcome.differences],
+                    "differences": msgspec.to_builtins(outcome.differences),
                     "warnings": warning_rows(outcome.warnings),
                 },
             )
