@@ -40,6 +40,7 @@ from orip.workflow.cluster.connection import cores
 ALONE = 50
 """Projects by which the speed of one process is measured."""
 REQUIRED = 0.85
+_FORK_SERVER = b"orip.workflow.archive.fork_server"
 _TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
@@ -50,19 +51,19 @@ class Watched(Struct):
     Attributes
     ----------
     cpu : dict by process
-        Seconds at the last look, of the process and of those that it has ended.
+        What it is for, and its seconds at the last look; those of a fork server with those of its copies.
     memory : list of (float, float)
         Seconds since the beginning, and MB that the processes take (copies share most of theirs).
     """
 
     top: str
-    cpu: dict[int, float] = field(default_factory=dict)
+    cpu: dict[int, tuple[str, float]] = field(default_factory=dict)
     memory: list[tuple[float, float]] = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
 
     def look(self) -> list[int]:
         """Look at the processes; return those of workers."""
-        workers, megabytes = [], 0.0
+        workers, megabytes, copies = [], 0.0, []
         for process in (int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()):
             try:
                 environment = Path(f"/proc/{process}/environ").read_bytes()
@@ -73,13 +74,24 @@ class Watched(Struct):
                 continue
             if f"ORIP_BENCHMARK={self.top}".encode() not in environment:
                 continue
-            if not _is_copy(int(fields[1])):  # those count with the fork server that has made them
-                self.cpu[process] = sum(map(int, fields[11:15])) / _TICK
             megabytes += size * _PAGE / 1e6
+            own, ended = sum(map(int, fields[11:13])) / _TICK, sum(map(int, fields[13:15])) / _TICK
+            if _FORK_SERVER not in words:
+                self.cpu[process] = ("client and scheduler" if b"archive" in words else "workers", own)
+            elif _is_fork_server(int(fields[1])):
+                copies.append((int(fields[1]), own))
+            else:
+                self.cpu[process] = ("projects", own + ended)
             if b"distributed.cli.dask_worker" in words:
                 workers.append(process)
+        for server, seconds in copies:
+            self.cpu[server] = ("projects", self.cpu.get(server, ("", 0.0))[1] + seconds)
         self.memory.append((time.monotonic() - self.began, megabytes))
         return workers
+
+    def cpu_of(self, purpose: str) -> float:
+        """Return the CPU seconds of all processes for a purpose."""
+        return sum(seconds for found, seconds in self.cpu.values() if found == purpose)
 
     def mean_memory(self, begin: float, end: float) -> float:
         """Return the mean memory between two parts of the run, MB."""
@@ -88,16 +100,22 @@ class Watched(Struct):
         return sum(found) / max(len(found), 1)
 
 
-def _is_copy(parent: int) -> bool:
-    """Tell whether a process with that parent is a copy of a fork server."""
+def _is_fork_server(process: int) -> bool:
     try:
-        return b"orip.workflow.archive.fork_server" in Path(f"/proc/{parent}/cmdline").read_bytes()
+        return _FORK_SERVER in Path(f"/proc/{process}/cmdline").read_bytes().split(b"\0")
     except OSError:
         return False
 
 
-def speeds_alone(top: Path, processes: int) -> list[float]:
-    """Return the projects a second of each of some processes at once, which load everything before they begin."""
+class Speed(Struct, frozen=True):
+    """Projects a second of some processes together, and CPU seconds of each project."""
+
+    rate: float
+    cpu: float
+
+
+def speed_alone(top: Path, processes: int) -> Speed:
+    """Return the speed of some processes at once, which load everything before they begin."""
     started = [
         subprocess.Popen(
             [sys.executable, __file__, "--alone", str(top / f"alone{number}")],
@@ -112,11 +130,12 @@ def speeds_alone(top: Path, processes: int) -> list[float]:
         assert process.stdin is not None
         process.stdin.write("begin\n")
         process.stdin.flush()
-    return [float(process.communicate()[0]) for process in started]
+    found = [[float(word) for word in process.communicate()[0].split()] for process in started]
+    return Speed(sum(rate for rate, _ in found), sum(cpu for _, cpu in found) / processes)
 
 
 def run_alone(top: Path) -> None:
-    """Adjust projects one after the other when stdin says so, and print how many a second."""
+    """Adjust projects one after the other when stdin says so, and print how many a second and CPU seconds of each."""
     gc.set_threshold(100_000, 20, 20)  # as the command `orip` does
     tasks = []
     for number in range(ALONE + 1):
@@ -126,10 +145,10 @@ def run_alone(top: Path) -> None:
     carry_out(tasks[0])
     print("loaded", flush=True)
     sys.stdin.readline()
-    began = time.monotonic()
+    began, used = time.monotonic(), time.process_time()
     for task in tasks[1:]:
         assert carry_out(task).state == "adjusted"
-    print(ALONE / (time.monotonic() - began))
+    print(ALONE / (time.monotonic() - began), (time.process_time() - used) / ALONE)
     shutil.rmtree(top)
 
 
@@ -221,7 +240,7 @@ def main() -> None:
         before = _speeds(top)
         run = run_archive(top, given)
         after = _speeds(top)
-    alone, at_once = ((one + other) / 2.0 for one, other in zip(before, after, strict=True))
+    alone, at_once = ((one.rate + other.rate) / 2.0 for one, other in zip(before, after, strict=True))
     document, watched = run.document, run.watched
     rate = document["projects"] / document["seconds"]
     print(
@@ -232,19 +251,23 @@ def main() -> None:
         f"throughput {rate:.2f} a second, {rate / (alone * cores()):.0%} of {cores()} x one process alone, "
         f"{rate / at_once:.0%} of {cores()} processes at once"
     )
-    print(f"CPU seconds of all processes {sum(watched.cpu.values()) / document['projects']:.3f} each")
+    purposes = ("projects", "workers", "client and scheduler")
+    used = {purpose: watched.cpu_of(purpose) / document["projects"] for purpose in purposes}
+    shown = ", ".join(f"{seconds:.3f} {purpose}" for purpose, seconds in used.items())
+    alone_cpu = (before[0].cpu + after[0].cpu) / 2.0
+    print(f"CPU seconds a project {sum(used.values()):.3f}: {shown}; in one process {alone_cpu:.3f}")
     early, late = watched.mean_memory(0.25, 0.5), watched.mean_memory(0.75, 1.0)
     print(f"memory {early:.0f} MB in the second quarter, {late:.0f} MB in the last")
     failures = document["projects"] - document["states"].get("adjusted", 0)
     sys.exit(1 if failures or rate < REQUIRED * alone * cores() else 0)
 
 
-def _speeds(top: Path) -> tuple[float, float]:
-    """Return the projects a second of one process alone, and of as many as there are cores at once, all together."""
-    alone, at_once = sum(speeds_alone(top, 1)), sum(speeds_alone(top, cores()))
+def _speeds(top: Path) -> tuple[Speed, Speed]:
+    """Return the speed of one process alone, and of as many as there are cores at once, all together."""
+    alone, at_once = speed_alone(top, 1), speed_alone(top, cores())
     print(
-        f"one process alone: {alone:.2f} projects a second; {cores()} at once: {at_once:.2f}, "
-        f"{at_once / (alone * cores()):.0%} of {cores()} x one",
+        f"one process alone: {alone.rate:.2f} projects a second; {cores()} at once: {at_once.rate:.2f}, "
+        f"{at_once.rate / (alone.rate * cores()):.0%} of {cores()} x one",
         flush=True,
     )
     return alone, at_once

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -11,8 +12,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+_AT_A_TIME = 16384
+
 Number = TypeVar("Number", float, FloatArray)
 """One coordinate of one point, or of n points as an array (n,)."""
+
+
+def parts(count: int) -> Iterator[slice]:
+    """Yield some thousands of `count` elements at a time.
+
+    Intermediate results of so many stay in the processor's cache, and their memory is used again at once; new arrays as
+    long as all observations of a block are cleared by the system, which takes as long as computing them.
+    """
+    for start in range(0, count, _AT_A_TIME):
+        yield slice(start, min(start + _AT_A_TIME, count))
 
 
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:

@@ -394,4 +394,4 @@ def _final_weights(now: IterationState[StateT]) -> FloatArray:
 
 
 def _effective(equations: Equations, weights: FloatArray) -> FloatArray:
-    return np.where(equations.active, weights, 0.0)
+    return weights if equations.active.all() else np.where(equations.active, weights, 0.0)

@@ -118,8 +118,11 @@ def solve_normals(
     -------
     SolvedNormals
     """
-    root = np.sqrt(np.where(equations.active, weight_factors, 0.0))
-    normals = equations.rows.eliminated(root, -equations.residual * root, layout, max_lost_digits, damping)
+    root = np.where(equations.active, weight_factors, 0.0)
+    np.sqrt(root, out=root)
+    misclosure = -equations.residual
+    misclosure *= root
+    normals = equations.rows.eliminated(root, misclosure, layout, max_lost_digits, damping)
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)

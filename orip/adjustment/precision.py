@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix
 from orip.adjustment.normals import SolvedNormals
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, parts
 
 
 class Cofactors(Struct, frozen=True):
@@ -91,14 +91,19 @@ def variance_of_unit_weight(
     VarianceOfUnitWeight
     """
     active = equations.active
-    numbers = np.where(active, 1.0 - weight_factors * leverage, np.nan)
+    numbers = 1.0 - weight_factors * leverage
+    numbers[~active] = np.nan
     redundancy = int(np.count_nonzero(active)) - effective_unknowns
-    full = active & (weight_factors >= 1.0)
-    used = float(np.sum(numbers[full]))
-    squares = np.where(equations.exact, 0.0, equations.residual**2)
+    used = squares_used = squares = 0.0
+    for part in parts(len(numbers)):
+        full = active[part] & (weight_factors[part] >= 1.0)
+        of_part = np.where(equations.exact[part], 0.0, equations.residual[part] ** 2)
+        used += float(np.sum(numbers[part][full]))
+        squares_used += float(np.sum(of_part[full]))
+        squares += float(np.sum(of_part[active[part]]))
     return VarianceOfUnitWeight(
-        sigma0=_root_of_mean(float(np.sum(squares[full])), used),
-        sigma0_all=_root_of_mean(float(np.sum(squares[active])), redundancy),
+        sigma0=_root_of_mean(squares_used, used),
+        sigma0_all=_root_of_mean(squares, redundancy),
         redundancy=redundancy,
         redundancy_used=used,
         redundancy_numbers=numbers,

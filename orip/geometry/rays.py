@@ -37,40 +37,61 @@ def intersect_rays(
     -----
     Linear: sum (I - d d^T) X = sum (I - d d^T) X0, solved by the adjoint matrix.
     """
-    # distances are taken from a nearby origin, so that large coordinates cost no digits
-    base = origins.mean(axis=0) if len(origins) else np.zeros(3)
-    dx, dy, dz = np.ascontiguousarray(directions.T) / np.sqrt(np.einsum("ij,ij->i", directions, directions))
-    x, y, z = np.ascontiguousarray(origins.T) - base[:, None]
-
-    def total(values: FloatArray) -> FloatArray:
-        return np.bincount(point_index, values, point_count).astype(np.float64, copy=False)
-
-    # I - d d^T has the squares of two components in its diagonal: exact where rays are parallel to an axis
-    xx, yy, zz = dx * dx, dy * dy, dz * dz
-    a, b, c = total(yy + zz), total(xx + zz), total(xx + yy)
-    f, g, h = -total(dy * dz), -total(dx * dz), -total(dx * dy)
-    along = dx * x + dy * y + dz * z
-    p, q, r = total(x - dx * along), total(y - dy * along), total(z - dz * along)
-    # the adjoint of the normal matrix ((a, h, g), (h, b, f), (g, f, c))
-    aa, bb, cc = b * c - f * f, a * c - g * g, a * b - h * h
-    ff, gg, hh = g * h - a * f, h * f - b * g, f * g - c * h
-    determinant = a * aa + h * hh + g * gg
-    meets = determinant > _PARALLEL * (aa + bb + cc) * (a + b + c)
-    with np.errstate(divide="ignore", invalid="ignore"):  # rays that do not meet
-        solved = np.stack([aa * p + hh * q + gg * r, hh * p + bb * q + ff * r, gg * p + ff * q + cc * r], axis=1)
-        result = solved / determinant[:, None] + base
-    result[~meets] = np.nan
-    return np.asarray(result)
+    meeting = RayMeeting(origins.mean(axis=0) if len(origins) else np.zeros(3), point_count)
+    meeting.add(origins, directions, point_index)
+    return meeting.positions()
 
 
-def without_near_points(
-    positions: FloatArray, origins: FloatArray, point_index: NDArray[np.int64], typical: float
-) -> FloatArray:
-    """Return positions (p, 3), NaN for points that are at the origin of one of their rays.
+class RayMeeting:
+    """The sums of rays that tell where those of each point meet, as `intersect_rays`; rays may come some at a time.
 
-    Rays from one place meet there only: a position nearer to it than a thousandth of a typical distance is rejected.
+    Parameters
+    ----------
+    base : array (3,)
+        A place near the rays, from which distances are taken, so that large coordinates cost no digits.
+    point_count : int
     """
-    distance = np.linalg.norm(positions[point_index] - origins, axis=1)
-    found = positions.copy()
-    found[point_index[distance < _AT_ORIGIN * typical]] = np.nan
-    return found
+
+    def __init__(self, base: FloatArray, point_count: int) -> None:
+        self._base = base
+        self._normals = np.zeros((6, point_count))
+        self._right = np.zeros((3, point_count))
+
+    def add(self, origins: FloatArray, directions: FloatArray, point_index: NDArray[np.int64]) -> None:
+        """Add rays; arguments as of `intersect_rays`."""
+        dx, dy, dz = np.ascontiguousarray(directions.T) / np.sqrt(np.einsum("ij,ij->i", directions, directions))
+        x, y, z = np.ascontiguousarray(origins.T) - self._base[:, None]
+        # I - d d^T has the squares of two components in its diagonal: exact where rays are parallel to an axis
+        xx, yy, zz = dx * dx, dy * dy, dz * dz
+        along = dx * x + dy * y + dz * z
+        for total, values in zip(self._normals, (yy + zz, xx + zz, xx + yy, dy * dz, dx * dz, dx * dy), strict=True):
+            np.add.at(total, point_index, values)
+        for total, values in zip(self._right, (x - dx * along, y - dy * along, z - dz * along), strict=True):
+            np.add.at(total, point_index, values)
+
+    def positions(self) -> FloatArray:
+        """Return where the rays of each point meet (point_count, 3), NaN where they do not."""
+        a, b, c, f, g, h = self._normals
+        f, g, h = -f, -g, -h
+        p, q, r = self._right
+        # the adjoint of the normal matrix ((a, h, g), (h, b, f), (g, f, c))
+        aa, bb, cc = b * c - f * f, a * c - g * g, a * b - h * h
+        ff, gg, hh = g * h - a * f, h * f - b * g, f * g - c * h
+        determinant = a * aa + h * hh + g * gg
+        meets = determinant > _PARALLEL * (aa + bb + cc) * (a + b + c)
+        with np.errstate(divide="ignore", invalid="ignore"):  # rays that do not meet
+            solved = np.stack([aa * p + hh * q + gg * r, hh * p + bb * q + ff * r, gg * p + ff * q + cc * r], axis=1)
+            result = solved / determinant[:, None] + self._base
+        result[~meets] = np.nan
+        return np.asarray(result)
+
+
+def points_at_origins(
+    positions: FloatArray, origins: FloatArray, point_index: NDArray[np.int64], typical: float
+) -> NDArray[np.int64]:
+    """Return points whose positions (p, 3) are at the origin of one of the rays (n, 3) that see them.
+
+    Rays from one place meet there only: a position nearer to it than a thousandth of a typical distance is none.
+    """
+    apart = positions[point_index] - origins
+    return np.asarray(point_index[np.einsum("ij,ij->i", apart, apart) < (_AT_ORIGIN * typical) ** 2])

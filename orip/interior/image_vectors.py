@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, parts
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
+from orip.structs import replace
 
 _PLANE_UP_TO = math.radians(70.0)
 """Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
@@ -25,6 +26,14 @@ def image_vectors(block: Block) -> FloatArray:
         C in the direction of the ray, which may be more than 90 degrees from the axis. NaN where the distortion
         cannot be removed.
     """
+    points = block.photo_points
+    vectors = np.empty((len(points.photo), 3))
+    for rows in parts(len(points.photo)):
+        vectors[rows] = _vectors_at_once(replace(block, photo_points=points.of(rows)))
+    return vectors
+
+
+def _vectors_at_once(block: Block) -> FloatArray:
     points = block.photo_points
     camera = block.photo_camera[points.photo]
     parameters = np.array([record.parameters for record in block.cameras])

@@ -12,16 +12,13 @@ from orip.bundle.results.prediction import predict_photo_coordinates
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
-from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 _ERRORS = 5.0
 """Standard errors within which a photo point is the image of a position."""
-
-_PART = 100_000
-"""Photo points whose distortion is removed at a time: the partials take several times the memory of the vectors."""
 
 
 class AdjustedRays:
@@ -50,7 +47,7 @@ class AdjustedRays:
             replace(camera, parameters=tuple(values))
             for camera, values in zip(self.block.cameras, self.solution.cameras.values.tolist(), strict=True)
         )
-        return _vectors_in_parts(replace(self.block, cameras=cameras))
+        return image_vectors(replace(self.block, cameras=cameras))
 
     def limit(self, row: int) -> float:
         """Return how far (mm) a photo point may be from the image of a position and still show it."""
@@ -90,16 +87,3 @@ class AdjustedRays:
         )
         normals = ((np.eye(3) - unit[:, :, None] * unit[:, None, :]) / across[:, None, None] ** 2).sum(axis=0)
         return np.asarray(max(1.0, self.solution.sigma0) * np.sqrt(np.diag(np.linalg.pinv(normals))))
-
-
-def _vectors_in_parts(block: Block) -> FloatArray:
-    """Return the image vectors (n, 3) of a block's photo points, `_PART` at a time."""
-    points = block.photo_points
-    count = len(points.photo)
-    parts = [
-        IndexedPhotoPoints(
-            points.photo[rows], points.point[rows], points.xy[rows], points.error[rows], points.used[rows]
-        )
-        for rows in (slice(first, first + _PART) for first in range(0, count, _PART))
-    ]
-    return np.concatenate([np.empty((0, 3)), *(image_vectors(replace(block, photo_points=part)) for part in parts)])

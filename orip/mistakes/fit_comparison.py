@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, parts
 from orip.bundle.solve import SolvedBlock
 from orip.records.coded_names import CodedNames, joined, repeated
 
@@ -94,8 +94,8 @@ def fit_of_adjustment(solved: SolvedBlock) -> Fit:
         joined(observations.component for observations in rows),
     )
     equations = solved.equations
-    known = equations.active & np.isfinite(equations.residual)
-    standard = np.where(known, np.abs(equations.residual), np.inf)
+    standard = np.abs(equations.residual)
+    standard[~(equations.active & np.isfinite(standard))] = np.inf
     if used.all():
         return Fit(columns, standard, solved.variance.sigma0)
     kind, photo, point, component = (names[used] for names in columns)
@@ -157,12 +157,14 @@ def _has_wrong_group(fit: Fit, scale: float, of_a_photo: float) -> bool:
     """
     kind, photo, _, _ = fit.columns
     # by photo, and what is of no photo by its kind
-    is_of_photo = photo.where(bool)
-    place = np.where(is_of_photo, photo.codes, len(photo.distinct) + kind.codes)
-    count = np.bincount(place)
-    wrong = np.bincount(place, fit.standard > _FITS * scale)
-    of_photos = np.bincount(place, is_of_photo) > 0.0
-    return bool((wrong > np.maximum(np.where(of_photos, of_a_photo, _OF_A_GROUP) * count, _FEW)).any())
+    is_photo = np.array([*map(bool, photo.distinct), *(False for _ in kind.distinct)])
+    count, wrong = np.zeros((2, len(is_photo)), dtype=np.int64)
+    for part in parts(len(fit.standard)):
+        of_photo = photo.codes[part].astype(np.int64)
+        place = np.where(is_photo[of_photo], of_photo, len(photo.distinct) + kind.codes[part].astype(np.int64))
+        count += np.bincount(place, minlength=len(count))
+        wrong += np.bincount(place[fit.standard[part] > _FITS * scale], minlength=len(count))
+    return bool((wrong > np.maximum(np.where(is_photo, of_a_photo, _OF_A_GROUP) * count, _FEW)).any())
 
 
 def misfit(fit: Fit, scale: float) -> float:

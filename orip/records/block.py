@@ -55,7 +55,7 @@ class IndexedPhotoPoints(Struct, frozen=True):
         """Return which photo points (n,) have a component that is not disregarded."""
         return self.used[:, 0] | self.used[:, 1]
 
-    def of(self, rows: IntArray) -> IndexedPhotoPoints:
+    def of(self, rows: IntArray | slice) -> IndexedPhotoPoints:
         """Return some of the photo points; photos and points keep their indices."""
         return IndexedPhotoPoints(self.photo[rows], self.point[rows], self.xy[rows], self.error[rows], self.used[rows])
 

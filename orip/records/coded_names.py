@@ -28,14 +28,15 @@ class CodedNames(Sequence[str]):
     distinct : sequence of str, length m
         Without repetitions; some may not occur among the rows.
     codes : array (n,) of int
-        Numbers of the rows' names among them; kept with 32 bits.
+        Numbers of the rows' names among them; kept with as few bits as all names need.
     """
 
     __slots__ = ("codes", "distinct")
 
     def __init__(self, distinct: Sequence[str], codes: NDArray[np.integer[Any]]) -> None:
         self.distinct = tuple(distinct)
-        self.codes: NDArray[np.int32] = codes.astype(np.int32, copy=False)
+        fewest = np.min_scalar_type(max(len(self.distinct) - 1, 0))
+        self.codes: NDArray[np.unsignedinteger[Any]] = codes.astype(fewest, copy=False)
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -90,11 +91,12 @@ class CodedNames(Sequence[str]):
 
     def numbers(self, number_of: Callable[[str], int]) -> IntArray:
         """Return the number (n,) that a function gives the name of each row."""
-        return np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes]
+        return np.asarray(np.fromiter(map(number_of, self.distinct), np.int64, len(self.distinct))[self.codes])
 
     def places(self, place: Mapping[str, int]) -> IntArray:
         """Return the place (n,) of the name of each row; -1 where it has none."""
-        return np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))[self.codes]
+        places = np.fromiter(map(place.get, self.distinct, repeat(-1)), np.int64, len(self.distinct))
+        return np.asarray(places[self.codes])
 
     def places_among(self, names: tuple[str, ...]) -> IntArray:
         """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
@@ -107,7 +109,7 @@ class CodedNames(Sequence[str]):
         meant = np.fromiter(map(is_meant, self.distinct), np.bool_, len(self.distinct))
         chosen = np.flatnonzero(meant)
         # of a kind or a component: comparing is several times faster than looking up
-        return self.codes == chosen[0] if len(chosen) == 1 else meant[self.codes]
+        return np.asarray(self.codes == int(chosen[0]) if len(chosen) == 1 else meant[self.codes])
 
     def values(self, value_of: Callable[[str], T]) -> list[T]:
         """Return for each row the value that a function gives its name."""
@@ -140,13 +142,13 @@ def joined(parts: Iterable[Sequence[str]]) -> CodedNames:
             further.setdefault(name, len(known) + len(further))
     number = {**known, **further} if further else known
     distinct = (*first.distinct, *further) if further else first.distinct
-    codes = [first.codes, *(column.places(number).astype(np.int32) for column in others)]
+    codes = [first.codes, *(column.places(number).astype(np.uint32) for column in others)]
     return CodedNames(distinct, np.concatenate(codes))
 
 
 def repeated(name: str, count: int) -> CodedNames:
     """Return one name for so many rows."""
-    return CodedNames((name,), np.zeros(count, dtype=np.int64))
+    return CodedNames((name,), np.zeros(count, dtype=np.uint8))
 
 
 def rows_of_records(names: Sequence[str]) -> dict[str, IntArray]:

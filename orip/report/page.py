@@ -54,7 +54,7 @@ def report_page(given: ReportInput) -> str:
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from orip.report.compiled_templates import CompiledTemplates
+    from orip.report.kept_files import CompiledTemplates
 
     loader = PackageLoader("orip.report", "page")
     environment = Environment(
@@ -140,7 +140,7 @@ def _as_data(content: dict[str, Any]) -> Markup:
 
 def _policy(script: str) -> str:
     """Return what a browser may do with the page: run these two scripts and no other, and load nothing."""
-    digests = (hashlib.sha256(text).digest() for text in (script.encode(), _source()))
+    digests = map(_digest, (script.encode(), _source()))
     hashes = " ".join(f"'sha256-{base64.b64encode(digest).decode('ascii')}'" for digest in digests)
     return (
         f"default-src 'none'; script-src {hashes}; "
@@ -159,5 +159,13 @@ def _source() -> bytes:
 @cache
 def _plotly() -> Markup:
     """Return plotly's script, compressed: the page unpacks it when the block is to be shown."""
-    packed = zlib.compress(_source(), _COMPRESSION)
+    from orip.report.kept_files import kept
+
+    source = _source()
+    packed = kept(f"{_digest(source).hex()}.deflated", lambda: zlib.compress(source, _COMPRESSION))
     return Markup(base64.b64encode(packed).decode("ascii"))
+
+
+@cache
+def _digest(source: bytes) -> bytes:
+    return hashlib.sha256(source).digest()

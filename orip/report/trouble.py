@@ -201,7 +201,7 @@ def _unchecked(solution: Solution) -> list[Spot]:
     order = np.argsort(residuals.redundancy_number[rows], kind="stable")
     # the worst row of each point, of its rays and of its control
     of_photo = coded(residuals.kind)[rows].where("photo".__eq__)
-    _, first = np.unique(2 * point.codes[order] + of_photo[order], return_index=True)
+    _, first = np.unique(2 * point.codes[order].astype(np.int64) + of_photo[order], return_index=True)
     numbers = residuals.redundancy_number
     control: list[Spot] = []
     points: dict[str, Spot] = {}

@@ -7,7 +7,6 @@ import os
 import pickle
 import signal
 import sqlite3
-import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -22,8 +21,8 @@ from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.stores.older import OLDER_STORES
 from orip.structs import replace
 from orip.version import __version__
-from orip.workflow.archive import fork_server, worker
 from orip.workflow.archive import task as tasks
+from orip.workflow.archive import worker
 from orip.workflow.archive.task import AS_USUAL, Limits, ProjectTask, TaskReply, TaskSettings, carry_out
 
 QUICK = TaskSettings(report=False)
@@ -144,17 +143,6 @@ def test_each_project_has_a_process_with_limits(task: ProjectTask) -> None:
     worker._of_thread.server.close()
     with pytest.raises(worker.UnfitWorkerError, match="install the same version"):
         worker.run_project("0.0", b"")
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the limit does not count all memory")
-def test_a_project_that_needs_too_much_memory_is_a_result(task: ProjectTask, monkeypatch: pytest.MonkeyPatch) -> None:
-    # what is free in the memory that the process has already does not count: this is more
-    monkeypatch.setattr(fork_server, "carry_out", lambda _: bytearray(1 << 28))
-    over = TaskReply(task.name, "over limit", "needs more than 1 MB of memory; see --memory")
-    little = replace(task, settings=replace(QUICK, limits=Limits(60.0, 1)))
-    assert fork_server._within_limits(little) == over
-    assert carry_out(little) == replace(over, repeated=True), "the same limit, the same end"
-    assert carry_out(task) == TaskReply(task.name, "adjusted"), "with more memory it is tried again"
 
 
 def test_the_usual_settings_have_reports() -> None:

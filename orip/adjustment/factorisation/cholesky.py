@@ -8,14 +8,14 @@ and its correction is zero.
 
 from __future__ import annotations
 
-from functools import partial
+from typing import Literal
 
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import blas, lapack, solve_triangular
 
 from orip.adjustment.factorisation.null_space import factor_of_determined
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray
 
 _BLOCK = 128
 """Rows and columns copied at once: a square of 128 kB."""
@@ -26,17 +26,15 @@ class Factor(Struct, frozen=True):
 
     Parameters
     ----------
-    order : array (k,)
-        Columns in the order of their elimination.
-    lower : array (k, k)
-        L with L L^T = matrix[order][:, order].
+    lower : array (m, m)
+        L with L L^T = N; of a removed column it is that of the unit matrix. What stands above the diagonal is no part
+        of it.
     lost_digits : array (m,)
         -log10 of each scaled pivot; of a removed column see `unknowns_to_remove`, `LOST_ALL` without observations.
     removed : array (m,) of bool
         Columns that are not determined.
     """
 
-    order: IntArray
     lower: FloatArray
     lost_digits: FloatArray
     removed: BoolArray
@@ -46,35 +44,40 @@ class Factor(Struct, frozen=True):
 
         The square sum of c is the drop of the weighted square sum.
         """
-        return np.asarray(solve_triangular(self.lower, right[self.order], lower=True))
+        return self._solved(self._determined(right), trans="N")
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
-        solution = np.zeros((len(self.removed), *reduced_right.shape[1:]))
-        solution[self.order] = solve_triangular(self.lower, reduced_right, lower=True, trans="T")
-        return solution
+        return self._determined(self._solved(reduced_right, trans="T"))
 
     def inverse(self) -> FloatArray:
         """Return the inverse (m, m), with zero rows and columns for removed columns."""
-        size = len(self.removed)
-        if not len(self.order):
-            return np.zeros((size, size))
+        if not len(self.lower):
+            return np.zeros((0, 0))
         lower, _ = lapack.dpotri(self.lower, lower=1)
-        _mirror(lower)
-        inverse = np.asarray(lower.T)  # LAPACK has columns where NumPy has rows
-        if len(self.order) == size:
-            return inverse
-        result = np.zeros((size, size))
-        result[np.ix_(self.order, self.order)] = inverse
-        return result
+        columns = np.flatnonzero(self.removed)
+        lower[columns, columns] = 0.0
+        _copy_lower_triangle(lower)
+        return np.asarray(lower.T)  # LAPACK has columns where NumPy has rows
+
+    def _solved(self, right: FloatArray, trans: Literal["N", "T"]) -> FloatArray:
+        """Return L^-1 or L^-T times vectors; what stands above the diagonal need not be finite."""
+        finite = np.asarray_chkfinite(right)
+        return np.asarray(solve_triangular(self.lower, finite, trans=trans, lower=True, check_finite=False))
+
+    def _determined(self, vectors: FloatArray) -> FloatArray:
+        """Return vectors (m,) or (m, k) with zero for removed columns."""
+        if not self.removed.any():
+            return vectors
+        return np.where(self.removed.reshape(-1, *[1] * (vectors.ndim - 1)), 0.0, vectors)
 
 
-def _mirror(lower: FloatArray) -> None:
-    """Copy a lower triangle to the upper one, block by block: both pass through the cache once, and no copy is made."""
-    for start in range(0, len(lower), _BLOCK):
+def _copy_lower_triangle(matrix: FloatArray) -> None:
+    """Copy the lower triangle to the upper one, block by block: both pass through the cache once."""
+    for start in range(0, len(matrix), _BLOCK):
         end = start + _BLOCK
-        lower[start:end, end:] = lower[end:, start:end].T
-        square = lower[start:end, start:end]
+        matrix[start:end, end:] = matrix[end:, start:end].T
+        square = matrix[start:end, start:end]
         square[:] = np.tril(square) + np.tril(square, -1).T
 
 
@@ -84,7 +87,7 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArra
     Parameters
     ----------
     matrix : array (m, m)
-        Scaled so that the diagonal was 1 before any elimination.
+        Scaled so that the diagonal was 1 before any elimination. The factor takes its place.
     max_lost_digits : float
         A movement whose stiffness has lost more is not determined; a column is removed for it.
     undetermined : array (m,) of bool
@@ -94,25 +97,46 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArra
     -------
     Factor
     """
-    return factor_of_determined(
-        partial(_factor, matrix),
-        matrix.__matmul__,
-        lambda: bool(np.isfinite(matrix).all()),
-        undetermined,
-        max_lost_digits,
-    )
+    given = _Symmetric(matrix)
+    return factor_of_determined(given.factor, given.times, given.is_finite, undetermined, max_lost_digits)
 
 
-def _factor(matrix: FloatArray, removed: BoolArray, lost: FloatArray, shift: float) -> Factor | None:
-    """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
-    columns = np.flatnonzero(~removed)
-    part = matrix if len(columns) == len(matrix) else matrix[np.ix_(columns, columns)]
-    if shift:
-        part = part + shift * np.eye(len(part))
-    # symmetric, so that its transpose is the same, in LAPACK's order
-    lower, info = lapack.dpotrf(part.T, lower=1, clean=1) if len(columns) else (part, 0)
-    if info != 0:
-        return None
-    digits = lost.copy()
-    digits[columns] = -2.0 * np.log10(np.diag(lower))
-    return Factor(columns, np.asarray(lower), digits, removed.copy())
+class _Symmetric:
+    """A symmetric matrix and its factor in one array.
+
+    The matrix keeps the triangle above the diagonal, its diagonal has a place of its own, and the factor is below.
+    """
+
+    def __init__(self, matrix: FloatArray) -> None:
+        """Take a matrix (m, m), both of whose triangles are there."""
+        # its transpose is the same, in LAPACK's order
+        self._array = np.require(matrix, requirements=["C", "W"]).T
+        self._diagonal = np.diag(matrix).copy()
+        self._is_intact = True
+
+    def factor(self, removed: BoolArray, lost: FloatArray, shift: float) -> Factor | None:
+        """Return the factor of the columns that are not removed, its diagonal enlarged; None if it has none."""
+        array = self._array
+        if not self._is_intact:
+            _copy_lower_triangle(array.T)
+        self._is_intact = False
+        np.fill_diagonal(array, np.where(removed, 1.0, self._diagonal + shift))
+        for column in np.flatnonzero(removed):
+            array[column, :column] = array[column + 1 :, column] = 0.0
+        if len(array):
+            array, info = lapack.dpotrf(array, lower=1, clean=0, overwrite_a=1)
+            # not every LAPACK stops at a pivot that is not a number
+            if info != 0 or not np.isfinite(np.diag(array)).all():
+                return None
+        digits = np.where(removed, lost, -2.0 * np.log10(np.diag(array)))
+        return Factor(array, digits, removed.copy())
+
+    def times(self, vectors: FloatArray) -> FloatArray:
+        """Return the matrix times vectors (m, k)."""
+        own = (self._diagonal - np.diag(self._array))[:, None]
+        return np.asarray(blas.dsymm(1.0, self._array, vectors)) + own * vectors
+
+    def is_finite(self) -> bool:
+        """Return whether all elements are finite."""
+        columns = (self._array[:column, column] for column in range(len(self._array)))
+        return bool(np.isfinite(self._diagonal).all()) and all(np.isfinite(column).all() for column in columns)

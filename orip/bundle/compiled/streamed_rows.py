@@ -127,7 +127,9 @@ class StreamedRows(Struct, frozen=True):
     def _other_leverages(self, blocks: FloatArray, inverse: Symmetric) -> FloatArray:
         """Return the leverages of the rows that touch reduced unknowns, or one point, but never both."""
         in_reduced, in_blocks = self.others.stored[:, : len(inverse)], self.others.stored[:, len(inverse) :]
-        of_points = (in_blocks @ block_diagonal(blocks)).multiply(in_blocks).sum(axis=1)
+        touched = np.unique(in_blocks.indices // 3)
+        in_touched = in_blocks[:, (3 * touched[:, None] + np.arange(3)).ravel()]
+        of_points = (in_touched @ block_diagonal(blocks[touched])).multiply(in_touched).sum(axis=1)
         return quadratic_rows(in_reduced.tocsr(), inverse) + np.asarray(of_points, dtype=np.float64).ravel()
 
 

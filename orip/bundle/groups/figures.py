@@ -6,6 +6,7 @@ than their a-priori error do not make other groups look wrong.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Literal, NamedTuple
@@ -23,7 +24,7 @@ from orip.adjustment.group_tests import (
     two_sided_normal,
 )
 from orip.adjustment.residual_sums import ResidualSums, residual_sums, with_checks_used
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.groups.ground_rows import rows_under_test
 from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
@@ -80,11 +81,15 @@ class GroupFigures(Struct, frozen=True):
         """Return the figures of an adjusted block."""
         rows = [kind.rows for kind in solved.problem.observations]
         equations, numbers = solved.equations, solved.variance.redundancy_numbers
-        weight = np.where(equations.active, solved.weight_factors, 0.0)
+        active, weight = equations.active, solved.weight_factors
+        weight = weight if active.all() else np.where(active, weight, 0.0)
         of_photos = np.concatenate([np.full(len(part.error), part.kind == PHOTO_POINT) for part in rows])
-        full = of_photos & (weight >= 1.0)
-        redundancy = float(np.sum(numbers[full]))
-        variance = float(np.sum(equations.residual[full] ** 2)) / redundancy if redundancy > TESTABLE else 1.0
+        redundancy = square_sum = 0.0
+        for part in parts(len(numbers)):
+            full = of_photos[part] & (weight[part] >= 1.0)
+            redundancy += float(np.sum(numbers[part][full]))
+            square_sum += float(np.sum(equations.residual[part][full] ** 2))
+        variance = square_sum / redundancy if redundancy > TESTABLE else 1.0
         return cls(
             equations.residual,
             np.concatenate([part.error for part in rows]),
@@ -100,13 +105,18 @@ def photo_test(group: ObservationGroup, figures: GroupFigures) -> JudgedGroup:
 
     Their residuals vary no more than independent ones of the same redundancy, so that both tests are on the safe side.
     """
-    rows = group.rows
-    v, weight, error = figures.residual[rows], figures.weight[rows], figures.error[rows]
-    full = weight >= 1.0
-    redundancy, square_sum = float(np.sum(figures.redundancy_number[rows][full])), float(np.sum(v[full] ** 2))
-    factors = weight / error
-    scale, total = float(np.sum(weight / error**2)), float(factors @ v)
-    bound = float(np.sqrt(figures.photo_variance * (factors @ factors)))
+    redundancy = square_sum = scale = total = squared_factors = 0.0
+    for part in parts(len(group.rows)):
+        rows = group.rows[part]
+        v, weight, error = figures.residual[rows], figures.weight[rows], figures.error[rows]
+        full = weight >= 1.0
+        redundancy += float(np.sum(figures.redundancy_number[rows][full]))
+        square_sum += float(np.sum(v[full] ** 2))
+        factors = weight / error
+        scale += float(np.sum(factors / error))
+        total += float(factors @ v)
+        squared_factors += float(factors @ factors)
+    bound = math.sqrt(figures.photo_variance * squared_factors)
     log_p: dict[TestName, float] = {}
     if redundancy > TESTABLE:
         log_p["scatter"] = chi_square_tail(square_sum, redundancy)

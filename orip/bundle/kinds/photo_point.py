@@ -149,7 +149,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         kind=PHOTO_POINT,
         photo=_twice(CodedNames([photo.name for photo in block.photos], points.photo)),
         point=_twice(names_of_photo_points(block)),
-        component=CodedNames(("x", "y"), np.tile(np.arange(2), len(points.photo))),
+        component=CodedNames(("x", "y"), np.tile(np.arange(2, dtype=np.uint8), len(points.photo))),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.geometry.rays import intersect_rays, without_near_points
+from orip.geometry.rays import intersect_rays, points_at_origins
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.structs import replace
@@ -41,9 +41,9 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
         state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
     )
     distances = np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)
-    found = without_near_points(
-        found, state.centres[points.photo[seen]], points.point[seen], float(np.median(distances))
-    )
+    found[
+        points_at_origins(found, state.centres[points.photo[seen]], points.point[seen], float(np.median(distances)))
+    ] = np.nan
     free = points_by_photos_alone(block, unknowns) & np.isfinite(found).all(axis=1)
     return replace(state, points=np.where(free[:, None], found, state.points))
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.errors import ProjectWarning
-from orip.geometry.rays import intersect_rays, without_near_points
+from orip.geometry.rays import RayMeeting, points_at_origins
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 from orip.records.observations.repeated import photos_per_point
 from orip.structs import replace
-
-_RAYS_AT_A_TIME = 65536
-"""Bounds memory: each ray needs a rotation matrix."""
 
 _MOST_RAYS = 20_000
 """Rays from which it is told how far points typically are."""
@@ -76,15 +73,11 @@ def _hold(block: Block, start: FloatArray) -> None:
     start[rows] = block.ground.to_local(project)
 
 
-def _rays(block: Block) -> tuple[FloatArray, FloatArray]:
-    """Return origins and directions (n, 3) of the rays of all photo points."""
-    points = block.photo_points
-    rotation = rotation_from_angles(block.photo_orientation[:, 3:])
-    direction = image_vectors(block)
-    for start in range(0, len(direction), _RAYS_AT_A_TIME):
-        part = slice(start, start + _RAYS_AT_A_TIME)
-        direction[part] = (rotation[points.photo[part]] @ direction[part, :, None])[:, :, 0]
-    return block.photo_orientation[points.photo, :3], direction
+def _rays(block: Block, rotation: FloatArray, rows: slice | IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return origins and directions (k, 3) of the rays of some photo points, with the rotations of all photos."""
+    points = block.photo_points.of(rows)
+    vectors = image_vectors(replace(block, photo_points=points))
+    return block.photo_orientation[points.photo, :3], np.einsum("nij,nj->ni", rotation[points.photo], vectors)
 
 
 def _intersections(block: Block, known: FloatArray) -> FloatArray:
@@ -92,33 +85,44 @@ def _intersections(block: Block, known: FloatArray) -> FloatArray:
 
     Rays from one place are no intersection.
     """
-    origins, directions = _rays(block)
-    seen = block.photo_points.in_use & np.isfinite(directions).all(axis=1)
-    points = block.photo_points.point[seen]
-    found = intersect_rays(origins[seen], directions[seen], points, len(block.point_names))
-    placed = found if np.isnan(known).all() else known
-    return without_near_points(found, origins[seen], points, _typical_distance(placed, block, origins))
+    photo, point, centres = block.photo_points.photo, block.photo_points.point, block.photo_orientation[:, :3]
+    rotation, seen = rotation_from_angles(block.photo_orientation[:, 3:]), block.photo_points.in_use
+    meeting = RayMeeting(centres.mean(axis=0), len(block.point_names))
+    for rows in parts(len(photo)):
+        origins, directions = _rays(block, rotation, rows)
+        chosen = seen[rows]
+        chosen &= np.isfinite(directions).all(axis=1)
+        meeting.add(origins[chosen], directions[chosen], point[rows][chosen])
+    found = meeting.positions()
+    typical = _typical_distance(found if np.isnan(known).all() else known, block)
+    near = np.zeros(len(found), dtype=bool)
+    for rows in parts(len(photo)):
+        points = point[rows][seen[rows]]
+        near[points_at_origins(found, centres[photo[rows][seen[rows]]], points, typical)] = True
+    found[near] = np.nan
+    return found
 
 
-def _typical_distance(positions: FloatArray, block: Block, origins: FloatArray) -> float:
+def _typical_distance(positions: FloatArray, block: Block) -> float:
     """Return the median distance of points from their photos, those at a centre left out; 1 if none is known.
 
     In a large block that of an even selection of its rays.
     """
-    rays = slice(None, None, 1 + len(origins) // _MOST_RAYS)
-    distances = np.linalg.norm(positions[block.photo_points.point[rays]] - origins[rays], axis=1)
-    distances = distances[distances > _ROUNDING * np.abs(origins).max(initial=1.0)]
+    points, centres = block.photo_points, block.photo_orientation[:, :3]
+    rays = slice(None, None, 1 + len(points.photo) // _MOST_RAYS)
+    distances = np.linalg.norm(positions[points.point[rays]] - centres[points.photo[rays]], axis=1)
+    distances = distances[distances > _ROUNDING * np.abs(centres).max(initial=1.0)]
     return float(np.median(distances)) if len(distances) else 1.0
 
 
 def _points_on_first_ray(block: Block, start: FloatArray, wanted: NDArray[np.bool_]) -> FloatArray:
     """Return positions of points without coordinates: on their first ray, at the median distance of the others."""
-    origins, directions = _rays(block)
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    typical = _typical_distance(start, block, origins)
     indices, first = np.unique(block.photo_points.point, return_index=True)
+    of_wanted = wanted[indices]
+    origins, directions = _rays(block, rotation_from_angles(block.photo_orientation[:, 3:]), first[of_wanted])
+    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     position = np.full_like(start, np.nan)
-    position[indices] = (origins + typical * directions)[first]
+    position[indices[of_wanted]] = origins + _typical_distance(start, block) * directions
     return np.asarray(position[wanted])
 
 

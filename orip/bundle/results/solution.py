@@ -7,7 +7,7 @@ import numpy as np
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray
+from orip.arrays import BoolArray, parts
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -144,19 +144,22 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     error = np.concatenate([part.error for part in rows])
     of_equations = equations.residual * error
     first = 0
-    for part in rows:
+    for kind in rows:
         # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
-        of_equations[first : first + len(part.photo)] -= state.memory.get(part.kind.name, 0.0)
-        first += len(part.photo)
+        of_equations[first : first + len(kind.photo)] -= state.memory.get(kind.kind.name, 0.0)
+        first += len(kind.photo)
     residual = solved.problem.as_observed(of_equations)
     numbers = solved.variance.redundancy_numbers
-    weight_factors = np.where(equations.active, solved.weight_factors, np.nan)
+    active, weight_factors = equations.active, solved.weight_factors
+    weight_factors = weight_factors if active.all() else np.where(active, weight_factors, np.nan)
     # a block has millions of observations: as few arrays as there have to be
     standard = np.abs(of_equations, out=of_equations)
     standard /= error
-    w = np.sqrt(residual_cofactor(np.where(numbers > _TESTABLE, numbers, np.nan), weight_factors))
-    w *= solved.deviation_scale
-    np.divide(standard, w, out=w)
+    w = np.empty_like(standard)
+    for part in parts(len(w)):
+        shown = np.where(numbers[part] > _TESTABLE, numbers[part], np.nan)
+        deviation = np.sqrt(residual_cofactor(shown, weight_factors[part])) * solved.deviation_scale
+        np.divide(standard[part], deviation, out=w[part])
     return Residuals(
         kind=joined(repeated(part.kind.name, len(part.photo)) for part in rows),
         photo=joined(part.photo for part in rows),

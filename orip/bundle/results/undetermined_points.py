@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 
@@ -32,36 +32,36 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
     columns = solved.problem.unknowns.points
     unknown = columns != CONSTANT
     found = unknown & solved.normals.removed[columns]
-    rays, direction = _rays(solved)
-    distance = np.linalg.norm(direction, axis=1)
-    point = solved.block.photo_points.point[rays]
-    of_found = found.any(axis=1)[point]
+    of_found = found.any(axis=1)
     along = np.zeros_like(found)
-    np.logical_or.at(along, point[of_found], np.abs(direction[of_found]) > _ALONG * distance[of_found, None])
-    found |= unknown & along & found.any(axis=1, keepdims=True)
-    doubtful = _doubtful(solved, cofactors, point, distance) & ~found.any(axis=1)
-    mine = doubtful[point]
-    if mine.any():
-        significant = _significance(solved, cofactors[point[mine]], direction[mine]) >= _LEAST_SIGNIFICANCE
-        doubtful[point[mine][significant]] = False
+    nearest = np.full(len(found), np.inf)
+    for part in parts(len(solved.block.photo_points.photo)):
+        point, direction = _rays(solved, part)
+        distance = np.sqrt(np.einsum("ni,ni->n", direction, direction))
+        np.minimum.at(nearest, point, distance)
+        of_part = of_found[point]
+        np.logical_or.at(along, point[of_part], np.abs(direction[of_part]) > _ALONG * distance[of_part, None])
+    found |= unknown & along & of_found[:, None]
+    # the points that may be too near to a photo for their precision, by a bound that is quick to compute
+    size = solved.deviation_scale * np.sqrt(np.maximum(np.einsum("nii->n", cofactors), 0.0))
+    doubtful = (nearest < _LEAST_SIGNIFICANCE * size) & ~found.any(axis=1)
+    if doubtful.any():
+        point, direction = _rays(solved, np.flatnonzero(doubtful[solved.block.photo_points.point]))
+        significant = _significance(solved, cofactors[point], direction) >= _LEAST_SIGNIFICANCE
+        doubtful[point[significant]] = False
         found[doubtful] = unknown[doubtful]
     return np.asarray(found)
 
 
-def _rays(solved: SolvedBlock) -> tuple[IntArray, FloatArray]:
-    """Return the photo points (k,) that take part, and where their points are from the projection centres (k, 3)."""
-    points, state = solved.block.photo_points, solved.state
-    taking_part = solved.weight_factors[: 2 * len(points.point)].reshape(-1, 2).any(axis=1)
-    rays = np.flatnonzero(taking_part)
-    return rays, state.points[points.point[rays]] - state.centres[points.photo[rays]]
+def _rays(solved: SolvedBlock, rows: slice | IntArray) -> tuple[IntArray, FloatArray]:
+    """Return the points (k,) of those photo points that take part, and where these are from the photos' centres (k, 3).
 
-
-def _doubtful(solved: SolvedBlock, cofactors: FloatArray, point: IntArray, distance: FloatArray) -> BoolArray:
-    """Return the points that may be too near to a photo for their precision, by a bound that is quick to compute."""
-    nearest = np.full(len(solved.block.point_names), np.inf)
-    np.minimum.at(nearest, point, distance)
-    size = solved.deviation_scale * np.sqrt(np.maximum(np.einsum("nii->n", cofactors), 0.0))
-    return np.asarray(nearest < _LEAST_SIGNIFICANCE * size)
+    `rows` are the photo points to look at.
+    """
+    points, state = solved.block.photo_points.of(rows), solved.state
+    weight_x, weight_y = solved.weight_factors[: 2 * len(solved.block.photo_points.photo)].reshape(-1, 2)[rows].T
+    rays = np.flatnonzero((weight_x != 0.0) | (weight_y != 0.0))
+    return points.point[rays], state.points[points.point[rays]] - state.centres[points.photo[rays]]
 
 
 def _significance(solved: SolvedBlock, cofactors: FloatArray, direction: FloatArray) -> FloatArray:

@@ -81,7 +81,7 @@ def _register_run(group: typer.Typer) -> None:
         method: MethodOptions,
         roots: _Roots = None,
     ) -> None:
-        """Adjust all projects below some folders that are not finished, each in a process of its own.
+        """Adjust all projects below some folders that are not finished, each in a process with limits.
 
         What a project is made from decides whether it is finished, so that a run that was ended in any way is taken up
         by the same command. A project that cannot be adjusted is a result, with its error. Exit code 1 if the machine

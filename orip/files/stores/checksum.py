@@ -50,7 +50,8 @@ class RunningSum:
         """Add rows, given as their columns: plain values as SQLite takes or gives them, or arrays."""
         self._rows += len(columns[0])
         for column, running, values in zip(self._columns, self._hashes, columns, strict=True):
-            running.update(_bytes_of(column, values))
+            for piece in _pieces_of(column, values):
+                running.update(piece)
 
     def value(self) -> Sum | None:
         """Return the sum of all rows; None if there were none."""
@@ -129,9 +130,13 @@ def part_of(table: StoreTable, owner: str | None) -> str:
     return record_key(owner) if table.by_owner and owner is not None else ""
 
 
-def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> bytes:
+def _pieces_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> Iterable[bytes]:
     if column.type == "BLOB":
-        return b"".join(part for value in values for part in (len(value).to_bytes(8, "little"), value))
+        return (piece for value in values for piece in (len(value).to_bytes(8, "little"), value))
+    return (_bytes_of(column, values),)
+
+
+def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> bytes:
     if column.type == "TEXT":
         texts = [_NULL_TEXT if value is None else value for value in values] if column.null != "never" else values
         return (_END.join(texts) + _END).encode("utf-8", "surrogatepass")

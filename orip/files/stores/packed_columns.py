@@ -11,6 +11,7 @@ import json
 import struct
 import zlib
 from functools import lru_cache
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,10 @@ _SAMPLE = 1 << 12
 """Bytes by which it is judged whether a part compresses."""
 
 _GAIN = 0.7
+_AT_A_TIME = 4096
+"""Numbers whose places are taken apart at once."""
+
+_WIDTH = 8
 _HEAD = struct.Struct("<?Q")
 _TYPES = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("<i8")}
 
@@ -39,7 +44,7 @@ def packed_column(column: StoreColumn, values: Any) -> bytes:
     if column.type == "TEXT":
         names = coded(values)
         words = json.dumps(names.distinct, ensure_ascii=False).encode("utf-8")
-        return _judged_part(words) + _numbers(names.codes.astype(_TYPES["TEXT"]))
+        return _judged_part(words) + _numbers(names.codes.astype("<i4", copy=False))
     return _numbers(np.ascontiguousarray(values, dtype=_TYPES[column.type]))
 
 
@@ -55,15 +60,15 @@ def unpacked_column(column: StoreColumn, data: bytes, count: int) -> Any:
     distinct: list[str] = []
     if column.type == "TEXT":
         words, rest = _taken(rest, None)
-        distinct = json.loads(words.decode("utf-8"))
+        distinct = json.loads(bytes(words).decode("utf-8"))
     kind = _TYPES[column.type]
-    places = np.empty((kind.itemsize, count), dtype=np.uint8)
-    for place in places:
+    numbers: NDArray[Any] = np.empty(count, dtype=kind)
+    places = numbers.view(np.uint8).reshape(count, kind.itemsize)
+    for place in range(kind.itemsize):
         part, rest = _taken(rest, count)
-        place[:] = np.frombuffer(part, dtype=np.uint8)
+        places[:, place] = np.frombuffer(part, dtype=np.uint8)
     if len(rest):
         raise ValueError(_LENGTH)
-    numbers: NDArray[Any] = np.ascontiguousarray(places.T).view(kind).ravel()
     if column.type == "TEXT":
         if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(distinct):
             raise ValueError(_LENGTH)
@@ -75,15 +80,20 @@ _LENGTH = "it has other values than its length says"
 
 
 def _numbers(values: NDArray[Any]) -> bytes:
-    places = values.view(np.uint8).reshape(len(values), values.dtype.itemsize).T
-    return b"".join(map(_part, places))
+    """Return numbers of 64 bits, or those of 32 bits that are not negative as if they had 64."""
+    count, size = len(values), values.dtype.itemsize
+    places = np.empty((size, count), dtype=np.uint8)
+    of_numbers = values.view(np.uint8).reshape(count, size)
+    for start in range(0, count, _AT_A_TIME):  # a few lines of the processor's cache
+        places[:, start : start + _AT_A_TIME] = of_numbers[start : start + _AT_A_TIME].T
+    return b"".join((*map(_part, places), *repeat(_constant_part(b"\0", count), _WIDTH - size)))
 
 
 def _part(place: NDArray[np.uint8]) -> bytes:
-    data = place.tobytes()
-    first = data[:1]
     # codes, flags and equal a-priori errors: most places have one byte throughout
-    return _constant_part(first, len(data)) if data.count(first) == len(data) else _judged_part(data)
+    if not len(place) or place.min() == place.max():
+        return _constant_part(place[:1].tobytes(), len(place))
+    return _judged_part(place.data)
 
 
 @lru_cache(maxsize=64)
@@ -91,20 +101,24 @@ def _constant_part(byte: bytes, count: int) -> bytes:
     return _judged_part(byte * count)
 
 
-def _judged_part(data: bytes) -> bytes:
+def _judged_part(data: bytes | memoryview) -> bytes:
     sample = data[:_SAMPLE]
-    is_compressed = len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
-    kept = zlib.compress(data, _LEVEL) if is_compressed else data
-    return _HEAD.pack(is_compressed, len(kept)) + kept
+    is_compressed = len(_compressed(sample)) < _GAIN * len(sample)
+    kept = _compressed(data) if is_compressed else data
+    return b"".join((_HEAD.pack(is_compressed, len(kept)), kept))
 
 
-def _taken(data: memoryview, size: int | None) -> tuple[bytes, memoryview]:
+def _compressed(data: bytes | memoryview) -> bytes:
+    return zlib.compress(data, _LEVEL)
+
+
+def _taken(data: memoryview, size: int | None) -> tuple[bytes | memoryview, memoryview]:
     """Return the content of the first part, and what comes after it."""
     if len(data) < _HEAD.size:
         raise ValueError(_LENGTH)
     is_compressed, length = _HEAD.unpack(data[: _HEAD.size])
     kept, rest = data[_HEAD.size : _HEAD.size + length], data[_HEAD.size + length :]
-    content = _inflated(kept, size) if is_compressed else bytes(kept)
+    content = _inflated(kept, size) if is_compressed else kept
     if len(kept) != length or size not in (None, len(content)):
         raise ValueError(_LENGTH)
     return content, rest

@@ -30,7 +30,7 @@ NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
-ROWS_OF_PART = 1 << 20
+ROWS_OF_PART = 1 << 21
 """Rows of a packed list in one row of the file: SQLite has no row of more than a gigabyte."""
 
 
@@ -339,6 +339,8 @@ def _require_numbers(column: StoreColumn, values: NDArray[Any]) -> None:
 
 
 def _joined(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:
+    if len(parts) == 1:
+        return parts[0]
     if column.type == "TEXT":
         names = [part for part in parts if isinstance(part, CodedNames)]
         return joined(names) if names else tuple(chain.from_iterable(parts))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.arrays import IntArray
+from orip.arrays import IntArray, parts
 from orip.errors import ProjectWarning
 from orip.records.block import Block, IndexedPhotoPoints
 
@@ -23,7 +23,7 @@ def photos_under_two_names(block: Block) -> list[ProjectWarning]:
     """Return a warning for each pair of photos that show all their common points at the same coordinates."""
     points = block.photo_points
     order = np.argsort(points.point, kind="stable")
-    near = _SAME * np.ptp(points.xy, axis=0).max() if len(points.xy) else 0.0
+    near = _SAME * max(np.ptp(points.xy[:, 0]), np.ptp(points.xy[:, 1])) if len(points.xy) else 0.0
     # nearly always no two photos have so many points at one place, and nothing else need be looked at
     at_one_place = _shared(points, order, near, near)
     photos = np.unique([pair[:2] for pair in _same(at_one_place)])
@@ -44,20 +44,27 @@ def _shared(points: IndexedPhotoPoints, order: IntArray, near: float, reach: flo
     reach : float
         Those farther apart in x are left out, mm.
     """
-    point, photo, xy, error = points.point[order], points.photo[order], points.xy[order], points.error[order]
-    x = xy[:, 0].copy()
-    parts = [np.empty((0, 3), dtype=np.int64)]
+    point, x = points.point[order], points.xy[order, 0]
+    found = [np.empty((0, 3), dtype=np.int64)]
     for offset in range(1, int(np.bincount(point).max(initial=0))):
-        first = np.flatnonzero((point[:-offset] == point[offset:]) & (np.abs(x[:-offset] - x[offset:]) <= reach))
-        # a point that is measured twice in a photo is no second photo
-        first = first[photo[first] != photo[first + offset]]
-        other = first + offset
-        difference = np.abs(xy[first] - xy[other])
-        limit = np.minimum(_ERRORS * np.hypot(error[first], error[other]), near)
-        one, two = photo[first], photo[other]
-        is_same = (difference <= limit).all(axis=1)
-        parts.append(np.column_stack([np.minimum(one, two), np.maximum(one, two), is_same]))
-    return np.concatenate(parts)
+        for part in parts(len(order) - offset):
+            other = slice(part.start + offset, part.stop + offset)
+            is_pair = (point[part] == point[other]) & (np.abs(x[part] - x[other]) <= reach)
+            first = part.start + np.flatnonzero(is_pair)
+            if len(first):
+                found.append(_pairs(points, order[first], order[first + offset], near))
+    return np.concatenate(found)
+
+
+def _pairs(points: IndexedPhotoPoints, one: IntArray, other: IntArray, near: float) -> IntArray:
+    """Return what `_shared` does of pairs of rows (k,) of the same points."""
+    # a point that is measured twice in a photo is no second photo
+    in_two = points.photo[one] != points.photo[other]
+    one, other = one[in_two], other[in_two]
+    difference = np.abs(points.xy[one] - points.xy[other])
+    limit = np.minimum(_ERRORS * np.hypot(points.error[one], points.error[other]), near)
+    photos = np.sort(np.column_stack([points.photo[one], points.photo[other]]), axis=1)
+    return np.column_stack([photos, (difference <= limit).all(axis=1)])
 
 
 def _same(shared: IntArray) -> list[tuple[int, int, int]]:

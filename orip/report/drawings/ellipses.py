@@ -80,9 +80,9 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
 
 def drawn_points(solution: Solution, most: int) -> IntArray:
     """Return the rows of the points to draw: all that are not tie points, and an even selection of tie points."""
-    kinds = np.array(solution.point_kinds)
-    ties = np.flatnonzero(kinds == "tie")
-    others = np.flatnonzero(kinds != "tie")[:most]
+    kinds = solution.point_kinds
+    is_tie = np.fromiter(map("tie".__eq__, kinds), np.bool_, len(kinds))
+    ties, others = np.flatnonzero(is_tie), np.flatnonzero(~is_tie)[:most]
     room = max(most - len(others), 0)
     if len(ties) > room:
         ties = ties[:: -(-len(ties) // room)] if room else ties[:0]

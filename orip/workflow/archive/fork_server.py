@@ -1,4 +1,4 @@
-"""A process that has loaded orip once, and adjusts each project in a copy of itself (a fork) with limits.
+"""A process that has loaded orip once, and has projects adjusted in copies of itself (forks) with limits.
 
 It reads tasks from stdin and writes replies to stdout, both pickled, one at a time, and ends with its stdin: when the
 worker that has started it is killed, so are this process and the project that it works on. It has a single thread, as
@@ -8,24 +8,21 @@ a process has to have that is copied: linear algebra is told so by the environme
 from __future__ import annotations
 
 import gc
-import os
 import pickle
-import select
 import signal
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
+from orip.workflow.archive.project_process import ProjectProcess
 from orip.workflow.archive.task import ProjectTask, TaskReply, TaskSettings, carry_out, keep_over_limit
 from orip.workflow.archive.worker import DIED, ENDED
-
-_PIECE = 1 << 16
-_MEGABYTE = 1 << 20
 
 
 def main() -> None:
@@ -35,11 +32,13 @@ def main() -> None:
     first = next(tasks, None)
     if first is None:
         return
-    _load_all(first.settings)
+    load_all(first.settings)
     gc.collect()
-    gc.disable()  # a copy ends with its project, and looking for circles would copy the pages of all that is loaded
+    gc.freeze()  # looking for circles would copy the pages of all that is loaded
+    gc.disable()  # copies do so between projects
+    server = ProjectServer(sys.stdin.fileno())
     for task in chain([first], tasks):
-        pickle.dump(_adjusted_apart(task), replies)
+        pickle.dump(server.adjusted(task), replies)
         replies.flush()
 
 
@@ -53,7 +52,7 @@ def _tasks() -> Iterator[ProjectTask]:
         yield pickle.loads(task)
 
 
-def _load_all(settings: TaskSettings) -> None:
+def load_all(settings: TaskSettings) -> None:
     """Adjust a small project here, so that every module that a project needs is loaded before the copies are made.
 
     The less is loaded, the less a copy costs: method and reports are those of the first task.
@@ -67,78 +66,47 @@ def _load_all(settings: TaskSettings) -> None:
         carry_out(ProjectTask("loading", str(folder), str(results), plain))
 
 
-def _adjusted_apart(task: ProjectTask) -> tuple[str, bytes]:
-    """Carry out a task in a copy of this process; return how it ended, and the pickled reply or the reason."""
-    reading, writing = os.pipe()
-    process = os.fork()
-    if process == 0:
-        os.close(reading)
-        _as_copy(task, writing)
-    os.close(writing)
-    began = time.monotonic()
-    reply = _reply(reading, process, task.settings.limits.seconds)
-    os.close(reading)
-    _, status = os.waitpid(process, 0)
-    if reply is None:
-        message = f"takes longer than {task.settings.limits.seconds:g} s; see --time"
-        return ENDED, pickle.dumps(keep_over_limit(task, message, time.monotonic() - began))
-    if not reply:
-        return DIED, f"the process of the project {_how(status)}".encode()
-    found = pickle.loads(reply)
-    return (DIED, found.message.encode()) if found.state == "machine" else (ENDED, reply)
+class ProjectServer:
+    """Adjusts projects in copies of this process.
+
+    Parameters
+    ----------
+    lifeline : int
+        A file descriptor. When it ends, so do this process and the project that it works on.
+    """
+
+    def __init__(self, lifeline: int) -> None:
+        self._lifeline = lifeline
+        self._process: ProjectProcess | None = None
+
+    def adjusted(self, task: ProjectTask) -> tuple[str, bytes]:
+        """Carry out a task; return how it ended, and the pickled reply or the reason."""
+        limits, began = task.settings.limits, time.monotonic()
+        try:
+            reply = self._reply(task)
+        except TimeoutError:
+            reply = _over_limit(task, f"takes longer than {limits.seconds:g} s; see --time", began)
+        except MemoryError:
+            reply = _over_limit(task, f"needs more than {limits.megabytes} MB of memory; see --memory", began)
+        except ChildProcessError as error:
+            return DIED, f"the process of the project {error}".encode()
+        return (DIED, reply.message.encode()) if reply.state == "machine" else (ENDED, pickle.dumps(reply))
+
+    def _reply(self, task: ProjectTask) -> TaskReply:
+        if self._process is not None:
+            with suppress(MemoryError):  # projects before it may have left too little; a new process tells
+                return self._reply_of(self._process, task)
+        return self._reply_of(ProjectProcess(), task)
+
+    def _reply_of(self, process: ProjectProcess, task: ProjectTask) -> TaskReply:
+        self._process = None
+        reply = process.adjust(task, self._lifeline)
+        self._process = process if process.stays else None
+        return reply
 
 
-def _as_copy(task: ProjectTask, writing: int) -> None:
-    """Adjust the project within its limits, reply, and end."""
-    code = 1
-    try:
-        nowhere = os.open(os.devnull, os.O_RDWR)
-        for standard in (0, 1, 2):
-            os.dup2(nowhere, standard)
-        reply = _within_limits(task)
-        with os.fdopen(writing, "wb") as stream:
-            pickle.dump(reply, stream)
-        code = 0
-    finally:
-        os._exit(code)
-
-
-def _within_limits(task: ProjectTask) -> TaskReply:
-    """Carry out a task with the memory that it may have; what is written if that is too little may take more."""
-    import resource
-
-    megabytes, began = task.settings.limits.megabytes, time.monotonic()
-    # data, not address space: libraries that are only mapped do not count
-    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_DATA, (megabytes * _MEGABYTE, hard))
-    try:
-        return carry_out(task)
-    except MemoryError:
-        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
-    return keep_over_limit(task, f"needs more than {megabytes} MB of memory; see --memory", time.monotonic() - began)
-
-
-def _reply(reading: int, process: int, seconds: float) -> bytes | None:
-    """Return what a copy writes until it ends, nothing if it died; None if it was ended after so many seconds."""
-    deadline = time.monotonic() + seconds
-    pieces: list[bytes] = []
-    while True:
-        ready, _, _ = select.select([reading, sys.stdin.fileno()], [], [], max(0.0, deadline - time.monotonic()))
-        if not ready or sys.stdin.fileno() in ready:  # requests come one at a time: this is the end of stdin
-            os.kill(process, signal.SIGKILL)
-            if ready:
-                os._exit(1)
-            return None
-        piece = os.read(reading, _PIECE)
-        if not piece:
-            return b"".join(pieces)
-        pieces.append(piece)
-
-
-def _how(status: int) -> str:
-    code = os.waitstatus_to_exitcode(status)
-    return f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended without a reply (exit code {code})"
+def _over_limit(task: ProjectTask, message: str, began: float) -> TaskReply:
+    return keep_over_limit(task, message, time.monotonic() - began)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import platform
 import time
 from collections.abc import Callable
@@ -28,6 +27,7 @@ from orip.version import __version__
 from orip.wording import counted
 from orip.workflow.adjust.report import REPORTED_FROM, report_of
 from orip.workflow.adjust.solve import SolveOutcome
+from orip.workflow.archive.resource_use import NOT_MEASURED, ResourceUse, begin_use
 from orip.workflow.project.commit import commit
 from orip.workflow.project.folder import PROJECT_FILE, open_project
 from orip.workflow.project.state import ProjectState, read_checked_project, read_project
@@ -108,11 +108,11 @@ def carry_out(task: ProjectTask) -> TaskReply:
     head = read_head(ResultsFolder(Path(task.results)), task.name)
     if head is not None and not task.settings.again and _is_finished(task, head, texts):
         return TaskReply(task.name, head.state, head.message, repeated=True)
-    began = time.monotonic()
+    used = begin_use()
     state, message, tables = _ended(lambda: _adjusted(task))
     message = message or renewed
     if state != "machine":
-        keep(task, state, message, tables, texts, time.monotonic() - began)
+        keep(task, state, message, tables, texts, used())
     return TaskReply(task.name, state, message)
 
 
@@ -125,7 +125,12 @@ def _is_finished(task: ProjectTask, head: FinishedHead, texts: str) -> bool:
 
 
 def keep(
-    task: ProjectTask, state: State, message: str, tables: Tables | None = None, texts: str = "", seconds: float = 0.0
+    task: ProjectTask,
+    state: State,
+    message: str,
+    tables: Tables | None = None,
+    texts: str = "",
+    used: ResourceUse = NOT_MEASURED,
 ) -> None:
     """Write what is kept of a project.
 
@@ -135,13 +140,13 @@ def keep(
     """
     steps = _digest_of_steps(Path(task.folder)) if state in {"adjusted", "wrong"} else ""
     rows = tables or rows_of_error(task.name, state, message)
-    outcome = ProjectOutcome(task.name, state, message, texts, steps, rows, _of_computation(task.name, seconds))
+    outcome = ProjectOutcome(task.name, state, message, texts, steps, rows, _of_computation(task.name, used))
     write_finished(ResultsFolder(Path(task.results)), outcome, _settings_of(task, state), time.time())
 
 
 def keep_over_limit(task: ProjectTask, message: str, seconds: float) -> TaskReply:
     """Write that a project needs more than it may have, from outside of its process."""
-    keep(task, "over limit", message, texts=_digest_of_texts(Path(task.folder)), seconds=seconds)
+    keep(task, "over limit", message, texts=_digest_of_texts(Path(task.folder)), used=ResourceUse(seconds))
     return TaskReply(task.name, "over limit", message)
 
 
@@ -214,28 +219,16 @@ def _bundle(state: ProjectState, outcome: SolveOutcome, *, report: bool) -> Adju
     return AdjustedBundle(outcome.solution, outcome.gates, page, str(project.definition.crs or ""))
 
 
-def _of_computation(name: str, seconds: float) -> Row:
+def _of_computation(name: str, used: ResourceUse) -> Row:
     return {
         "project": name,
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": round(seconds, 3),
-        **_used(),
+        "seconds": round(used.seconds, 3),
+        "cpu_seconds": None if used.cpu_seconds is None else round(used.cpu_seconds, 3),
+        "peak_mb": None if used.peak_mb is None else round(used.peak_mb, 1),
         "host": platform.node(),
         "orip": __version__,
     }
-
-
-def _used() -> Row:
-    """Return CPU seconds and the largest memory of this process."""
-    if os.name != "posix":
-        return {"cpu_seconds": None, "peak_mb": None}
-    import resource
-
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    return {"cpu_seconds": round(used.ru_utime + used.ru_stime, 3), "peak_mb": round(used.ru_maxrss / 1024.0, 1)}
-
-
-# digests: what a project was made from, and what it has become
 
 
 def _digest_of_texts(folder: Path) -> str:
