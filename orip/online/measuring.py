@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.online.advice import advice
 from orip.online.answers import Answer, Candidate, Suspect, words_of
@@ -18,6 +18,7 @@ from orip.online.online_block import OnlineBlock
 from orip.online.snooping import Snooping
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
+from orip.structs import replace
 
 ALPHA = 0.001
 """Error probability of the test of one observation; sigma0 is the one a priori."""
@@ -38,8 +39,7 @@ _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     """What a measurement has brought about so far."""
 
     suspects: list[Suspect]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
@@ -25,8 +24,7 @@ _MANY_CONTRADICTED = 0.05
 """Part of the rays; fewer may be those of a photo that was measured wrong."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredBlock:
+class MeasuredBlock(Struct, frozen=True):
     """A block, its rays and its control.
 
     Parameters

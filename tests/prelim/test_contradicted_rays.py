@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -27,6 +26,7 @@ from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.tracks.confirmed_block import confirmed_block
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.records.names import record_key
+from orip.structs import replace
 
 
 @pytest.mark.parametrize("run", [6, 7], ids=["gross", "near the epipolar line"])
