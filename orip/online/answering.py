@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.current_values import CurrentValues
 from orip.online.snooping import Snooping
 from orip.sequential.observation_rows import ObservationKey
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class Before:
+class Before(Struct, frozen=True):
     """What there was before a request, as far as an answer tells of changes."""
 
     sigma0: float | None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.sequential.observation_rows import ObservationKey
 
@@ -13,8 +14,7 @@ not in both directions. Suspect: it does not fit and takes no part until it is m
 or cleared by further measurements. Excluded: by the operator."""
 
 
-@dataclass(frozen=True, slots=True)
-class Suspect:
+class Suspect(Struct, frozen=True):
     """An observation that does not fit.
 
     Parameters
@@ -33,8 +33,7 @@ class Suspect:
     alike: tuple[ObservationKey, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(Struct, frozen=True):
     """A measurement that would be worth making.
 
     Parameters
@@ -59,8 +58,7 @@ class Candidate:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """What a measurement did.
 
     Parameters

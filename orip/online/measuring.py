@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
 
 from orip.online.advice import advice
 from orip.online.answering import Before, answer_now, is_news
@@ -17,6 +18,7 @@ from orip.online.online_block import OnlineBlock
 from orip.online.snooping import Snooping
 from orip.records.names import record_key
 from orip.sequential.observation_rows import ObservationKey
+from orip.structs import replace
 
 ALPHA = 0.001
 """Error probability of the test of one observation; sigma0 is the one a priori."""
@@ -40,8 +42,7 @@ _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
 
-@dataclass(slots=True)
-class _Request:
+class _Request(Struct):
     """A request that has been answered, and what is left of it to be done.
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from orip.records.names import record_key
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
 from orip.sequential.sequential_block import SequentialBlock
+from orip.structs import replace
 
 _LINEAR = 1e-3
 """Corrections of a photo or point, in radians and parts of its distance, up to which the equations stay as they are:

@@ -1,7 +1,8 @@
 """The inverse of N = R^T R where R is not zero: what the cofactors of observations need, and no more.
 
-From R N^-1 = R^-T, panel by panel from the last one on: what a panel needs of N^-1 has been computed by then (Takahashi,
-Fagan and Chen 1973; Erisman and Tinney 1975, *On computing certain elements of the inverse of a sparse matrix*).
+From R N^-1 = R^-T, panel by panel from the last one on: what a panel needs of N^-1 has been computed by then
+(Takahashi, Fagan and Chen 1973; Erisman and Tinney 1975, *On computing certain elements of the inverse of a sparse
+matrix*).
 """
 
 from __future__ import annotations

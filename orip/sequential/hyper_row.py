@@ -9,13 +9,14 @@ are equations of the reduced unknowns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
 from orip.arrays import FloatArray, IntArray
 from orip.sequential.reduced_rows import ReducedRows
+from orip.structs import replace
 
 _WORK = 32
 """Numbers of LAPACK's work space for each column."""
@@ -24,8 +25,7 @@ _ZERO_PIVOT = 1e-8
 """Part of a point's largest column below which a pivot is rounding: its rays are parallel in that coordinate."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationRows:
+class ObservationRows(Struct, frozen=True):
     """The k linearised equations of one observation, divided by the a-priori errors.
 
     Parameters
@@ -69,8 +69,7 @@ class ObservationRows:
         ]
 
 
-@dataclass(frozen=True, slots=True)
-class HyperRow:
+class HyperRow(Struct, frozen=True):
     """The r rows of R of one point.
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from copy import deepcopy
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from orip.online.simulation import (
 )
 from orip.online.summary import summary
 from orip.sequential.observation_rows import ObservationKey
+from orip.structs import replace
 
 
 def _played(session: SimulatedSession) -> Measuring:

@@ -5,8 +5,6 @@ They are those of Kersten, Holm and Gruen 1992: orientations alone, control alon
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.online_answers import last_answer
@@ -17,6 +15,7 @@ from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
 from orip.records.observations.control import Control, ControlElement
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 CENTRE_ERROR, ANGLE_ERROR = 0.05, 0.001
 """Metres and degrees."""

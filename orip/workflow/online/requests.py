@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from typing import Literal, cast, get_args
+
+from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.records.names import name_fault
@@ -26,8 +27,7 @@ _LONGEST = 4096
 """Characters of a line; a longer one is no request."""
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """A request.
 
     Parameters

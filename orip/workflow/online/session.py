@@ -9,12 +9,12 @@ An answer is waited for as long as agreed; what takes longer, or follows from it
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.files.log.edits_text import edit_line
@@ -26,6 +26,7 @@ from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
+from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.online.background import Background, Operation
@@ -44,8 +45,7 @@ _DECIMALS = 9
 """Decimals of what is typed in that count: a millionth of a millimetre shows in the last digits of what is printed."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Undo:
+class _Undo(Struct, frozen=True):
     """How the last request is undone: what was measured of a point in a photo before it; None: nothing."""
 
     photo: str
