@@ -292,13 +292,12 @@ def _tested(
     log_p: Mapping[TestName, float], *, mean: float = np.nan, mean_sd: float = np.nan, worst: str = "",
     worst_size: float = np.nan,
 ) -> JudgedGroup:  # fmt: skip
-    weight = figures.weight[group.rows]
     test = GroupTest(
         kind=group.kind,
         of=group.of,
         component=group.component,
         number=len(group.rows),
-        down_weighted=0 if group.kind == "check" else int(np.count_nonzero(weight < 1.0)),
+        down_weighted=0 if group.kind == "check" else int(np.count_nonzero((figures.weight < 1.0)[group.rows])),
         redundancy=redundancy,
         sigma0=sigma0,
         p_sigma0=_probability(log_p, "scatter"),
@@ -312,7 +311,7 @@ def _tested(
         p_worst=_probability(log_p, "point"),
         doubted=False,
     )
-    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows])))
+    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows], overwrite_input=True)))
 
 
 def _thinned(rows: IntArray, most: int) -> IntArray:
