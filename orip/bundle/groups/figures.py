@@ -77,8 +77,8 @@ class GroupFigures:
     photo_variance: float
 
     @classmethod
-    def of(cls, solved: SolvedBlock) -> GroupFigures:
-        """Return the figures of an adjusted block."""
+    def of(cls, solved: SolvedBlock, errors: FloatArray) -> GroupFigures:
+        """Return the figures of an adjusted block, whose observations have these a-priori errors (n,)."""
         rows = [kind.rows for kind in solved.problem.observations]
         equations, numbers = solved.equations, solved.variance.redundancy_numbers
         active, weight = equations.active, solved.weight_factors
@@ -92,7 +92,7 @@ class GroupFigures:
         variance = square_sum / redundancy if redundancy > TESTABLE else 1.0
         return cls(
             equations.residual,
-            np.concatenate([part.error for part in rows]),
+            errors,
             weight,
             solved.cofactors.leverage,
             numbers,
