@@ -12,7 +12,6 @@ from __future__ import annotations
 import resource
 import sys
 import time
-from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,6 +23,7 @@ from orip.records.observations.control import ControlPoint
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 PRINCIPAL_DISTANCE_MM = 120.0
 FRAME_MM = (70.0, 100.0)

@@ -26,9 +26,10 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct, field
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
@@ -44,8 +45,7 @@ _TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
-@dataclass
-class Watched:
+class Watched(Struct):
     """CPU seconds and memory of all processes of a run.
 
     Attributes
@@ -107,8 +107,7 @@ def _is_fork_server(process: int) -> bool:
         return False
 
 
-@dataclass(frozen=True)
-class Speed:
+class Speed(Struct, frozen=True):
     """Projects a second of some processes together, and CPU seconds of each project."""
 
     rate: float
@@ -183,8 +182,7 @@ def _started(words: list[str], environment: dict[str, str], stack: ExitStack) ->
     stack.callback(process.kill)
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(Struct, frozen=True):
     """A run of the archive: its document, seconds of the whole command, how many workers were killed, what was seen."""
 
     document: dict[str, Any]

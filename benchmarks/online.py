@@ -16,7 +16,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from aerial_blocks import aerial_block
@@ -29,6 +28,7 @@ from orip.online.simulation import simulated_session
 from orip.records.observations.measurement import PhotoObservations
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.sequential.sequential_block import SequentialBlock
+from orip.structs import replace
 from orip.workflow.online.showing import photos_of, points_of, residuals_of, statistics_of
 
 POINTS_A_PHOTO = 40

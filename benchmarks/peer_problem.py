@@ -6,7 +6,6 @@ python peer_problem.py 500 problem.npz
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from wide_blocks import BLOCKS
 
 from orip.bundle.problem import starting_state
 from orip.records.block import Block
+from orip.structs import replace
 
 BAL = "BAL"
 _PIXEL_MM = 2.0 * NOISE_MM

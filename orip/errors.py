@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
+
+from msgspec import Struct
 
 from orip.wording import counted_names
 
@@ -26,8 +27,7 @@ _LONGEST_COMPARED, _MOST_COMPARED, _MOST_LISTED = 100, 500, 5
 """Of a name and of known names, when a similar one is looked for, and listed where none is similar."""
 
 
-@dataclass(frozen=True, slots=True)
-class Complaint:
+class Complaint(Struct, frozen=True):
     """One thing that is wrong with what the user wrote.
 
     Parameters
@@ -51,8 +51,7 @@ class Complaint:
         return f"{place}: {self.message}" if self.path else self.message
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectWarning:
+class ProjectWarning(Struct, frozen=True):
     """Something a user should know that stops nothing.
 
     Parameters

@@ -7,15 +7,16 @@ of corrections would end. Neither the correction, by which convergence is judged
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
+from orip.structs import replace
 
 _MEMORY = 3
 _STARTING_ENP = 0.0
@@ -23,8 +24,7 @@ _FAST = 1.0
 """Digits that an iteration gains where convergence needs no acceleration."""
 
 
-@dataclass(frozen=True, slots=True)
-class Acceleration:
+class Acceleration(Struct, frozen=True):
     """The corrections of the last iterations and the steps that were taken for them; none after a change of weights.
 
     Parameters

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import csr_array
 
 from orip.adjustment.factorisation.band import Arrangement
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.structs import replace
 
 StateT = TypeVar("StateT")
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(Struct, frozen=True):
     """How the unknowns are ordered: `reduced` ones first, then `blocks` points of three that are eliminated.
 
     Parameters
@@ -99,8 +99,7 @@ class DesignMatrix(Protocol):
         """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
 
 
-@dataclass(frozen=True, slots=True)
-class Equations:
+class Equations(Struct, frozen=True):
     """n linearised observation equations, divided by their a-priori errors.
 
     Parameters
@@ -248,8 +247,7 @@ class Problem(Protocol[StateT]):
         """
 
 
-@dataclass(frozen=True, slots=True)
-class Linearised(Generic[StateT]):
+class Linearised(Struct, Generic[StateT], frozen=True):
     """A state with its observation equations."""
 
     state: StateT

@@ -9,7 +9,6 @@ The iterations go on from there. An attempt that does not lower the robust cost 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from operator import itemgetter
 
 import numpy as np
@@ -23,6 +22,7 @@ from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.structs import replace
 
 _LONGEST_ATTEMPT = 8
 """Iterations after which an attempt at a better solution is given up."""

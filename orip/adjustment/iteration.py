@@ -6,10 +6,10 @@ Gauss-Newton, with damping (Marquardt 1963) where the full correction fails, and
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import Generic, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.block_fit import judged_residuals, with_blocks_fitted
@@ -28,6 +28,7 @@ from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
 from orip.arrays import BoolArray, FloatArray
+from orip.structs import replace
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
@@ -40,8 +41,7 @@ _SAME_PLACE_ENP = 3.0
 standard deviations, and change partials by less than the rounding of printed figures."""
 
 
-@dataclass(frozen=True, slots=True)
-class Adjustment(Generic[StateT]):
+class Adjustment(Struct, Generic[StateT], frozen=True):
     """The end of the iterations.
 
     Parameters

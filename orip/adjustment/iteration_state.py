@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Generic, NamedTuple
+
+from msgspec import Struct
 
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.equations import Linearised, StateT
@@ -13,8 +14,7 @@ from orip.adjustment.weights import LEAST_WEIGHT
 from orip.arrays import FloatArray, IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class IterationSettings:
+class IterationSettings(Struct, frozen=True):
     """What controls the iterations.
 
     Parameters
@@ -42,8 +42,7 @@ class IterationSettings:
     most_attempts: int = 12
 
 
-@dataclass(frozen=True, slots=True)
-class IterationRecord:
+class IterationRecord(Struct, frozen=True):
     """One printed line: see `orip.records.results.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed.
@@ -83,8 +82,7 @@ class Candidate(NamedTuple, Generic[StateT]):
         return exchanged
 
 
-@dataclass(frozen=True, slots=True)
-class Tried(Generic[StateT]):
+class Tried(Struct, Generic[StateT], frozen=True):
     """What has been tried to improve a solution.
 
     Parameters
@@ -101,8 +99,7 @@ class Tried(Generic[StateT]):
     consensus: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class IterationState(Generic[StateT]):
+class IterationState(Struct, Generic[StateT], frozen=True):
     """All that one iteration hands to the next.
 
     Parameters

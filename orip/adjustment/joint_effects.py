@@ -8,10 +8,10 @@ sum falls by v_i^T (I - H_ii)^-1 v_i, or rises by v_i^T (I + H_ii)^-1 v_i. Exact
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations, Layout
@@ -30,8 +30,7 @@ class SquareSumChange(NamedTuple):
     freedom: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class JointEffects:
+class JointEffects(Struct, frozen=True):
     """Observations of an adjusted problem, and how they act on each other.
 
     Parameters
@@ -93,8 +92,7 @@ class JointEffects:
         return np.asarray(np.eye(groups.shape[1]) + sign[:, None, None] * own)
 
 
-@dataclass(frozen=True, slots=True)
-class FactoredRows:
+class FactoredRows(Struct, frozen=True):
     """Rows W of observations with cofactors W W^T - B B^T, from the factor of the normal equations.
 
     Parameters

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Equations, Layout
@@ -17,10 +16,10 @@ from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, ti
 from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
 from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class SolvedNormals:
+class SolvedNormals(Struct, frozen=True):
     """The factored normal equations and their solution.
 
     Parameters

@@ -12,17 +12,17 @@ scipy.stats would take a second.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 from scipy.special import chdtri, fdtri, ndtri, stdtrit
+
+from orip.structs import replace
 
 LEAST_SIGMA0 = 1e-6
 """A sigma0 below it comes from observations without errors: their residuals are rounding, not blunders."""
 
 
-@dataclass(frozen=True, slots=True)
-class OutlierTest:
+class OutlierTest(Struct, frozen=True):
     """How residuals are tested.
 
     Parameters

@@ -6,9 +6,8 @@ weights. Cofactors are for sigma0 = 1; a standard deviation is sigma0 times the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix
@@ -16,8 +15,7 @@ from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts
 
 
-@dataclass(frozen=True, slots=True)
-class Cofactors:
+class Cofactors(Struct, frozen=True):
     """Cofactors (sigma0 = 1) with zero rows and columns for fixed and removed unknowns.
 
     Parameters
@@ -33,8 +31,7 @@ class Cofactors:
     leverage: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class VarianceOfUnitWeight:
+class VarianceOfUnitWeight(Struct, frozen=True):
     """The figures that judge the adjustment as a whole.
 
     Parameters

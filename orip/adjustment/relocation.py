@@ -13,27 +13,26 @@ for the new ones, and H = U N^-1 U^T, the square sum changes by
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from operator import attrgetter
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.weights import danish_costs
 from orip.arrays import FloatArray, IntArray
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class _Freed:
+class _Freed(Struct, frozen=True):
     """Combinations of observations that are free of their block: rows (k - 3, m) and residuals (k - 3,)."""
 
     rows: FloatArray
     residual: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Relocation:
+class Relocation(Struct, frozen=True):
     """A block at another place.
 
     Parameters
@@ -49,8 +48,7 @@ class Relocation:
     new: _Freed
 
 
-@dataclass(frozen=True, slots=True)
-class Relocations:
+class Relocations(Struct, frozen=True):
     """Blocks at other places.
 
     Parameters

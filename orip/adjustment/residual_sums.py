@@ -12,19 +12,19 @@ residuals have the covariance I + H.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray
+from orip.structs import replace
 
 _AT_ONCE = 60
 """Right-hand sides that are solved together: limits memory, as each has as many elements as there are unknowns."""
 
 
-@dataclass(frozen=True, slots=True)
-class RowsUnderTest:
+class RowsUnderTest(Struct, frozen=True):
     """k observation equations at the solution, divided by their a-priori errors.
 
     Parameters
@@ -48,8 +48,7 @@ class RowsUnderTest:
     others_variance: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualSums:
+class ResidualSums(Struct, frozen=True):
     """j sums C^T v of residuals.
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -26,8 +26,7 @@ _CHUNK_NUMBERS = 4_000_000
 """Numbers gathered at a time, which bounds the memory of the blockwise products."""
 
 
-@dataclass(frozen=True, slots=True)
-class SparseRows:
+class SparseRows(Struct, frozen=True):
     """Rows of the design matrix as a sparse matrix (n, m + 3 b)."""
 
     stored: csr_array

@@ -8,15 +8,15 @@ iterations do not end with a damped correction. See docs/decisions/012.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.block_fit import judged_residuals
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray
+from orip.structs import replace
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
@@ -30,8 +30,7 @@ _LEAST_SHARE = 0.1
 """Part of the predicted decrease that a full correction must bring after its blocks were fitted."""
 
 
-@dataclass(frozen=True, slots=True)
-class StepControl:
+class StepControl(Struct, frozen=True):
     """How strongly corrections are damped.
 
     Parameters

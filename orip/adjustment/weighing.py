@@ -5,9 +5,8 @@ See docs/decisions/006 and 015.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.equations import Equations
 from orip.adjustment.weights import (
@@ -19,6 +18,7 @@ from orip.adjustment.weights import (
     wide_weights,
 )
 from orip.arrays import BoolArray, FloatArray
+from orip.structs import replace
 
 SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
@@ -50,8 +50,7 @@ _TESTABLE, _LEAST_REDUNDANCY = 0.05, 100.0
 is then known to 12 % (the standard deviation of such a median is 1.17 / sqrt(redundancy))."""
 
 
-@dataclass(frozen=True, slots=True)
-class Weighing:
+class Weighing(Struct, frozen=True):
     """The phase of weighting that the iterations are in.
 
     Parameters

@@ -8,11 +8,11 @@ and Woodbury).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -31,8 +31,7 @@ _TESTABLE = 0.03
 """Least redundancy number of an observation that may lose its weight."""
 
 
-@dataclass(frozen=True, slots=True)
-class LinearAdjustment:
+class LinearAdjustment(Struct, frozen=True):
     """c observations of a linear adjustment.
 
     Parameters
@@ -63,8 +62,7 @@ class LinearAdjustment:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Ways:
+class _Ways(Struct, frozen=True):
     """s ways of changing the weights of c observations, one after the other, after k changes.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from orip.api.gathering import Given, block_input
@@ -24,6 +23,7 @@ from orip.api.solution import Solution
 from orip.records.results.solution import IterationPass
 from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY, solve
+from orip.structs import replace
 from orip.threads import limited_threads
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -25,6 +24,7 @@ from orip.records.observations.control import (
     PreliminaryPoint,
 )
 from orip.records.observations.station import Station
+from orip.structs import replace
 
 _UNKNOWN = "-"
 _LINE = re.compile(r"\b(on )?line (\d+)\b")

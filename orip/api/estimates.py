@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import UnknownNameError
@@ -24,8 +25,7 @@ _SHOWN = 5
 """Names that stand for all in what a notebook prints."""
 
 
-@dataclass(frozen=True, slots=True)
-class AdjustedPoint:
+class AdjustedPoint(Struct, frozen=True):
     """One ground point.
 
     Parameters

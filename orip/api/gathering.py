@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.api import control_tables
 from orip.api.columns import Columns
@@ -57,8 +58,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
 """The class of each table, and whether it must be given."""
 
 
-@dataclass(frozen=True, slots=True)
-class Given:
+class Given(Struct, frozen=True):
     """What a block is made from; see `orip.Block`."""
 
     cameras: Sequence[Camera]
@@ -173,7 +173,7 @@ def _camera_tables(cameras: Sequence[object], complaints: list[Complaint]) -> It
             message = f"is {shown_token(repr(camera))}; an orip.Camera is needed"
             complaints.append(Complaint(message, f"cameras[{index}]"))
             continue
-        values = {field.name: getattr(camera, field.name) for field in fields(Camera)}
+        values = asdict(camera)
         values["set"] = values.pop("additional_set")
         yield {key: _plain(value) for key, value in values.items() if value is not None}
 

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
+from msgspec import Struct
 from numpy.typing import ArrayLike
 
 from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 
 
-@dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(Struct, frozen=True):
     """A camera, with the keys of ``[[camera]]`` in orip.toml.
 
     Parameters
@@ -60,8 +59,7 @@ class Camera:
     projection: Projection = "perspective"
 
 
-@dataclass(frozen=True, slots=True)
-class Photos:
+class Photos(Struct, frozen=True):
     """n photos.
 
     Parameters
@@ -83,8 +81,7 @@ class Photos:
     constant: ArrayLike | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoPoints:
+class PhotoPoints(Struct, frozen=True):
     """n points measured in photos.
 
     Parameters
@@ -106,8 +103,7 @@ class PhotoPoints:
     error: ArrayLike | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ControlPoints:
+class ControlPoints(Struct, frozen=True):
     """n control and check points.
 
     Parameters
@@ -124,8 +120,7 @@ class ControlPoints:
     error: ArrayLike
 
 
-@dataclass(frozen=True, slots=True)
-class Elements:
+class Elements(Struct, frozen=True):
     """n observed values of unknowns, such as projection centres positioned from the air.
 
     Parameters
@@ -149,8 +144,7 @@ class Elements:
     error: ArrayLike
 
 
-@dataclass(frozen=True, slots=True)
-class Distances:
+class Distances(Struct, frozen=True):
     """n distances between points.
 
     Parameters
@@ -175,8 +169,7 @@ class Distances:
     code: ArrayLike = "XYZ"
 
 
-@dataclass(frozen=True, slots=True)
-class Directions:
+class Directions(Struct, frozen=True):
     """n directions of a theodolite, with zenith angles if they were observed.
 
     Parameters
@@ -204,8 +197,7 @@ class Directions:
     zenith_error: ArrayLike | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Stations:
+class Stations(Struct, frozen=True):
     """Exposure stations of n photos, observed by GNSS and INS.
 
     Parameters
@@ -235,8 +227,7 @@ class Stations:
     strip: ArrayLike | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class PreliminaryPoints:
+class PreliminaryPoints(Struct, frozen=True):
     """Starting values of n points; others start where their rays meet.
 
     Parameters

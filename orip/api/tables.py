@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import asdict
 from numpy.typing import NDArray
 
 from orip.api.estimates import AdjustedCameras
@@ -28,8 +29,7 @@ Words = NDArray[np.object_]
 """Texts (n,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationResiduals:
+class ObservationResiduals(Struct, frozen=True):
     """The residuals of n observation components, column by column; each array has the shape (n,).
 
     Parameters
@@ -76,7 +76,7 @@ class ObservationResiduals:
         return len(self.kind)
 
     def __repr__(self) -> str:
-        columns = ", ".join(column.name for column in fields(self))
+        columns = ", ".join(self.__struct_fields__)
         return f"<{counted(len(self), 'observation component')}: {columns}>"
 
 
@@ -88,7 +88,7 @@ def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
         if pair not in known:
             known[pair] = unit_of_observation(*pair, ground_unit)
         units.append(known[pair])
-    columns = {column.name: getattr(found, column.name) for column in fields(Residuals)}
+    columns = asdict(found)
     words = {name: _words(values) for name, values in columns.items() if not isinstance(values, np.ndarray)}
     return ObservationResiduals(unit=_words(units), **{**columns, **words})
 
@@ -101,7 +101,7 @@ def data_frame(
     if what not in get_args(TableName):
         raise UnknownNameError(what, "table", get_args(TableName))
     if what == "residuals":
-        return pandas.DataFrame({column.name: getattr(residuals, column.name) for column in fields(residuals)})
+        return pandas.DataFrame(asdict(residuals))
     if what == "cameras":
         return pandas.DataFrame(_camera_columns(cameras))
     columns, units = _estimate_columns(what, solution)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.archive.tables import NAME_COLUMN, VALUES, Cell, Row
 
@@ -17,8 +18,7 @@ OUTCOME = "outcome"
 Key = tuple[Cell, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Moved:
+class Moved(Struct, frozen=True):
     """A value that has moved by more than its standard deviation.
 
     Parameters
@@ -39,8 +39,7 @@ class Moved:
     times: float
 
 
-@dataclass(frozen=True, slots=True)
-class Changed:
+class Changed(Struct, frozen=True):
     """A word that is another one: how a project ended, its status, a gate; empty where one of the runs has none."""
 
     project: str

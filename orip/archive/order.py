@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePath
 
+from msgspec import Struct
 
-@dataclass(frozen=True, slots=True)
-class ArchiveProject:
+
+class ArchiveProject(Struct, frozen=True):
     """A project of an archive.
 
     Parameters

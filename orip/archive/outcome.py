@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct, field
 
 from orip.archive.tables import Row
 
@@ -15,8 +16,7 @@ something that is not in the project, such as a full disk, and is run again next
 Tables = Mapping[str, Sequence[Row]]
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectOutcome:
+class ProjectOutcome(Struct, frozen=True):
     """How a project ended.
 
     Parameters

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from orip.archive.outcome import State
 from orip.wording import agreeing
@@ -11,8 +12,7 @@ from orip.wording import agreeing
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
-@dataclass
-class Progress:
+class Progress(Struct):
     """How far a run of an archive is.
 
     Parameters

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.archive.outcome import Tables, rows_of_error
 from orip.archive.tables import CAMERA_VALUES, PHOTO_VALUES, POINT_VALUES, Cell, Row
@@ -14,8 +15,7 @@ from orip.records.results.gate import GateResult
 from orip.records.results.solution import Estimates, Solution
 
 
-@dataclass(frozen=True, slots=True)
-class AdjustedBundle:
+class AdjustedBundle(Struct, frozen=True):
     """A bundle of a project, adjusted.
 
     Parameters

@@ -7,10 +7,10 @@ equal projects. Collinearity is that of `orip.geometry`; what tests orip's formu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.geometry.rotation import rotation_from_angles
@@ -32,8 +32,7 @@ _PROJECTS_A_CAMERA_STORE = 25
 """Every so many projects use the cameras of the first of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Camera:
+class _Camera(Struct, frozen=True):
     name: str
     c: float
     columns: int
@@ -59,8 +58,7 @@ _CAMERAS: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedProject:
+class SimulatedProject(Struct, frozen=True):
     """A simulated project.
 
     Parameters
@@ -116,8 +114,7 @@ def _folder_from(number: int, leader: int) -> str:
     return f"../{year}job_{leader:06d}/CAMERAS.CAM"
 
 
-@dataclass(frozen=True, slots=True)
-class _Flight:
+class _Flight(Struct, frozen=True):
     photos: tuple[str, ...]
     centres: FloatArray
     angles: FloatArray

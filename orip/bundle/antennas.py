@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
@@ -28,8 +28,7 @@ class Stretch(NamedTuple):
     strip: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class StationPlaces:
+class StationPlaces(Struct, frozen=True):
     """Where n exposure stations belong.
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -28,11 +28,11 @@ from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camer
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project.shared_lens import lens_key
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 
-@dataclass(frozen=True, slots=True)
-class BlockInput:
+class BlockInput(Struct, frozen=True):
     """The records and observations that a block is assembled from.
 
     Parameters

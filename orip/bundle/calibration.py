@@ -10,10 +10,10 @@ tenths, or that spoils the points, is not determinable.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.special import fdtri
 
@@ -25,6 +25,7 @@ from orip.records.observations.observation_kinds import ADDITIONAL_PARAMETER
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.records.project.shared_lens import first_of_lens
 from orip.records.results.solution import Diagnosis
+from orip.structs import replace
 
 ALPHA = 0.05
 MOST_LOST_DIGITS = 5.0
@@ -43,8 +44,7 @@ _HIGHER_ORDERS = {"A3": {"A5", "A7", "A9"}, "A5": {"A7", "A9"}, "A7": {"A9"}}
 """The radial parameters of higher order that are removed before each one."""
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterTest:
+class ParameterTest(Struct, frozen=True):
     """The test of one group of a camera's distortion parameters.
 
     Parameters
@@ -184,8 +184,7 @@ def _worth(test: ParameterTest) -> float:
     return -test.lost_digits if test.verdict == "not determinable" else test.statistic / test.limit
 
 
-@dataclass(frozen=True, slots=True)
-class Pruned:
+class Pruned(Struct, frozen=True):
     """A block whose cameras have only significant parameters, and the tests of the removed ones in order."""
 
     solved: SolvedBlock

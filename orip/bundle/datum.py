@@ -8,9 +8,8 @@ matrix of all points. The result does not depend on which unknowns are held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse import csr_array
@@ -25,13 +24,13 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
 from orip.records.block import Block
+from orip.structs import replace
 
 _DETERMINED = 1e-8
 """An observation determines a movement if that changes it by more than this part of what its partials allow."""
 
 
-@dataclass(frozen=True, slots=True)
-class FreeDatum:
+class FreeDatum(Struct, frozen=True):
     """The datum of a free network.
 
     Parameters

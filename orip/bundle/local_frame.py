@@ -8,7 +8,6 @@ a photo's angles with its centre. Constants without those others become exact co
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from orip.records.block import Block
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.observations.control import ControlElement, ControlPoint
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.structs import replace
 
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from orip.adjustment.iteration_state import IterationRecord
 from orip.bundle.diagnosis import diagnose
@@ -17,13 +18,13 @@ from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
 from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
 from orip.records.results.variance_component import VarianceComponent
+from orip.structs import replace
 
 if TYPE_CHECKING:
     from orip.bundle.snooping.search import SnoopingSettings
 
 
-@dataclass(frozen=True, slots=True)
-class Method:
+class Method(Struct, frozen=True):
     """How a block is adjusted.
 
     Parameters

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.state import BlockState, entries_at
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class Movements:
+class Movements(Struct, frozen=True):
     """The change G (u, d) of all unknowns under d movements of a whole block; rows of points are not stored.
 
     A movement changes a point by a linear function of its homogeneous coordinates.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import compress
 
 import numpy as np
@@ -13,6 +12,7 @@ from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.names import record_key
 from orip.records.observations.control import ControlElement
 from orip.records.observations.repeated import photos_per_point
+from orip.structs import replace
 
 
 def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:

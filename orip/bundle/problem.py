@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -47,10 +47,10 @@ from orip.bundle.state import BlockState, antenna_parameters, camera_parameters,
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class BlockProblem:
+class BlockProblem(Struct, frozen=True):
     """The observation equations of a block.
 
     Parameters

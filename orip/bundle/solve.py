@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,8 +21,7 @@ from orip.records.project.definition import BundleDefinition
 from orip.threads import limited_threads
 
 
-@dataclass(frozen=True, slots=True)
-class SolvedBlock(Adjustment[BlockState]):
+class SolvedBlock(Adjustment[BlockState], frozen=True):
     """The adjustment of a block, with the precision of all unknowns.
 
     Parameters

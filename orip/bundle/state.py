@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -20,14 +20,14 @@ from orip.records.block import Block
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT_PLACES
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.shared_lens import LENS_PLACES, first_of_lens
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 LARGEST_ROTATION = 0.5
 """Largest rotation of a photo (radians) in one iteration; a larger correction is scaled down as a whole."""
 
 
-@dataclass(frozen=True, slots=True)
-class BlockState:
+class BlockState(Struct, frozen=True):
     """Current values.
 
     Parameters

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.bundle.antennas import NONE, station_places
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 

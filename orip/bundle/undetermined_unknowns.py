@@ -9,7 +9,6 @@ where it started.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.ground import PlainGround
+from orip.structs import replace
 
 _LEAST_COSINE_OF_PHI = 0.02
 """Nearer than this to phi = ±90 degrees omega and kappa turn about one axis; such photos keep rotations about axes."""

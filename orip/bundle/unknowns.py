@@ -7,11 +7,11 @@ OMEGA or PHI is reported, and not KAPPA.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from operator import index
 from typing import NamedTuple, SupportsIndex
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.adjustment.equations import Layout
@@ -37,8 +37,7 @@ class UnknownName(NamedTuple):
     kind: str
 
 
-@dataclass(frozen=True, slots=True)
-class UnknownNames:
+class UnknownNames(Struct, frozen=True):
     """Names of all unknowns by their columns; those of eliminated points are made on request.
 
     Parameters
@@ -72,8 +71,7 @@ class UnknownNames:
         return (self[column] for column in range(len(self)))
 
 
-@dataclass(frozen=True, slots=True)
-class Unknowns:
+class Unknowns(Struct, frozen=True):
     """Columns of the unknowns; `CONSTANT` where a parameter is none.
 
     Parameters

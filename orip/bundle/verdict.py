@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.bundle.groups.words import CODE
 from orip.records.results.solution import Diagnosis, Solution
@@ -28,8 +29,7 @@ _LEAST_REDUNDANCY = 0.05
 """Redundancy that is none: what observations with least weights add up to."""
 
 
-@dataclass(frozen=True, slots=True)
-class GlobalTest:
+class GlobalTest(Struct, frozen=True):
     """The chi-square test of sigma0 against 1.
 
     Parameters

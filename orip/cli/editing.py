@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
+import msgspec
 import typer
 
 from orip.cli.terminal import Terminal, warning_rows
@@ -49,6 +49,6 @@ def edit_document(command: str, outcome: EditOutcome, **more: Any) -> dict[str, 
         **more,
         "unchanged": not outcome.changes,
         "dry_run": outcome.dry_run,
-        "changes": [asdict(change) for change in outcome.changes],
+        "changes": msgspec.to_builtins(outcome.changes),
         "warnings": warning_rows(outcome.warnings),
     }

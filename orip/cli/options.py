@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
 import typer
+from msgspec import Struct
 
 from orip.cli.completion import bundles
 from orip.cli.exits import exit_on_error
@@ -66,8 +66,7 @@ class SharedOptions(NamedTuple):
         return Terminal(self.quiet, self.verbose, self.json, self.color or "auto", self.threads)
 
 
-@dataclass(frozen=True, slots=True)
-class Invocation:
+class Invocation(Struct, frozen=True):
     """What a command gets in addition to its own options: the project folder, the shared options, and how to print."""
 
     folder: Path

@@ -8,8 +8,9 @@ import sys
 import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TextIO
+
+from msgspec import Struct, field
 
 from orip.cli.progress_bar import ProgressBar
 from orip.errors import OripError, ProjectWarning, by_kind
@@ -39,8 +40,7 @@ _PLAIN = str.maketrans({"\N{NARROW NO-BREAK SPACE}": " ", "±": "+-", "−": "-"
 _NARROWEST = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Terminal:
+class Terminal(Struct, frozen=True):
     """How a command prints.
 
     Parameters
@@ -57,8 +57,8 @@ class Terminal:
     json: bool = False
     color: ColorChoice = "auto"
     threads: int | None = None
-    _warned: set[str] = field(default_factory=set, compare=False)
-    _bars: list[ProgressBar] = field(default_factory=list, compare=False)
+    _warned: set[str] = field(default_factory=set)
+    _bars: list[ProgressBar] = field(default_factory=list)
 
     def say(self, text: str, style: Style | None = None) -> None:
         """Print a line on stderr, unless quiet."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
@@ -23,6 +22,7 @@ from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import Camera, Projection, Sensor
+from orip.structs import replace
 
 MOST_MISFIT_PX = 0.5
 """A fit that is worse somewhere in the frame is refused, unless measurements are corrected for it."""
@@ -51,8 +51,7 @@ class UnsuitableCameraError(OripError):
     exit_code = 3
 
 
-@dataclass(frozen=True, slots=True)
-class ConvertedCamera:
+class ConvertedCamera(Struct, frozen=True):
     """A camera in orip's form.
 
     Parameters
@@ -96,8 +95,7 @@ class ConvertedCamera:
         return pixels_of_directions(self.camera, _y_up(directions_of_image(self.source, in_lens), self.source))
 
 
-@dataclass(frozen=True, slots=True)
-class ExportedCamera:
+class ExportedCamera(Struct, frozen=True):
     """A camera as another program has it.
 
     Parameters

@@ -9,14 +9,15 @@ satellite positions are above the ellipsoid or, in photos of telephones and dron
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rays import intersect_rays
 from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, fit_similarity, similarity_with_partials
+from orip.structs import replace
 
 _TRUE = 1e-3
 """Radians, and part of the distance, by which an imported block is bent and points are marked beside one another."""
@@ -73,8 +74,7 @@ class ObservedCentres(NamedTuple):
     errors: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class ControlDatum:
+class ControlDatum(Struct, frozen=True):
     """How an imported block is taken to its control.
 
     Parameters

@@ -8,9 +8,9 @@ plane's system, which is Cartesian: nothing is distorted, and no `crs` is needed
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.conversion.poses import exchanged_poses, orip_poses
@@ -20,6 +20,7 @@ from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 from orip.records.exchanged import ExchangedProject, GroundFrame, MappedPlaces
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.structs import replace
 
 _WGS84 = (6_378_137.0, 6_356_752.314245)
 """Semi-axes, metres."""
@@ -31,8 +32,7 @@ _PLACES = 4
 """Decimals of a degree to which a new origin is rounded, so that it is the same when the project is read again."""
 
 
-@dataclass(frozen=True, slots=True)
-class LocalGround:
+class LocalGround(Struct, frozen=True):
     """A system of east, north and up.
 
     Parameters

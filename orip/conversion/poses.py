@@ -7,13 +7,13 @@ D. D is its own inverse.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation, rotation_about_axes, rotation_from_angles
 from orip.records.exchanged import AngleUnit, ExchangedPhoto, PoseReading, RotationForm
+from orip.structs import replace
 
 _TURNED = np.diag([1.0, -1.0, -1.0])
 _RADIANS = {"radian": 1.0, "degree": np.pi / 180.0, "gon": np.pi / 200.0}

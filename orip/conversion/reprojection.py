@@ -7,9 +7,9 @@ format does not say what its angles are, the readings are tried, and the measure
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
@@ -35,8 +35,7 @@ _RAYS_TRIED = 20_000
 """Rays by which readings are chosen."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reprojection:
+class Reprojection(Struct, frozen=True):
     """How imported photos and points fit the measurements.
 
     Parameters

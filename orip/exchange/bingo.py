@@ -7,10 +7,10 @@ programs differ in that, the measurements decide. Lines that begin with ``*`` or
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
@@ -37,8 +37,7 @@ _CHECK_ERROR = -0.01
 """Where a check point has no errors; a negative one makes a point a check point."""
 
 
-@dataclass(slots=True)
-class _Ground:
+class _Ground(Struct):
     """What ``geoin.dat`` has: cameras by name, control, and keywords that are not read."""
 
     cameras: dict[str, ExchangedCamera] = field(default_factory=dict)

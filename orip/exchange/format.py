@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
@@ -23,8 +24,7 @@ AddReferences = Callable[[ExchangedProject, Path, str, str], Parsed[ExchangedPro
 """From a project, a table of references, its name for messages and letters of its columns, to a project."""
 
 
-@dataclass(frozen=True, slots=True)
-class Conventions:
+class Conventions(Struct, frozen=True):
     """What the numbers of a format mean when it is written.
 
     Parameters
@@ -63,8 +63,7 @@ class Conventions:
     has_terms_of_original: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
+class Format(Struct, frozen=True):
     """A format.
 
     Parameters

@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.stations.image_metadata import (
@@ -47,8 +47,7 @@ _FRAMES = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0x
 """Markers of JPEG that have the size of the image."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Image:
+class _Image(Struct, frozen=True):
     """An image: its file, what a camera is recognised by, focal length (pixels), width of the sensor (mm), tags.
 
     Focal length and width are NaN where they are not known.
@@ -62,8 +61,7 @@ class _Image:
     exposure: Exposure
 
 
-@dataclass(slots=True)
-class _Read:
+class _Read(Struct):
     images: list[_Image] = field(default_factory=list)
     complaints: list[Complaint] = field(default_factory=list)
 

@@ -10,8 +10,9 @@ import io
 import os
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from orip.files.text.lines import read_bytes
 from orip.records.names import record_key
@@ -24,8 +25,7 @@ _HEADING = ["kind", "orip", "original"]
 _RECORDS = ("camera", "photo")
 
 
-@dataclass(frozen=True, slots=True)
-class NamesTable:
+class NamesTable(Struct, frozen=True):
     """Original names by orip's; those of cameras and photos by `record_key`.
 
     Names that are not listed are the original ones; a tie point T17 is track 17.
@@ -44,8 +44,7 @@ class NamesTable:
         return (number if is_track else name), is_track
 
 
-@dataclass(frozen=True, slots=True)
-class Original:
+class Original(Struct, frozen=True):
     """The format and the path of the project that was imported."""
 
     format: str

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from orip.exchange.sources.text import numbered_words, text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.records.observations.control import ControlPoint
+from orip.structs import replace
 
 READINGS = (
     PoseReading("y_up", "to_ground", "matrix", "radian", "centre"),

@@ -7,14 +7,15 @@ coordinates are longitude and latitude (radians, from the system's own prime mer
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.ground_heights import WITHOUT_HEIGHTS, heights_to_ellipsoid
+from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
 
 if TYPE_CHECKING:
@@ -31,8 +32,7 @@ _LONGEST_SHOWN = 60
 """A crs that is given as a longer text (WKT) is shown by its name."""
 
 
-@dataclass(frozen=True, slots=True)
-class GroundCrs:
+class GroundCrs(Struct, frozen=True):
     """A projected system with heights.
 
     Parameters

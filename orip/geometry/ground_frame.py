@@ -10,9 +10,8 @@ project's coordinates are functions of the local ones, with partials.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -20,6 +19,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.geometry.ground_crs import GroundCrs, degrees_at, ground_crs
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.records.ground import ProjectCoordinates
+from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 
 _STEP = 100.0
@@ -33,8 +33,7 @@ _CONFORMAL = 1e-6
 """Angular distortion (radians) below which the axes of the grid count as perpendicular: 0.2 seconds of arc."""
 
 
-@dataclass(frozen=True, slots=True)
-class GroundFrame:
+class GroundFrame(Struct, frozen=True):
     """A local topocentric frame: x east, y north, z up at its origin, in the project's ground unit.
 
     Parameters

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 
@@ -30,8 +30,7 @@ _NO_INVERSE = 1e-2
 scale of some 1e-4, which comes from measuring errors alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlaneTransformation:
+class PlaneTransformation(Struct, frozen=True):
     """X = x0 + a x + b y, Y = y0 + c x + d y.
 
     Parameters

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -18,8 +18,7 @@ UNKNOWNS = 7
 """Relative change of scale, three shifts, three small rotations about the target's axes: in this order."""
 
 
-@dataclass(frozen=True, slots=True)
-class Similarity:
+class Similarity(Struct, frozen=True):
     """X = T + m R x.
 
     Parameters

@@ -30,11 +30,11 @@ from its construction: complete and orthogonal on the 5 x 5 points.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.records.project.camera import AdditionalSet, Camera
@@ -61,8 +61,7 @@ class Basis(NamedTuple):
     derivative: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterSet:
+class ParameterSet(Struct, frozen=True):
     """One set of additional parameters.
 
     Parameters
@@ -81,8 +80,8 @@ class ParameterSet:
     name: AdditionalSet
     parameter_names: tuple[str, ...]
     grid: tuple[float, ...]
-    basis: Callable[[FloatArray, FloatArray], Basis] = field(repr=False)
-    factors: FloatArray = field(repr=False, compare=False)
+    basis: Callable[[FloatArray, FloatArray], Basis]
+    factors: FloatArray
 
 
 def additional_with_partials(

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import TypeVar
+
+from msgspec import Struct, field
 
 from orip.errors import OrientationError
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Template, Temtick
+from orip.structs import replace
 from orip.wording import listed_names
 
 Referred = TypeVar("Referred", Camera, Template, Temtick)
 
 
-@dataclass(frozen=True, slots=True)
-class Definitions:
+class Definitions(Struct, frozen=True):
     """The records that a log refers to, by `record_key` of their names.
 
     `bundles` are names alone; `settings` are those of bundles whose points may be measured again.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from orip.errors import OrientationError
 from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.fiducial_system import fiducials_from_plate
@@ -11,6 +9,7 @@ from orip.records.names import record_key
 from orip.records.observations.measurement import FiducialsRecord, TicksRecord
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Temtick
+from orip.structs import replace
 
 
 def camera_with_digitised_fiducials(record: FiducialsRecord, definitions: Definitions) -> Camera:

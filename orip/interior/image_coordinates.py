@@ -13,11 +13,11 @@ loop have these equations from here; the compiled loops are held to them by test
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, Number
 from orip.interior.additional_parameters import additional_with_partials
@@ -33,8 +33,7 @@ from orip.interior.image_polynomial import ImagePolynomial, deformation_with_par
 from orip.records.project.camera import AdditionalSet
 
 
-@dataclass(frozen=True, slots=True)
-class ImageEquation:
+class ImageEquation(Struct, frozen=True):
     """The image equation of one camera, for one point as plain numbers or n points as arrays (n,).
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from orip.arrays import BoolArray, FloatArray, parts
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
+from orip.structs import replace
 
 _PLANE_UP_TO = math.radians(70.0)
 """Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""

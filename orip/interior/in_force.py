@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
@@ -15,8 +16,7 @@ from orip.records.observations.measurement import Measured
 from orip.records.results.interior import MarkAdjustment
 
 
-@dataclass(frozen=True, slots=True)
-class Interior:
+class Interior(Struct, frozen=True):
     """The interior orientation of a project.
 
     Parameters

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from itertools import compress
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -17,6 +17,7 @@ from orip.records.coded_names import coded, joined, repeated, rows_of_records
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 ToStored = Callable[[str, int], PlaneTransformation | None]
 """Photo and mounting to the transformation that takes points measured then to stored coordinates, None if unknown."""
@@ -25,8 +26,7 @@ PixelSizes = Callable[[str, int], tuple[float, float]]
 """Photo and mounting to the size of a pixel (mm) along the photo axes; asked of scans and digital frames alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class PointsOfPhoto:
+class PointsOfPhoto(Struct, frozen=True):
     """n measured points of one photo in the order of their first measurement.
 
     Parameters

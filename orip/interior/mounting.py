@@ -8,10 +8,10 @@ taken to the coordinates that are stored.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from orip.records.names import record_key
 from orip.records.observations.measurement import (
@@ -21,6 +21,7 @@ from orip.records.observations.measurement import (
     TemplateOrientation,
     TextPlace,
 )
+from orip.structs import replace
 
 STORED = -1
 """Number of the mounting of what the stores hold already: nothing has to be done to its coordinates."""
@@ -28,8 +29,7 @@ STORED = -1
 Orientation = TypeVar("Orientation", TemplateOrientation, PhotoOrientation)
 
 
-@dataclass(frozen=True, slots=True)
-class Mounting(Generic[Orientation]):
+class Mounting(Struct, Generic[Orientation], frozen=True):
     """One mounting of a template or photo.
 
     Parameters

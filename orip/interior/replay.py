@@ -9,9 +9,9 @@ in which the mark was last measured, and everything measured in it.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
@@ -38,6 +38,7 @@ from orip.records.observations.measurement import (
 )
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo, Template, Temtick
+from orip.structs import replace
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]
 
@@ -52,8 +53,7 @@ _WHAT_COUNTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
+class Replayed(Struct, frozen=True):
     """The outcome of a replay: what is measured, what was wrong, what to know, and how many points came again."""
 
     measured: Measured

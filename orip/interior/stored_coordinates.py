@@ -7,7 +7,6 @@ template, and pixels of digital frames.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 
 class StoredCoordinates:

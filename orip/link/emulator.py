@@ -12,8 +12,9 @@ import contextlib
 import socket
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from orip.link.access import ASKING, shows_token
 from orip.link.line_reader import LONGEST_TABLE_LINE, LineReader
@@ -22,6 +23,7 @@ from orip.link.request_words import Refused, Request, whole_number
 from orip.link.station import Station, TableLoader
 from orip.link.travel import Pace, Travel, on_the_way
 from orip.records.drive_table import DriveCode, DriveFault
+from orip.structs import replace
 
 MOST_TABLE_LINES = 100_000
 MOST_TABLE_BYTES = 64 * 1024 * 1024
@@ -45,8 +47,7 @@ class Patience(NamedTuple):
 PATIENCE = Patience()
 
 
-@dataclass(slots=True, eq=False)
-class _Client:
+class _Client(Struct, eq=False):
     """One connection."""
 
     address: str

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from orip.multimodel.oriented_block import OrientedBlock, oriented_block
 from orip.multimodel.processor import Loaded, first_state
@@ -24,6 +25,7 @@ from orip.records.drive_table import (
     StageLimits,
     Triple,
 )
+from orip.structs import replace
 
 TableLoader = Callable[[bytes], Loaded | tuple[DriveFault, ...]]
 """Makes a block from the bytes of a drive table, or tells all that is wrong with it."""
@@ -52,8 +54,7 @@ class MeasuringMark(NamedTuple):
     condition: Condition
 
 
-@dataclass(frozen=True, slots=True)
-class Station:
+class Station(Struct, frozen=True):
     """A plate processor.
 
     Parameters

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import dist, floor
 from typing import NamedTuple
 
 from orip.multimodel.state import Position, ProcessorState
+from orip.structs import replace
 
 Plates = tuple[Position, Position]
 

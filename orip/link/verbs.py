@@ -6,7 +6,6 @@ Words are those after the verb, and as many as the verb takes; a reply is what f
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TypeVar, cast
 
 from orip.link.replies import (
@@ -27,6 +26,7 @@ from orip.multimodel.driving import profile as drive_profile
 from orip.multimodel.state import GUIDES, SIDES, Driven, ProcessorState, Side, Status
 from orip.records.drive_table import STAGES, DriveCode, DriveFault
 from orip.records.project.photo import Stage
+from orip.structs import replace
 
 T = TypeVar("T")
 

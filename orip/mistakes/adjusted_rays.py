@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 from orip.records.results.solution import Solution
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 _ERRORS = 5.0

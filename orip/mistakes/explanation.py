@@ -7,10 +7,10 @@ adjustment failed, did not fit within its a-priori errors, or down-weighted many
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
@@ -46,6 +46,7 @@ from orip.mistakes.readjuster import Readjuster
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.records.block import Block
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 _MOST_WARNINGS = 5
 """Most warnings: the first ones matter, and the listings have all observations that do not fit."""
@@ -227,8 +228,7 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     return [] if elsewhere is None else _shown_elsewhere(elsewhere, readjuster)
 
 
-@dataclass(frozen=True, slots=True)
-class _Tried:
+class _Tried(Struct, frozen=True):
     """A hypothesis and its rough adjustment."""
 
     hypothesis: Hypothesis

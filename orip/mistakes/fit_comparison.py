@@ -7,10 +7,10 @@ size or the distribution of residuals that are far too large.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray, parts
@@ -47,8 +47,7 @@ _WRONG_MATCHES = 0.5
 """Largest part of the coordinates of a photo that may be wrong matches: a photo that fits less is out of place."""
 
 
-@dataclass(frozen=True)
-class Fit:
+class Fit(Struct, frozen=True, dict=True):
     """How the observations of an adjustment fit.
 
     Parameters

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import chain, combinations
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
@@ -38,8 +38,7 @@ _MOST_RAYS = 20_000
 """Rays from which it is told how far points typically are."""
 
 
-@dataclass(frozen=True, slots=True)
-class ComparedOrientations:
+class ComparedOrientations(Struct, frozen=True):
     """n photos with an orientation as given and as found, in project coordinates.
 
     Parameters

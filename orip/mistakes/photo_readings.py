@@ -6,9 +6,9 @@ A photo that the others contradict is resected from the points that they determi
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
@@ -16,6 +16,7 @@ from orip.interior.image_vectors import are_equidistant, image_vectors, suit_pla
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
 from orip.records.project.camera import Sensor
+from orip.structs import replace
 
 _FITS = 6.0
 """Standard errors within which a point fits a resected photo."""
@@ -35,8 +36,7 @@ _SAME_DIRECTION = np.radians(30.0)
 MIRRORED = "mirrored"
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """A photo read differently from how it was measured.
 
     Parameters
@@ -54,8 +54,7 @@ class Reading:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class FittingReading:
+class FittingReading(Struct, frozen=True):
     """A reading that fits the other photos, and the orientation (6,) of its photo, ground unit and radians.
 
     Its kind is "" where the photo fits as it was measured.
@@ -97,8 +96,7 @@ def fitting_reading(block: Block, photo: int, known: FloatArray, scale: float) -
     return FittingReading(best, orientation)
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
+class _Fit(Struct, frozen=True):
     """Part of the points that fit a resected photo, and the median of their residuals over the a-priori error."""
 
     part: float

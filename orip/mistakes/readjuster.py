@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weighing import SETTLED_ENP
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.errors import NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
+from orip.structs import replace
 
 _MOST_PHOTO_POINTS = 20_000
 """Most photo points: in larger blocks further adjustments would take longer than a user wants to wait."""
@@ -23,8 +24,7 @@ EXPLAINING_WARNINGS = {
 """Codes of warnings that already explain a misfit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Readjuster:
+class Readjuster(Struct, frozen=True):
     """Adjusts a block again.
 
     Parameters

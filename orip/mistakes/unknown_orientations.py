@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.bundle.solve import SolvedBlock
@@ -15,6 +13,7 @@ from orip.mistakes.given_orientations import (
     misgiven_orientations,
 )
 from orip.records.block import Block
+from orip.structs import replace
 
 
 def without_orientations(block: Block) -> Block | None:

@@ -9,9 +9,9 @@ more than the photo.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.geometry.projection import PROJECTIONS, Projection
@@ -19,6 +19,7 @@ from orip.interior.image_coordinates import ImageEquation
 from orip.interior.image_polynomial import image_polynomial
 from orip.records.drive_table import DriveCamera
 from orip.records.project.camera import RADIAL_PLACES
+from orip.structs import replace
 
 _REACH_IN_HALF_DIAGONALS = 1.5
 _REACH_IN_BASES = 4.0
@@ -29,8 +30,7 @@ _BEYOND_BORDER = 1.05
 """The border of the frame is sampled; between the samples the ideal radius is not larger by more than this factor."""
 
 
-@dataclass(frozen=True, slots=True)
-class CameraModel:
+class CameraModel(Struct, frozen=True):
     """One camera.
 
     Parameters

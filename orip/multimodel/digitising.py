@@ -13,8 +13,9 @@ Photos are in the form of `record_key`, models too.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from orip.records.project.photo import Stage
 
@@ -64,8 +65,7 @@ Wanted = Mapping[str, Collection[str]]
 """The photos in which each point is to be digitised, points in their order."""
 
 
-@dataclass(frozen=True, slots=True)
-class DigitisedBlock:
+class DigitisedBlock(Struct, frozen=True):
     """The models of a block by row and column, and the stage of each photo; one without a stage is no partner."""
 
     models: tuple[PhotoPair, ...]

@@ -5,7 +5,6 @@ The active model depends on the point before, so that the order of points matter
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import dist
 from typing import NamedTuple
 
@@ -17,6 +16,7 @@ from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.state import ProcessorState
 from orip.multimodel.switching import SelectedModels, inside_model, select_models
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
+from orip.structs import replace
 
 MOST_PROFILE_POINTS = 10_000
 

@@ -10,10 +10,10 @@ rays lie in one plane with the base, that is, when they meet.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, Number
@@ -57,8 +57,7 @@ class ObjectPlace(NamedTuple):
     code: DriveCode
 
 
-@dataclass(frozen=True, slots=True)
-class ModelLoop:
+class ModelLoop(Struct, frozen=True):
     """One model, ready for driving.
 
     Parameters

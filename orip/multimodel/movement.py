@@ -7,7 +7,6 @@ moves nothing. Coordinates must be finite.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.photo_loop import DrivenPhoto, PlatePlace
@@ -16,6 +15,7 @@ from orip.multimodel.state import Condition, Outcome, Position, ProcessorState, 
 from orip.multimodel.switching import Selected, places_in_model, select_model
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
 from orip.records.project.photo import Stage
+from orip.structs import replace
 
 _NOT_DRIVEN = {
     DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.multimodel.camera_model import camera_model
@@ -14,8 +13,7 @@ from orip.records.drive_table import DriveTable
 from orip.records.names import record_key
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class OrientedBlock:
+class OrientedBlock(Struct, frozen=True, eq=False):
     """A block of models that can be driven.
 
     Parameters

@@ -5,7 +5,6 @@ A setting returns the new state and the `Status`, or the old state and a `DriveF
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 from orip.multimodel.oriented_block import OrientedBlock
@@ -24,6 +23,7 @@ from orip.multimodel.state import (
     read_out,
 )
 from orip.records.drive_table import DriveCode, DriveFault
+from orip.structs import replace
 
 KEYS = (*(str(number) for number in range(16)), "ENTER", "ZERO")
 """The keypad of four by four keys, and the two beside it."""

@@ -9,11 +9,11 @@ yp = b0 + b1 xf + b2 yf
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import isnan
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, Number
@@ -60,8 +60,7 @@ class Rays(NamedTuple):
     code: NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True)
-class DrivenPhoto:
+class DrivenPhoto(Struct, frozen=True):
     """One photo, ready for driving.
 
     Parameters

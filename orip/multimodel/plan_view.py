@@ -10,10 +10,10 @@ coordinate of the points nearest to it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -60,8 +60,7 @@ class Plane(NamedTuple):
     mirrored: bool
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class PlanView:
+class PlanView(Struct, frozen=True, eq=False):
     """The block in plan.
 
     Parameters

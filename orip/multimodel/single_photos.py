@@ -7,13 +7,13 @@ height, or take it where they are told to, and the stage of the photo follows.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import dist
 
 import numpy as np
 
 from orip.records.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits, Triple
 from orip.records.project.photo import Stage
+from orip.structs import replace
 
 EMPTY = "-EMPTY"
 """At the end of the name of what is not there."""

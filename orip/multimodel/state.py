@@ -13,13 +13,15 @@ cannot be done returns the state that it was given, and a `DriveFault`. Which mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
+
+from msgspec import Struct
 
 from orip.multimodel.model_loop import ModelLoop
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.records.drive_table import STAGES, DriveFault, Triple
 from orip.records.project.photo import Stage
+from orip.structs import replace
 
 Guide = Literal["UPPER", "LOWER", "BOTH", "MODEL", "OBJECT"]
 GUIDES: tuple[Guide, ...] = ("UPPER", "LOWER", "BOTH", "MODEL", "OBJECT")
@@ -59,8 +61,7 @@ class Event(NamedTuple):
     plates: tuple[Position, Position] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessorState:
+class ProcessorState(Struct, frozen=True):
     """Everything that a command may change.
 
     Parameters

@@ -11,9 +11,9 @@ stage, and more if necessary; those of digital frames are the frame.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.local_frame import ground_system
@@ -45,8 +45,7 @@ LEAST_COUNT = 0.001
 """Millimetres on film, pixels on a digital frame."""
 
 
-@dataclass(frozen=True, slots=True)
-class TableIngredients:
+class TableIngredients(Struct, frozen=True):
     """What a drive table is made from; mappings are by `record_key`.
 
     Parameters

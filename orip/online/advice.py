@@ -9,7 +9,6 @@ observations are unchecked, and where the datum is weak.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.sequential.hyper_row import ObservationRows, factored
 from orip.sequential.observation_rows import ObservationKey
+from orip.structs import replace
 
 _MOST_OF_A_PHOTO = 12
 """Points of a photo whose gain is computed: those with the fewest rays."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.sequential.observation_rows import ObservationKey
 
@@ -13,8 +14,7 @@ not in both directions. Suspect: it does not fit and takes no part until it is m
 or cleared by further measurements. Excluded: by the operator."""
 
 
-@dataclass(frozen=True, slots=True)
-class Suspect:
+class Suspect(Struct, frozen=True):
     """An observation that does not fit.
 
     Parameters
@@ -33,8 +33,7 @@ class Suspect:
     alike: tuple[ObservationKey, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Candidate:
+class Candidate(Struct, frozen=True):
     """A measurement that would be worth making.
 
     Parameters
@@ -59,8 +58,7 @@ class Candidate:
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(Struct, frozen=True):
     """What a measurement did.
 
     Parameters
@@ -86,6 +84,8 @@ class Answer:
         Points that have coordinates since.
     next : tuple of Candidate
         What to measure next in this photo, the most profitable first.
+    is_pending : bool
+        It is not tested yet: what it changes has to be computed first, and the test follows.
     """
 
     photo: str
@@ -102,6 +102,7 @@ class Answer:
     oriented: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
     next: tuple[Candidate, ...] = ()
+    is_pending: bool = False
 
 
 def words_of(key: ObservationKey) -> str:

@@ -7,9 +7,9 @@ from the same chain and adjustment as in `orip solve`.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.part_of_block import part_of_block
@@ -26,6 +26,7 @@ from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
 from orip.solving.better_minimum import doubt_about
+from orip.structs import replace
 from orip.wording import counted
 
 _KNOWN_POINTS = 4
@@ -41,8 +42,7 @@ _NAMED = 5
 """Points that are named as what to measure next."""
 
 
-@dataclass(slots=True)
-class CurrentValues:
+class CurrentValues(Struct):
     """Values by name.
 
     Parameters

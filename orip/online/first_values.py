@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.assemble import with_starting_values
 from orip.bundle.local_frame import photos_in_frame
@@ -23,11 +23,11 @@ from orip.solving.starting_values import (
     soon_found_values,
     started_block,
 )
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 
-@dataclass(frozen=True, slots=True)
-class FirstValues:
+class FirstValues(Struct, frozen=True):
     """How values are found for a block of which none are known.
 
     Parameters

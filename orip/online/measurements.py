@@ -7,9 +7,9 @@ rays of its point, or of its photo, and what control observes of these; they are
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
@@ -21,6 +21,7 @@ from orip.records.observations.control import Control, ControlDistance, ControlE
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 Pair = tuple[float, float]
 
@@ -33,8 +34,7 @@ RayName = tuple[str, str]
 _NO_ERRORS = (np.nan, np.nan)
 
 
-@dataclass(frozen=True, slots=True)
-class _Ray:
+class _Ray(Struct, frozen=True):
     """Stored coordinates of a photo point and its own a-priori errors, NaN for those of the bundle."""
 
     xy: Pair

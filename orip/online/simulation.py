@@ -9,10 +9,10 @@ of Echallens (Kersten, Holm and Gruen 1992, *On-line point positioning with sing
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.assemble import BlockInput
@@ -49,8 +49,7 @@ _FIRST_MODEL = 6
 """Points that the first two photos of the Simplon have been oriented by."""
 
 
-@dataclass(frozen=True, slots=True)
-class Blunder:
+class Blunder(Struct, frozen=True):
     """A wrong measurement: which one, and by how much, mm."""
 
     photo: str
@@ -58,8 +57,7 @@ class Blunder:
     error: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedSession:
+class SimulatedSession(Struct, frozen=True):
     """What is measured, in order, and which of it is wrong.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import groupby
 
 import numpy as np
@@ -17,6 +16,7 @@ from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.names import record_key
 from orip.records.project.definition import StereoModel
 from orip.records.results.preliminary import NotOriented, RelativeOrientation
+from orip.structs import replace
 
 
 def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:

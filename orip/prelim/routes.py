@@ -6,9 +6,9 @@ Each route gives one or more blocks in systems of their own, or one that is on t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing.block_grower import BlockGrower
@@ -20,6 +20,7 @@ from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
 from orip.records.project.definition import StereoModel
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.structs import replace
 from orip.wording import counted
 
 POINTS_FOR_A_PAIR = 5
@@ -34,8 +35,7 @@ SAFE_RESECTION, LEAST_RESECTION = 6, 3
 """Control points with which a photo is resected without others: of six one may be wrong, three have no check."""
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+class Route(Struct, frozen=True):
     """Where one route led.
 
     Parameters

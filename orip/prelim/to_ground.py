@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.prelim.ground.arbitrary_datum import with_arbitrary_datum
@@ -19,6 +18,7 @@ from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity_of_photo import similarity_of_photo
 from orip.records.results.preliminary import ControlReading, NotOriented, SimilarityStep
+from orip.structs import replace
 from orip.wording import counted, first_names
 
 _TO_THE_END = 1e-9
@@ -37,8 +37,7 @@ _NAMED = 6
 """Number of photos of a part of a block that are named one by one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Outcome:
+class Outcome(Struct, frozen=True):
     """Where a route led on the ground, or in its own system if it could not be taken there.
 
     Parameters

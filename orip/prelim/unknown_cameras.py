@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.arrays import FloatArray
@@ -11,6 +9,7 @@ from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.resection.direct_linear import DirectLinear, direct_linear
 from orip.prelim.routes import Route, control_start
+from orip.structs import replace
 
 
 def by_unknown_cameras(grower: BlockGrower) -> Route:

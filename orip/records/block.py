@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
@@ -23,8 +24,7 @@ from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
 
 
-@dataclass(frozen=True, slots=True)
-class IndexedPhotoPoints:
+class IndexedPhotoPoints(Struct, frozen=True):
     """n measured photo points.
 
     Parameters
@@ -60,8 +60,7 @@ class IndexedPhotoPoints:
         return IndexedPhotoPoints(self.photo[rows], self.point[rows], self.xy[rows], self.error[rows], self.used[rows])
 
 
-@dataclass(frozen=True, slots=True)
-class TheodoliteSet:
+class TheodoliteSet(Struct, frozen=True):
     """A set of theodolite directions: its zero direction (radians), and whether that is held."""
 
     name: str
@@ -69,8 +68,7 @@ class TheodoliteSet:
     constant: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """What is adjusted.
 
     Photos and points start at local coordinates of `ground`. All that is observed or given (control, distances, the

@@ -6,9 +6,10 @@ left eyepiece shows the upper one, so that a model whose left photo is on the lo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, NamedTuple
+
+from msgspec import Struct
 
 from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
 from orip.records.project.photo import Stage
@@ -58,8 +59,7 @@ class DriveFault(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class StageLimits:
+class StageLimits(Struct, frozen=True):
     """Travel of a stage in plate units, and the least count that its read-out is rounded to."""
 
     x_min: float
@@ -69,8 +69,7 @@ class StageLimits:
     least_count: float
 
 
-@dataclass(frozen=True, slots=True)
-class DriveParameterSet:
+class DriveParameterSet(Struct, frozen=True):
     """Additional parameters of a camera: the set, its base (mm), and all values in the order of the set's names."""
 
     name: AdditionalSet
@@ -78,8 +77,7 @@ class DriveParameterSet:
     values: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class DriveCamera:
+class DriveCamera(Struct, frozen=True):
     """A camera as adjusted.
 
     Parameters
@@ -102,16 +100,14 @@ class DriveCamera:
     projection: Projection = "perspective"
 
 
-@dataclass(frozen=True, slots=True)
-class DriveTemplate:
+class DriveTemplate(Struct, frozen=True):
     """A template and the stage that it is mounted on."""
 
     name: str
     stage: Stage
 
 
-@dataclass(frozen=True, slots=True)
-class DrivePhoto:
+class DrivePhoto(Struct, frozen=True):
     """A photo as adjusted.
 
     Parameters
@@ -136,8 +132,7 @@ class DrivePhoto:
     affine: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class DriveModel:
+class DriveModel(Struct, frozen=True):
     """Two photos seen stereoscopically, and the model's place in the block (1, 1 is upper left)."""
 
     name: str
@@ -148,8 +143,7 @@ class DriveModel:
     optics: Optics
 
 
-@dataclass(frozen=True, slots=True)
-class DriveTable:
+class DriveTable(Struct, frozen=True):
     """Everything that is downloaded to the plate processor.
 
     Parameters

@@ -7,8 +7,9 @@ Readers of `orip.exchange` return it and writers take it. What its numbers mean 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.observations.control import ControlDistance, ControlPoint
@@ -23,8 +24,7 @@ Lens = Literal[
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImageAxes:
+class ImageAxes(Struct, frozen=True):
     """How image coordinates are counted; x to the right.
 
     Parameters
@@ -44,8 +44,7 @@ PIXELS = ImageAxes()
 """Those of orip: columns to the right and rows down from the outer corner of the upper left pixel."""
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangedCamera:
+class ExchangedCamera(Struct, frozen=True):
     """A camera.
 
     Parameters
@@ -82,8 +81,7 @@ class ExchangedCamera:
     free: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class PoseReading:
+class PoseReading(Struct, frozen=True):
     """What the numbers of poses mean; where a format does not say, there are several readings to be tried.
 
     Parameters
@@ -108,8 +106,7 @@ class PoseReading:
     position: Literal["centre", "translation"] = "centre"
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangedPhoto:
+class ExchangedPhoto(Struct, frozen=True):
     """A photo.
 
     Parameters
@@ -148,8 +145,7 @@ class ExchangedPhoto:
     footprint: tuple[tuple[float, float, float], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangedPoints:
+class ExchangedPoints(Struct, frozen=True):
     """m points that are measured or have coordinates.
 
     Parameters
@@ -177,8 +173,7 @@ class ExchangedPoints:
     residual: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangedRays:
+class ExchangedRays(Struct, frozen=True):
     """k measurements of points in photos.
 
     Parameters
@@ -200,8 +195,7 @@ class ExchangedRays:
     is_active: BoolArray
 
 
-@dataclass(frozen=True, slots=True)
-class StatedError:
+class StatedError(Struct, frozen=True):
     """The reprojection error that a file states, pixels.
 
     Parameters
@@ -215,8 +209,7 @@ class StatedError:
     of: Literal["rms", "mean", "mean_of_points"] = "rms"
 
 
-@dataclass(frozen=True, slots=True)
-class GroundFrame:
+class GroundFrame(Struct, frozen=True):
     """What ground coordinates refer to where this is not the project's system.
 
     Parameters
@@ -232,8 +225,7 @@ class GroundFrame:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class MappedPlaces:
+class MappedPlaces(Struct, frozen=True):
     """Adjusted places in the system that control is given in, where photos and points have another one.
 
     Parameters
@@ -247,8 +239,7 @@ class MappedPlaces:
     points: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangedProject:
+class ExchangedProject(Struct, frozen=True):
     """All that is exchanged with another program.
 
     Parameters

@@ -7,10 +7,10 @@ and the block is adjusted in a Cartesian frame; what relates the two is a `Groun
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
@@ -59,8 +59,7 @@ class GroundSystem(Protocol):
         """Return lines for a listing."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlainGround:
+class PlainGround(Struct, frozen=True):
     """A plain right-handed system: the project's coordinates are the local ones."""
 
     @property

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.interior.distortion_forms import curve_from_polynomial
@@ -29,16 +29,14 @@ _UNITS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class CorrelationMatrix:
+class CorrelationMatrix(Struct, frozen=True):
     """Correlation coefficients of a camera's unknowns: names and the rows of the full matrix."""
 
     names: tuple[str, ...]
     rows: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class CameraSheet:
+class CameraSheet(Struct, frozen=True):
     """All that the page shows of one camera."""
 
     name: str

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.interior.pixels import pixel_size
@@ -15,8 +15,7 @@ from orip.records.results.solution import Solution
 from orip.report.report_input import ReportInput
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoScale:
+class PhotoScale(Struct, frozen=True):
     """Scales of n photos, in the order of the solution; NaN where something is not known.
 
     Parameters

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -13,8 +12,7 @@ from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.solution import Residuals
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoVectors:
+class PhotoVectors(Struct, frozen=True):
     """Residual vectors of n photo points.
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_unknown
@@ -24,8 +24,7 @@ _STRONG = 0.95
 _CORRELATION = "Largest r: the largest correlation with an unknown of an antenna or camera; marked from 0.95 on."
 
 
-@dataclass(frozen=True, slots=True)
-class Spread:
+class Spread(Struct, frozen=True):
     """Median, root mean square and largest standard deviation of one coordinate of many records."""
 
     name: str

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
@@ -22,8 +22,7 @@ from orip.report.photo_vectors import PhotoVectors, photo_vectors
 from orip.units import DEGREES_PER_RADIAN
 
 
-@dataclass(frozen=True)
-class ReportInput:
+class ReportInput(Struct, frozen=True, dict=True):
     """A solution with the definitions that it is based on.
 
     Parameters

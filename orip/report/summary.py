@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.bundle.groups.words import probability_in_words
 from orip.bundle.verdict import Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
@@ -54,8 +55,7 @@ _SHORTER: tuple[tuple[int, int, frozenset[str]], ...] = (
 fits. The camera is the purpose of a calibration, and is always shown."""
 
 
-@dataclass(frozen=True, slots=True)
-class SummaryLine:
+class SummaryLine(Struct, frozen=True):
     """A line of the summary.
 
     Parameters

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.results.figures import figure
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
@@ -18,8 +17,7 @@ from orip.report.table import PageColumn, PageTable
 from orip.wording import agreeing
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Struct, frozen=True):
     """What the page says first."""
 
     level: Level

@@ -9,13 +9,14 @@ are equations of the reduced unknowns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from scipy.linalg.lapack import dgeqp3, dormqr, dtrtrs
 
 from orip.arrays import FloatArray, IntArray
 from orip.sequential.reduced_rows import ReducedRows
+from orip.structs import replace
 
 _WORK = 32
 """Numbers of LAPACK's work space for each column."""
@@ -24,8 +25,7 @@ _ZERO_PIVOT = 1e-8
 """Part of a point's largest column below which a pivot is rounding: its rays are parallel in that coordinate."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationRows:
+class ObservationRows(Struct, frozen=True):
     """The k linearised equations of one observation, divided by the a-priori errors.
 
     Parameters
@@ -69,8 +69,7 @@ class ObservationRows:
         ]
 
 
-@dataclass(frozen=True, slots=True)
-class HyperRow:
+class HyperRow(Struct, frozen=True):
     """The r rows of R of one point.
 
     Parameters
@@ -145,13 +144,13 @@ def stacked(observations: Sequence[ObservationRows]) -> ObservationRows:
     """Return the equations of several observations of one point as those of one."""
     if len(observations) == 1:
         return observations[0]
-    columns = np.unique(np.concatenate([rows.columns for rows in observations]))
+    columns, places = np.unique(np.concatenate([rows.columns for rows in observations]), return_inverse=True)
     by_point = np.concatenate([rows.by_point for rows in observations])
-    by_reduced, first = np.zeros((len(by_point), len(columns))), 0
+    by_reduced, row, place = np.zeros((len(by_point), len(columns))), 0, 0
     for rows in observations:
-        last = first + len(rows.right)
-        by_reduced[first:last, np.searchsorted(columns, rows.columns)] = rows.by_reduced
-        first = last
+        next_row, next_place = row + len(rows.right), place + len(rows.columns)
+        by_reduced[row:next_row, places[place:next_place]] = rows.by_reduced
+        row, place = next_row, next_place
     right = np.concatenate([rows.right for rows in observations])
     return ObservationRows(observations[0].point, by_point, columns, by_reduced, right)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
@@ -12,6 +10,7 @@ from orip.bundle.results.lost_rays import lost_rays
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
+from orip.structs import replace
 from orip.wording import agreeing, counted, counted_names
 
 _ABSURD_SIGMA0 = 5.0

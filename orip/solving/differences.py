@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.records.results.figure import Figure, FigureGroup, ResultFigures
 from orip.units import DEGREES_PER_RADIAN
@@ -12,8 +13,7 @@ from orip.units import DEGREES_PER_RADIAN
 _FULL_CIRCLE = 360.0
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerance:
+class Tolerance(Struct, frozen=True):
     """How far two figures may be apart and still be equal.
 
     Parameters
@@ -34,8 +34,7 @@ class Tolerance:
     sigma: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
+class Difference(Struct, frozen=True):
     """Two figures that are not equal.
 
     Parameters
@@ -60,8 +59,7 @@ class Difference:
         return self.size / self.allowed if self.allowed > 0.0 else math.inf
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
+class Comparison(Struct, frozen=True):
     """What two results have in common and what not.
 
     Parameters
@@ -85,8 +83,7 @@ class Comparison:
         return not (self.differences or self.only_a or self.only_b)
 
 
-@dataclass(frozen=True, slots=True)
-class _Scales:
+class _Scales(Struct, frozen=True):
     """Lengths that relative tolerances are shares of."""
 
     extent: float

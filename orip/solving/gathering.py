@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.bundle.assemble import BlockInput, gather
@@ -12,6 +10,7 @@ from orip.mistakes.before_adjustment.checks import block_warnings, measurement_w
 from orip.mistakes.before_adjustment.ground_systems import contradicting_ground_systems
 from orip.progress import stage
 from orip.records.block import Block
+from orip.structs import replace
 
 
 @stage("gathering observations")

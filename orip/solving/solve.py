@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
@@ -26,6 +26,7 @@ from orip.records.results.solution import Diagnosis, IterationPass, Solution
 from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
+from orip.structs import replace
 
 FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
@@ -34,8 +35,7 @@ PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
 
 
-@dataclass(frozen=True, slots=True)
-class SolveWatcher:
+class SolveWatcher(Struct, frozen=True):
     """What follows the progress of an adjustment, and may stop it.
 
     Parameters
@@ -161,8 +161,7 @@ def _with_mistakes_of_the_block(
     return [*first, *left_out, *(found for found in explained if found not in first)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Adjusted:
+class _Adjusted(Struct, frozen=True):
     """A start, and where the adjustment from it ended."""
 
     start: StartedBlock
@@ -170,8 +169,7 @@ class _Adjusted:
     solved: SolvedBlock
 
 
-@dataclass(slots=True)
-class _Adjuster:
+class _Adjuster(Struct):
     """Adjusts a gathered block from one start or another.
 
     The chain runs at most once: `values` is what it found, and `own` the adjustment from these values alone.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.assemble import with_starting_values
@@ -19,6 +19,7 @@ from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.camera import Camera
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.preliminary import CameraStart, PhotoStart, PreliminaryValues
+from orip.structs import replace
 
 _ADVICE = (
     "measure what is missing, or give those photos X0 Y0 Z0 OMEGA PHI KAPPA in orip.toml; 'orip prelim' shows each step"
@@ -28,8 +29,7 @@ _ADVICE_WITHOUT_CONTROL = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class StartedBlock:
+class StartedBlock(Struct, frozen=True):
     """A block as its adjustment starts.
 
     Parameters

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from orip.records.names import record_key
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 from orip.records.results.solution import Estimates, Solution
+from orip.structs import replace
 
 _ANGLES = slice(PHOTO_PARAMETERS.index("OMEGA"), PHOTO_PARAMETERS.index("KAPPA") + 1)
 
 
-@dataclass(frozen=True, slots=True)
-class ChangedValue:
+class ChangedValue(Struct, frozen=True):
     """A preliminary value before (None: there was none) and after; mm, degrees, ground units."""
 
     name: str
@@ -26,8 +27,7 @@ class ChangedValue:
     new: float
 
 
-@dataclass(frozen=True, slots=True)
-class KeptValue:
+class KeptValue(Struct, frozen=True):
     """An unknown that did not take the value of the adjustment, and why."""
 
     name: str
@@ -35,8 +35,7 @@ class KeptValue:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class UpdatedPoints:
+class UpdatedPoints(Struct, frozen=True):
     """The points of a .PRE file after an update.
 
     Parameters
@@ -129,7 +128,7 @@ def updated_points(
             new[name] = _preliminary_point(name, estimates)
         else:
             kept.append(KeptValue(name, "XYZ", fault))
-    before = {point.name: point for point in points}
+    before = {point.name: replace(point, line=0) for point in points}  # values are compared, not where they stand
     after = {**before, **new}
     changed = tuple(name for name, point in after.items() if point != before.get(name))
     values = tuple(value for name in changed for value in _changed_coordinates(before, after[name]))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint, InputError, ProjectWarning
@@ -14,6 +14,7 @@ from orip.geometry.navigation_angles import rotation_from_navigation
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.names import record_key
 from orip.records.observations.epochs import Epochs, Quality
+from orip.structs import replace
 from orip.trajectory.interpolation import Interpolated, in_seconds_of_week, interpolate, moved, time_complaints
 from orip.trajectory.matching import NO_EVENT, match_at_offset, match_by_time
 from orip.trajectory.stations import Exposures
@@ -41,8 +42,7 @@ _USUAL_ERRORS: Mapping[Quality, tuple[float, float, float]] = {"float": (0.5, 0.
 """East, north, up, m: of positions without standard deviations that are not fixed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sources:
+class Sources(Struct, frozen=True):
     """What was read.
 
     Parameters
@@ -63,8 +63,7 @@ class Sources:
     photos: Sequence[str] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Matching:
+class Matching(Struct, frozen=True):
     """How photos and events are brought together.
 
     Parameters

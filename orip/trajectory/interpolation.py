@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint
@@ -17,8 +16,7 @@ LONGEST_GAP = 2.5
 """Epochs of a usual interval that may lie between the two on both sides of an event."""
 
 
-@dataclass(frozen=True, slots=True)
-class Interpolated:
+class Interpolated(Struct, frozen=True):
     """n places on a trajectory.
 
     Parameters

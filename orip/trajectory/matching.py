@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 
@@ -19,8 +18,7 @@ _DISTINCT = 2.0
 _MOST_CANDIDATES = 20_000
 
 
-@dataclass(frozen=True, slots=True)
-class Match:
+class Match(Struct, frozen=True):
     """Photos and their events.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from orip.geometry.navigation_angles import rotation_from_navigation
 from orip.geometry.other_crs import geographic_from_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.structs import replace
 
 
 def stations_of_reference(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import InputError, ProjectWarning
@@ -22,8 +22,7 @@ _ALIKE = 1e-3
 """Coefficients of correlation below this are left out."""
 
 
-@dataclass(frozen=True, slots=True)
-class Exposures:
+class Exposures(Struct, frozen=True):
     """n exposures with what was observed of each; arguments as of `Epochs`.
 
     Parameters

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -11,6 +10,7 @@ from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.ground_ellipsoid import metres_per_radian
 from orip.records.observations.epochs import Epochs
+from orip.structs import replace
 
 WGS84 = (6_378_137.0, 6_356_752.314245)
 """Half axes; another ellipsoid changes what is interpolated over some seconds of flight by less than a micrometre."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
@@ -21,8 +22,7 @@ _HEADING = """\
 """
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectMade:
+class ProjectMade(Struct, frozen=True):
     """A project that was made: its name, its folder, its texts, and what to do next (an orip command, or words)."""
 
     name: str

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from orip.bundle.methods import Method
 from orip.errors import InputError
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
     from orip.workflow.drive.table import DriveTableOutcome
 
 
-@dataclass(frozen=True, slots=True)
-class RunSettings:
+class RunSettings(Struct, frozen=True):
     """What is adjusted and how.
 
     Parameters
@@ -55,8 +55,7 @@ class RunSettings:
 EVERYTHING = RunSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class RunWatcher:
+class RunWatcher(Struct, frozen=True):
     """Functions that are called after each step."""
 
     initialised: Callable[[Initialised], None]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
@@ -25,8 +26,7 @@ _SUFFIXES = {".toml", ".md", ".MEA", ".PNT", ".PRE", ".LEN", ".STA", ".MRK", ".p
 _TRUTH = "truth.json"
 
 
-@dataclass(frozen=True, slots=True)
-class SampleWritten:
+class SampleWritten(Struct, frozen=True):
     """A sample project that was written: its name, its folder, and the names of its files."""
 
     name: str

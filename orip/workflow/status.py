@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
@@ -25,8 +26,7 @@ STATUS_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "replay
 _HEAD_OF_REPORT = 4096
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectStatus:
+class ProjectStatus(Struct, frozen=True):
     """The state of a project.
 
     Parameters

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import equations_of
+from msgspec import Struct
 
 from orip.adjustment.block_fit import judged_residuals, with_blocks_fitted
 from orip.adjustment.equations import Equations, Layout, Linearised
+from orip.structs import replace
 
 Function = Callable[[np.ndarray], np.ndarray]
 
 
-@dataclass(frozen=True)
-class Blocks:
+class Blocks(Struct, frozen=True):
     """One reduced unknown, and blocks whose observations are a function of each coordinate by itself, times `scale`."""
 
     function: Function

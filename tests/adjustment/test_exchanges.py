@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -21,6 +20,7 @@ from adjustment.factorisation.linear_systems import (
 from orip.adjustment.exchanges import exchanges_to_try, wrong_one_by_one
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
+from orip.structs import replace
 
 COUNT, LIMIT = 12, 5.0
 EVERY = np.ones(COUNT, dtype=bool)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from unittest.mock import patch
 
 import numpy as np
@@ -128,8 +127,7 @@ def test_the_end_state_is_nearly_always_the_same_from_two_starts():
     assert different <= 2
 
 
-@dataclass(frozen=True)
-class HeldSum(CurvedProblem):
+class HeldSum(CurvedProblem, frozen=True):
     """The sum of the unknowns is a constant: its equation is shifted by what is still missing, as a distance is."""
 
     held: float = 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import (
@@ -19,6 +17,7 @@ from adjustment.factorisation.linear_systems import (
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.normals import solve_normals
+from orip.structs import replace
 
 
 def made(shape):

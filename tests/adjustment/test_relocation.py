@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import equations_of, random_equations, random_weights
@@ -12,6 +10,7 @@ from orip.adjustment.equations import Equations, OtherPlace
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.weights import danish_costs
+from orip.structs import replace
 
 LIMIT = 5.0
 

@@ -10,9 +10,11 @@ import inspect
 import re
 import sys
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import is_dataclass
 from functools import cached_property
 from typing import Any
+
+from msgspec import Struct
 
 import orip
 
@@ -29,10 +31,12 @@ def _described(name: str, value: Any) -> Iterator[str]:
     if not inspect.isclass(value):
         yield f"{name}{_signature(value)}"
         return
-    bases = [base.__name__ for base in value.__bases__ if base is not object and not base.__name__.startswith("_")]
+    bases = [
+        base.__name__ for base in value.__bases__ if base not in {object, Struct} and not base.__name__.startswith("_")
+    ]
     yield f"class {name}({', '.join(bases)})"
     doc = inspect.getdoc(value) or ""
-    if is_dataclass(value):
+    if issubclass(value, Struct) or is_dataclass(value):
         yield from _fields(name, value)
     elif "\nParameters\n" in doc:  # other classes are not made by users
         yield f"    {name}{_signature(value)}"
@@ -42,10 +46,10 @@ def _described(name: str, value: Any) -> Iterator[str]:
 
 
 def _fields(name: str, value: Any) -> Iterator[str]:
-    for field in fields(value):
+    for field in inspect.signature(value).parameters.values():
         if not field.name.startswith("_"):
-            default = "" if field.default is MISSING else f" = {field.default!r}"
-            yield f"    {name}.{field.name}: {field.type}{default}"
+            default = "" if field.default is field.empty else f" = {field.default!r}"
+            yield f"    {name}.{field.name}: {value.__annotations__[field.name]}{default}"
 
 
 def _members(name: str, value: type) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 import orip
+from orip.structs import replace
 
 PRINCIPAL_DISTANCE, BASE, HEIGHT, PRECISION = 150.0, 600.0, 1000.0, 0.004
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli.command_line import orip as command
+from msgspec.structs import asdict
 from support.sample_projects import sample
 from workflow.small_projects import film_project, first_project, replace_in, two_bundles
 

@@ -15,7 +15,6 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from workflow.small_projects import first_project, replace_in
 
 from orip.archive.simulation import simulated_project
 from orip.files.text.new_folder import write_new_folder
+from orip.structs import replace
 from orip.workflow.archive import project_process
 from orip.workflow.archive.fork_server import ProjectServer, load_all
 from orip.workflow.archive.resource_use import begin_use

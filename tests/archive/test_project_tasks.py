@@ -8,7 +8,6 @@ import pickle
 import signal
 import sqlite3
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,7 @@ from orip.errors import OripError
 from orip.files.archive.finished import read_head, read_rows
 from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.stores.older import OLDER_STORES
+from orip.structs import replace
 from orip.version import __version__
 from orip.workflow.archive import task as tasks
 from orip.workflow.archive import worker

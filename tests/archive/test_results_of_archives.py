@@ -6,7 +6,6 @@ import json
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,6 +23,7 @@ from orip.files.archive.layout import ResultsFolder
 from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.records.results.gate import Gate, GateResult
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 pd = pytest.importorskip("pandas")
 pytest.importorskip("pyarrow")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from bundle.aerial_block import aerial_block
 from bundle.solving import noisy, with_photo_points, with_rays
@@ -11,6 +9,7 @@ from support.synthetic_block import SyntheticBlock
 
 from orip.records.block import Block
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 MADE = aerial_block("no control", 6)
 

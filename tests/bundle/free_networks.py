@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from bundle.aerial_block import aerial_block
 from bundle.solving import noisy, redefined
@@ -11,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.unknowns import CONSTANT
+from orip.structs import replace
 
 _STEP = 1e-6
 

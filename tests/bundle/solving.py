@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from support.synthetic_block import SyntheticBlock
@@ -14,6 +13,7 @@ from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.observations.control import ControlDirection, ControlPoint
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 OFF = {"max_iterations": 30, "start_down_weight": 30}
 """Settings without down-weighting."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, redefined
 from scipy.spatial.transform import Rotation
 
 from orip.records.observations.station import Station
+from orip.structs import replace
 
 MADE = aerial_block("stations", 6)
 ARM, TURN, OFFSET = np.array([0.4, -0.3, 1.2]), np.array([0.6, -0.4, 2.5]), 0.05

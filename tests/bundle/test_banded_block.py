@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from aerial_blocks import aerial_block
@@ -15,6 +13,7 @@ from orip.adjustment.precision import cofactors
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
+from orip.structs import replace
 
 MAX_LOST = 12.0
 BLOCK = aerial_block(100, 40)

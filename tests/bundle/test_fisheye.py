@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import OFF, noisy, solution
@@ -16,6 +14,7 @@ from orip.prelim.chain import preliminary_values
 from orip.records.block import Block
 from orip.records.ground import PLAIN
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3", "A5", "P1", "P2")
 

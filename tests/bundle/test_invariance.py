@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, noisy, redefined, solution, started_off
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
+
+from orip.structs import replace
 
 MADE = {
     "aerial": aerial_block("anywhere", 6),

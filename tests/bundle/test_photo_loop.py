@@ -6,8 +6,6 @@ roots of their diagonals before they are compared, as units differ.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -25,6 +23,7 @@ from orip.bundle.solve import solve_block
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.observations.control import ControlDistance
 from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 

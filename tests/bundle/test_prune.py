@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -12,6 +10,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.calibration import parameter_tests, prune, removable
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.structs import replace
 
 RADIAL = (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A3 alone, with half the frame as unit of length."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.same_lens import SHIFT, with_two_frames
@@ -14,6 +12,7 @@ from orip.bundle import problem
 from orip.bundle.unknowns import CONSTANT, number_unknowns
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.shared_lens import LENS_PLACES, with_lens_of, with_shared_lenses
+from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3", "P1")
 PLACES = [CAMERA_PARAMETERS.index(name) for name in UNKNOWN]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import CONTROL_ERROR, PRECISION_MM, aerial_block
@@ -12,6 +10,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.snooping.findings import without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
+from orip.structs import replace
 
 MADE = {"aerial": aerial_block("snooping"), "around an object": synthetic_block("convergent", "snooping")}
 APRIORI, POSTERIORI = SnoopingSettings("apriori", 0.001), SnoopingSettings("posteriori", 0.001)

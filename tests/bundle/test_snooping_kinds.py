@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
+from orip.structs import replace
 
 STRICT = SnoopingSettings("apriori", 1e-6)
 """Of all right observations of all tests none fails this by chance."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from orip.adjustment.factorisation import two_ends
 from orip.bundle.compiled import photo_loop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
+from orip.structs import replace
 from orip.threads import at_once, available_threads, limited_threads
 
 THREADS = (1, 2, 4, 16)

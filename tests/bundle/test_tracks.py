@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import redefined, solved, started_off
@@ -12,6 +10,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.adjustment import weighing
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.structs import replace
 
 SETTINGS = {"max_iterations": 30, "start_down_weight": 2}
 NOISE_MM = 0.005

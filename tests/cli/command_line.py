@@ -6,13 +6,13 @@ import io
 import json
 import sys
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import typer.main
+from msgspec import Struct
 from support.json_schemas import schema_faults
 
 from orip.cli.main import main
@@ -25,8 +25,7 @@ def commands_put_together_once() -> AbstractContextManager[object]:
     return patch.object(typer.main, "get_command", _tree)
 
 
-@dataclass(frozen=True)
-class Said:
+class Said(Struct, frozen=True):
     """What a command said, and its exit code."""
 
     code: int

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import PINHOLE
@@ -22,6 +20,7 @@ from orip.conversion.lenses.polynomial import parameters_from_polynomial, polyno
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
+from orip.structs import replace
 
 CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (
     ImageAxes(),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
@@ -13,6 +11,7 @@ from orip.conversion.poses import orip_poses
 from orip.records.exchanged import ExchangedProject, GroundFrame, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import Station, StationReference
+from orip.structs import replace
 
 READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")
 BERLIN = LocalGround(np.array([np.radians(13.4), np.radians(52.52), 80.0]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, PINHOLE, block
@@ -12,6 +10,7 @@ from orip.conversion.cameras import convert_camera
 from orip.conversion.poses import other_readings
 from orip.conversion.reprojection import Reprojection, fitting_reading, reprojection, said_of_reading
 from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.structs import replace
 
 OPK = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 CAMERAS = [convert_camera(PINHOLE, "K1")]

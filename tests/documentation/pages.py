@@ -16,8 +16,9 @@ from __future__ import annotations
 import doctest
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 REPOSITORY = Path(__file__).parents[2]
 DOCS = REPOSITORY / "docs"
@@ -29,8 +30,7 @@ _HIDDEN = re.compile(r"^<!-- \$ (.+) -->$")
 _PROMPT = "$ "
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(Struct, frozen=True):
     """One thing that a reader of the page does.
 
     Parameters

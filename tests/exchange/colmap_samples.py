@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from orip.exchange.colmap.model import ColmapModel
 from orip.exchange.colmap.reader import READING
 from orip.exchange.colmap.writer import new_model
 from orip.exchange.colmap.writing import model_files
+from orip.structs import replace
 
 
 def small_model() -> ColmapModel:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from orip.conversion.cameras import ConvertedCamera, convert_camera
 from orip.conversion.reprojection import Reprojection, fitting_reading
 from orip.exchange.format import Read
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 
 
 def sample(*names: str) -> Path:

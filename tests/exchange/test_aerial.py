@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from exchange.test_metric import PIXEL_MM, numbers, rows_of
 from orip.exchange.bingo import READING, is_bingo, read_bingo
 from orip.exchange.patb import READINGS, is_patb, read_patb
 from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.structs import replace
 
 DEGREES = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree", "centre")
 

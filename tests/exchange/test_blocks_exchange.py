@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from exchange.imported import read_well, reprojected, written
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
 from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.structs import replace
 
 MATRIX_DOWN = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")
 MATRIX_UP = PoseReading("y_up", "to_camera", "matrix", "radian", "centre")

@@ -7,7 +7,6 @@ import shutil
 import sqlite3
 import struct
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from orip.exchange.colmap.text import cameras_from_text, images_from_text, point
 from orip.exchange.colmap.writer import new_model, updated_model, write_model
 from orip.exchange.formats import guessed_format
 from orip.records.exchanged import ExchangedProject, Lens
+from orip.structs import replace
 
 SCEAUX_9 = ("sceaux-9-text", "sceaux-9-colmap4/text", "sceaux-9-colmap4/binary")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from orip.conversion.lenses.table import image_of_directions
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
 
 SCALE = 2.5

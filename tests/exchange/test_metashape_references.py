@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.source import READING, read_metashape
 from orip.exchange.metashape.writer import write_metashape
 from orip.exchange.sources.faults import Faults
+from orip.structs import replace
 
 BERLIN = LocalGround(np.array([np.radians(13.4), np.radians(52.5), 80.0]))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +29,7 @@ from orip.exchange.vision.bundler_writer import write_bal
 from orip.records.exchanged import ExchangedCamera, ExchangedProject, ExchangedRays, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 LENS = ExchangedCamera(
     "Lens 1", 4000, 3000, "opencv",

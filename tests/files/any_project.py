@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from hypothesis import strategies as st
@@ -13,6 +12,7 @@ from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
 from orip.records.project.shared_lens import with_lens_of
+from orip.structs import replace
 
 letters = st.characters(codec="utf-8", categories=("L", "N", "P", "S"))
 names = (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +27,7 @@ from orip.records.results.solution import (
     Solution,
 )
 from orip.report.misfits import suspect_rows
+from orip.structs import replace
 
 NAN = float("nan")
 INF = float("inf")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -19,6 +18,7 @@ from orip.files.drive.table_text import (
 )
 from orip.multimodel.table_checks import table_faults
 from orip.records.drive_table import DriveCode
+from orip.structs import replace
 
 TABLE = vertical_block(rows=1, columns=2, camera=cameras()["measured EBNER"])
 DATA = drive_table_text(TABLE).encode("ascii")

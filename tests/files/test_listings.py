@@ -6,7 +6,6 @@ import itertools
 import json
 import math
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -37,6 +36,7 @@ from orip.files.result.json_text import result_text
 from orip.records.observations.measurement import no_observations
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.solution import CheckPoint, Solution
+from orip.structs import replace
 
 
 def section(text: str, title: str) -> list[str]:

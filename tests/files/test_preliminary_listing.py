@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +31,7 @@ from orip.records.results.preliminary import (
     RelativeOrientation,
     SimilarityStep,
 )
+from orip.structs import replace
 
 NAN = np.nan
 MODEL = PartialBlock(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -18,6 +17,7 @@ from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupTest
 from orip.records.results.solution import Correlation, InteriorSummary, Solution
+from orip.structs import replace
 
 TOP = [
     *("schema", "run", "project", "user", "bundle", "status", "verdict", "ground_unit"),

@@ -16,10 +16,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 
 from link.served import TABLE, loaded_station
+from msgspec import Struct
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
@@ -53,8 +53,7 @@ _MOST_EDITS = 4
 _LONGEST = 20_000
 
 
-@dataclass(frozen=True)
-class Target:
+class Target(Struct, frozen=True):
     """A reader, and sound inputs of it; `many`: how many inputs it gets for one of the slowest."""
 
     read: Callable[[bytes], object]

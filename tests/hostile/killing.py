@@ -19,7 +19,6 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -29,6 +28,7 @@ from cli.command_line import commands_put_together_once
 from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
 from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, EXCHANGED, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
+from msgspec import Struct
 from workflow.killed_orip import Steps, counted
 from workflow.small_projects import film_project, many_bundles, replace_in
 
@@ -45,8 +45,7 @@ _UNFINISHED = ("-journal", "-undo", "-pact")
 """Beside stores whose transaction was not finished."""
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Struct, frozen=True):
     """A command on a prepared folder.
 
     Parameters

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -15,6 +14,7 @@ from orip.interior.replay import Definitions, Measured, replay
 from orip.records.names import record_key
 from orip.records.project.camera import Camera, Mark, Sensor
 from orip.records.project.photo import Photo, Scan, Template, Temtick
+from orip.structs import replace
 
 NO_PARAMETERS = (50.0,) + (0.0,) * 11
 FIDUCIALS = {"1": (-12.0, -18.0), "2": (12.0, -18.0), "3": (12.0, 18.0), "4": (-12.0, 18.0)}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from films import DEFINITIONS, NO_PARAMETERS, POINTS, marks_of, measured, on_plate, photo, placed, points, template
@@ -14,6 +12,7 @@ from orip.interior.log_coordinates import stored_to_log
 from orip.records.names import near_names
 from orip.records.project.camera import Camera, Sensor
 from orip.records.project.photo import Scan
+from orip.structs import replace
 
 FIRST, AGAIN = placed(0.7, 12.0, 8.0), placed(3.7, 17.0, 8.0)
 SCANNED = replace(

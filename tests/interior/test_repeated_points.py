@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from workflow.commands import initialise, measure
 import orip
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import IndexedPhotoPoints
+from orip.structs import replace
 
 PROJECT = """
 project = {{ name = "T" }}

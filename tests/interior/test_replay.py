@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from films import (
@@ -37,6 +35,7 @@ from orip.records.observations.measurement import (
     TicksRecord,
 )
 from orip.records.project.photo import Scan
+from orip.structs import replace
 
 REMEDY = "measure more marks or include disregarded ones"
 HERE = placed(1.0, 20.0, 30.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from films import (
@@ -25,6 +23,7 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import interior_orientation
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo, Scan
+from orip.structs import replace
 
 MICRO = 1e-9
 """mm."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import zlib
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -18,6 +17,7 @@ from orip.link import verbs
 from orip.link.protocol import FREE, Barred, answer, busy, downloaded, greeting, hosted
 from orip.link.station import DSR_STAGES, bare_stages
 from orip.records.drive_table import DriveCode
+from orip.structs import replace
 from orip.workflow.drive.table import load_drive_table
 
 READY = loaded_station()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from mistakes.edits import SAMPLES, in_control, in_logs, in_photo, in_toml, number, only_photos
+from msgspec import Struct
 
 CLIFF = "small_frame_block"
 ZURICH = "zurich_city_hall"
@@ -19,8 +19,7 @@ SOME_PHOTOS = {"st1", "st2", "st3", "st4", "st5", "st6", "st7"}
 """Photos of Zurich that show a mistake as well as all of them, and in half the time."""
 
 
-@dataclass(frozen=True)
-class Mistake:
+class Mistake(Struct, frozen=True):
     """A mistake.
 
     Attributes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.records.block import Block
 from orip.records.project.camera import Camera
 from orip.solving.starting_values import started_block
+from orip.structs import replace
 
 
 def explained(block: Block, found_before: Sequence[ProjectWarning] = ()) -> list[ProjectWarning]:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 from scipy.spatial.transform import Rotation
 
 AERIAL = {
@@ -20,8 +20,7 @@ Measured = dict[str, dict[str, tuple[float, float]]]
 Points = dict[str, np.ndarray]
 
 
-@dataclass(frozen=True)
-class Folder:
+class Folder(Struct, frozen=True):
     """What a folder has.
 
     Attributes

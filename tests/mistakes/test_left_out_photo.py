@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import OFF, redefined, solved
@@ -12,6 +10,7 @@ from support.synthetic_block import synthetic_block
 from orip.bundle.part_of_block import without_photo
 from orip.mistakes.left_out_photo import may_fit_without, sigma0_without
 from orip.records.block import Block
+from orip.structs import replace
 
 WRONG = 2
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from prelim.partial_block_samples import ground_sample, mirrored
@@ -11,6 +9,7 @@ from prelim.partial_block_samples import ground_sample, mirrored
 from orip.geometry.rotation import rotation_from_angles
 from orip.mistakes.misread_control import misread_control
 from orip.prelim.similarity.control_reading import other_reading
+from orip.structs import replace
 from orip.units import METRES_PER_FOOT
 
 EXCHANGED = np.eye(3)[[1, 0, 2]]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from bundle.solving import controlled
 from support.synthetic_block import synthetic_block
 
 from orip.mistakes.hypotheses.principal_distance import principal_distance_seen
+from orip.structs import replace
 
 MADE = synthetic_block("convergent", "principal distance")
 TRUE = MADE.block.cameras[0].parameters[0]

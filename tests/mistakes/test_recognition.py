@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.structs import replace
 
 # ------------------------------------------------------------------------------------------------------------- cameras
 

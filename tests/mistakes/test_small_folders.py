@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from cli.command_line import orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import AERIAL, Folder, aerial, changed, flat_field, images, known, north_first
+
+from orip.structs import replace
 
 SPREAD = ("00", "04", "40", "44", "80", "84", "42")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from monte_carlo.simulated_blocks import (
     NO_DOWN_WEIGHTING,
@@ -14,18 +12,19 @@ from monte_carlo.simulated_blocks import (
     with_blunders,
     with_noise,
 )
+from msgspec import Struct
 from support.synthetic_block import SyntheticBlock
 
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop
 from orip.records.block import Block
+from orip.structs import replace
 
 STARTS = (0.002, 0.004)
 """Errors of the two sets of starting values, as a part of the distance to the object, and in radians."""
 
 
-@dataclass(frozen=True)
-class Simulated:
+class Simulated(Struct, frozen=True):
     """A block with blunders in the photo coordinates `rows` (x and y of each photo point in turn)."""
 
     block: Block
@@ -37,8 +36,7 @@ class Simulated:
         return frozenset(row // 2 for row in self.rows)
 
 
-@dataclass(frozen=True)
-class SnoopingRun:
+class SnoopingRun(Struct, frozen=True):
     """How many photo points there are and are wrong, how many of the wrong and of the others were left out.
 
     `among_alternatives` counts the wrong ones that were left out or named as what may be wrong instead, `unfounded` the
@@ -56,8 +54,7 @@ class SnoopingRun:
     converged: bool
 
 
-@dataclass(frozen=True)
-class DanishRun:
+class DanishRun(Struct, frozen=True):
     """Coordinates in which there is a blunder, and those with a weight factor below 1 from each of the two starts."""
 
     wrong: frozenset[int]

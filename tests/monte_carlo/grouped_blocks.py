@@ -6,19 +6,20 @@ in several positions. All have the same weight in the result by and large, so th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
 import numpy as np
 from bundle.aerial_block import aerial_block
 from monte_carlo.simulated_blocks import random_numbers, solved
+from msgspec import Struct
 from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
 from orip.records.observations.control import ControlDistance, ControlElement, ControlPoint
+from orip.structs import replace
 
 Planted = Literal["none", "control", "element", "check", "distance"]
 
@@ -31,8 +32,7 @@ _BARS = 6
 _AXES = {"control": "XYZ", "element": ("X0", "Y0", "Z0"), "check": "XYZ", "distance": ("XYZ",)}
 
 
-@dataclass(frozen=True)
-class Grouped:
+class Grouped(Struct, frozen=True):
     """A block with its planted error: in which group and component, "none" in neither."""
 
     block: Block

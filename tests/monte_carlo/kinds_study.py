@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from bundle.aerial_block import PRECISION_MM
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
+from msgspec import Struct
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
 from orip.bundle.results.reliability import NON_CENTRALITY
@@ -15,6 +15,7 @@ from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, TheodoliteSet
 from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
+from orip.structs import replace
 
 CONTROL_ERROR = 0.0009
 DISTANCE_ERROR = 0.001
@@ -27,8 +28,7 @@ LEAST_REDUNDANCY = 0.3
 MINIMAL_SIZES = 2.0
 
 
-@dataclass(frozen=True)
-class KindRun:
+class KindRun(Struct, frozen=True):
     """What snooping found in one block.
 
     Attributes

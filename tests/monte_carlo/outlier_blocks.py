@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from monte_carlo.preliminary_blocks import weakness
@@ -21,6 +20,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
 from orip.records.observations.measurement import PhotoObservations
+from orip.structs import replace
 
 _ATTEMPTS = 200
 _RIGHT_RAYS = 3

@@ -7,7 +7,6 @@ whose adjustment from the truth leaves unknowns without a good determination, is
 from __future__ import annotations
 
 import zlib
-from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -20,6 +19,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
 from orip.records.names import record_key
+from orip.structs import replace
 
 FAMILIES = tuple(SCENES)
 PHOTOS = {"aerial strips": (2, 200), "convergent": (4, 60), "oblique strips": (2, 200), "all-round": (4, 200)}

@@ -5,8 +5,6 @@ They are such that the true minimum is well defined: each is in a point of many 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_minimum
 
@@ -14,6 +12,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
+from orip.structs import replace
 
 _ROUNDS = 4
 

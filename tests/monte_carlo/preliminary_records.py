@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 from monte_carlo.simulated_blocks import solved
+from msgspec import Struct
 from support.block_scenes import Scene
 from support.tie_points import TiePoints
 
@@ -24,14 +24,14 @@ from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, Precision, StereoModel
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 NOISE_MM = 0.005
 
 SELF_CALIBRATION = ("C", "DX", "DY", "A3")
 
 
-@dataclass(frozen=True)
-class SimulatedRecords:
+class SimulatedRecords(Struct, frozen=True):
     """What a user would have measured, and what it was made from.
 
     Attributes

@@ -15,7 +15,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
@@ -25,6 +24,8 @@ import numpy as np
 from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
 from monte_carlo.preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
 from monte_carlo.simulated_blocks import solved
+from msgspec import Struct
+from msgspec.structs import asdict
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
@@ -36,6 +37,7 @@ from orip.prelim.chain import preliminary_values
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.solving.starting_values import cameras_as_found
+from orip.structs import replace
 
 End = Literal["reached", "lower", "as from the truth", "other", "not converged", "refused"]
 
@@ -58,8 +60,7 @@ _SIZES = ((2, 5), (6, 20), (21, 60), (61, 200))
 _PARTS = (("no blunders", 0.0, 0.0), ("up to 2 %", 1e-9, 0.02), ("over 2 %", 0.02, 1.0))
 
 
-@dataclass(frozen=True)
-class Comparison:
+class Comparison(Struct, frozen=True):
     """An adjustment against the true minimum.
 
     Attributes
@@ -79,8 +80,7 @@ class Comparison:
     iterations: int
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(Struct, frozen=True):
     """What became of one block; `comparison` and `from_truth` are None where nothing could be adjusted.
 
     `from_truth` is the adjustment with the same settings started at the truth, for blocks that did not succeed.

@@ -8,17 +8,18 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import TypeVar
 
 import numpy as np
 from bundle.aerial_block import PRECISION_MM, aerial_block
+from msgspec import Struct
 from support.synthetic_block import SyntheticBlock, synthetic_block
 from threadpoolctl import threadpool_limits
 
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
+from orip.structs import replace
 
 NO_DOWN_WEIGHTING = {"max_iterations": 30, "start_down_weight": 30}
 
@@ -26,8 +27,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True)
-class Blundered:
+class Blundered(Struct, frozen=True):
     """A block with blunders in some of its photo coordinates; `rows` count x and y of each photo point in turn."""
 
     block: Block

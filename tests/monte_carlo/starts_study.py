@@ -7,12 +7,12 @@ Nothing is asked of the redundancy numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 from monte_carlo.simulated_blocks import design, random_numbers, solved, started_off, with_noise
+from msgspec import Struct
 
 from orip.records.block import Block
+from orip.structs import replace
 
 STARTS = (0.0, 0.0015, 0.0075)
 """Errors of the starting values, as a part of the distance to the object, and in radians."""
@@ -22,8 +22,7 @@ _SAME_COST = 1e-4
 _KINDS = ("size", "size", "misidentified", "clustered", "leverage")
 
 
-@dataclass(frozen=True)
-class StartsRun:
+class StartsRun(Struct, frozen=True):
     """What one block ended in from each of the three starts.
 
     Attributes

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from bundle.stations_of_block import MADE, stations
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
+from msgspec import Struct
 
 from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 from orip.records.observations.station import Station
 from orip.records.project.antenna import BORESIGHT, LEVER_ARM, Antenna
+from orip.structs import replace
 
 Design = Literal["lever arm and boresight", "shift and drift"]
 
@@ -37,8 +38,7 @@ _ANTENNAS = {
 }
 
 
-@dataclass(frozen=True)
-class WrongStations:
+class WrongStations(Struct, frozen=True):
     """What snooping found in a block with one wrong position and one wrong attitude; see `KindRun`."""
 
     named: int

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -16,6 +14,7 @@ from orip.bundle.variance_components.estimation import estimate_errors
 from orip.bundle.variance_components.variance_groups import VarianceGroup, with_errors_times
 from orip.records.block import Block
 from orip.records.project.antenna import BORESIGHT, Antenna
+from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")
 LEVEL, HEIGHT = VarianceGroup("control", "", "XY"), VarianceGroup("control", "", "Z")

@@ -9,7 +9,6 @@ The figures of the long studies are in docs/monte-carlo.md; `--log-cli-level=INF
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -23,6 +22,7 @@ from monte_carlo.simulated_blocks import (
     started_off,
     with_noise,
 )
+from msgspec import Struct
 from scipy import stats
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import DISTORTED, SyntheticBlock
@@ -31,6 +31,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT
+from orip.structs import replace
 
 LOG = logging.getLogger(__name__)
 
@@ -60,8 +61,7 @@ STUDIES = {
 errors of the design matrix, and at 5 µm show in the principal point (docs/monte-carlo.md)."""
 
 
-@dataclass(frozen=True)
-class Run:
+class Run(Struct, frozen=True):
     """Errors of all unknowns divided by their standard deviations (for sigma0 = 1), and the figures of the whole."""
 
     normalised: np.ndarray

@@ -6,7 +6,6 @@ The figures of the long study are in docs/preliminary-values.md, written by `pre
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -26,6 +25,7 @@ from monte_carlo.preliminary_study import (
     write_tables,
 )
 from monte_carlo.weakly_joined_blocks import WEAK_FAMILIES, weakly_joined_records
+from msgspec.structs import asdict
 from scipy.integrate import quad
 
 from orip.adjustment.convergence import TerminationReason

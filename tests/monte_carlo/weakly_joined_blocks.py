@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from monte_carlo.preliminary_blocks import weakness
@@ -19,6 +18,7 @@ from support.block_scenes import Scene, height_field, looking, placed, relief, r
 from support.tie_points import measured_points
 
 from orip.errors import NotSolvableError
+from orip.structs import replace
 
 _ATTEMPTS = 400
 _FEWEST = 4

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.drive_tables import LENS, PLAIN_CAMERA, cameras
@@ -12,6 +10,7 @@ from orip.interior.additional_parameters import additional_with_partials
 from orip.interior.distortion import corrected_with_partials, distorted_with_partials
 from orip.multimodel.camera_model import camera_model
 from orip.records.drive_table import DriveCamera
+from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-10.0, 10.0, 9), np.linspace(-12.0, 12.0, 9)), axis=-1).reshape(-1, 2)
 CAMERAS = cameras()

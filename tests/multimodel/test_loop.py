@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.drive_tables import LIMITS, cameras, loaded, vertical_block
@@ -14,6 +12,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.multimodel.camera_model import camera_model
 from orip.multimodel.photo_loop import driven_photo
 from orip.records.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
+from orip.structs import replace
 
 CAMERAS = cameras()
 WIDE = StageLimits(-1000.0, 1000.0, -1000.0, 1000.0, 0.001)

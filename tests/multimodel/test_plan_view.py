@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from support.drive_tables import loaded, vertical_block
 
 from orip.multimodel.plan_view import BlockPoints, plan_view
+from orip.structs import replace
 
 GROUND = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
 

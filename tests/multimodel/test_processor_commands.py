@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,6 +30,7 @@ from orip.multimodel.readout import (
 )
 from orip.multimodel.state import MOST_EVENTS
 from orip.records.drive_table import DriveCode, DriveFault, StageLimits
+from orip.structs import replace
 
 TILTED = loaded(vertical_block(camera=cameras()["measured"], tilted=True))
 LEVEL_BLOCK = loaded(vertical_block())

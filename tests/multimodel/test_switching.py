@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.drive_tables import BASE, PLAIN_CAMERA, WIDTH, cameras, loaded, vertical_block
@@ -14,6 +12,7 @@ from orip.multimodel.panel import automatic, lock
 from orip.multimodel.readout import object_position
 from orip.multimodel.switching import select_model, select_models
 from orip.records.drive_table import DriveCode
+from orip.structs import replace
 
 CAMERAS = cameras()
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +11,7 @@ from support.drive_tables import LEVEL, LIMITS, cameras, parameter_set, vertical
 from orip.multimodel.processor import Loaded, load
 from orip.multimodel.table_checks import table_faults
 from orip.records.drive_table import DriveCode, DriveModel, DriveTemplate
+from orip.structs import replace
 
 TABLE = vertical_block()
 (CAMERA,) = TABLE.cameras

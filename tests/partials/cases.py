@@ -8,10 +8,10 @@ parametrisation of the rotations is tested with them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
 from bundle.same_lens import with_two_frames
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
@@ -62,13 +62,13 @@ from orip.records.observations.control import ControlDirection, ControlDistance,
 from orip.records.observations.station import Station
 from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
 SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3e-4])
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Struct, frozen=True):
     """A function at one place.
 
     Attributes

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cases
 import numpy as np
 import pytest
 from inspection import functions_with_partials
+
+from orip.structs import replace
 
 CASES = cases.all_cases()
 

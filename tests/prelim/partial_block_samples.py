@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
 
 NOISE = 1e-5
 """Metres at photo scale: 10 µm in X and Y of a model, three times as much in Z."""
 
 
-@dataclass(frozen=True)
-class SampleNames:
+class SampleNames(Struct, frozen=True):
     photos: tuple[str, ...]
     points: tuple[str, ...]
 
@@ -27,8 +26,7 @@ def random_similarity(generator: np.random.Generator, scale: float = 1.0, shift:
     return Similarity(scale * float(np.exp(0.3 * generator.normal())), rotation, generator.normal(0.0, shift, 3))
 
 
-@dataclass(frozen=True)
-class Pair:
+class Pair(Struct, frozen=True):
     """A model B-C, a model A-B in a system of its own, and what takes the first to it."""
 
     source: PartialBlock
@@ -73,8 +71,7 @@ def pair(seed: int, count: int = 20, wrong: int = 0, noise: float = NOISE, commo
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class GroundSample:
+class GroundSample(Struct, frozen=True):
     """A block in its own system, control, and what takes it to the ground."""
 
     block: PartialBlock

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from partial_block_samples import ground_sample
@@ -11,6 +9,7 @@ from partial_block_samples import ground_sample
 from orip.prelim.similarity.absolute_orientation import KnownPositions, absolute_orientation
 from orip.prelim.similarity.joining import Joined
 from orip.records.results.preliminary import NotOriented
+from orip.structs import replace
 
 
 def oriented(sample, control=None, centres=None) -> Joined:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
@@ -12,6 +10,7 @@ from orip.prelim.chain import preliminary_values
 from orip.prelim.rays.image_rays import image_rays
 from orip.prelim.refinement.camera_corrections import by_corrections, corrected, no_corrections, parameters_with
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -19,6 +17,7 @@ from orip.records.observations.control import Control
 from orip.records.project.definition import StereoModel
 from orip.records.results.preliminary import PreliminaryValues
 from orip.solving.starting_values import started_block
+from orip.structs import replace
 
 SCENES: tuple[Scene, ...] = ("strip", "convergent", "terrestrial")
 

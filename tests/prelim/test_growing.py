@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -16,6 +14,7 @@ from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.resection import Resected
+from orip.structs import replace
 
 
 def grower_of(rays: ImageRays, held: np.ndarray | None = None) -> BlockGrower:

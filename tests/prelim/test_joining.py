@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from partial_block_samples import NOISE, SampleNames, pair, random_similarity
@@ -19,6 +17,7 @@ from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.results.preliminary import NotOriented, PartialBlock
+from orip.structs import replace
 
 
 def only(block: PartialBlock, rows) -> PartialBlock:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -16,6 +14,7 @@ from orip.prelim.rays.image_rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.camera_corrections import EXPECTED
 from orip.prelim.refinement.refinement import refine
+from orip.structs import replace
 
 
 def block(photos=5, rows=2, points=150, noise_mm=0.0, seed=1):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -15,6 +13,7 @@ from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.routes import Route, by_pairs
 from orip.prelim.to_ground import Outcome, outcome_of
+from orip.structs import replace
 
 
 def test_control_of_all_photos_corrects_an_orientation_by_few_points(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from msgspec import Struct
 
 REFERENCE_DATA = Path(__file__).parents[3] / "shared" / "reference-data"
 
@@ -30,8 +30,7 @@ def data_set(name: str) -> Path:
     return folder
 
 
-@dataclass(frozen=True)
-class Published:
+class Published(Struct, frozen=True):
     """A number and, if there is one, its standard deviation, as printed."""
 
     value: float
@@ -53,8 +52,7 @@ def records(path: Path) -> Iterator[list[str]]:
             yield line.replace(",", " ").split()
 
 
-@dataclass(frozen=True)
-class Report:
+class Report(Struct, frozen=True):
     """What a result report says of an adjustment.
 
     Parameters
@@ -120,8 +118,7 @@ def _orientation(text: str) -> dict[str, Published]:
     return {_REPORTED[label]: published for label, published, _ in _estimates(text)}
 
 
-@dataclass(frozen=True)
-class Export:
+class Export(Struct, frozen=True):
     """A PhotoModeler export.
 
     Parameters

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 from reference.published_data import ORIENTATION
 from workflow.quiet import run_quietly
 
@@ -16,8 +16,7 @@ Mark = tuple[str, ...]
 """Photo, point, column and row, and its a-priori error in pixels if it has its own."""
 
 
-@dataclass(frozen=True)
-class Project:
+class Project(Struct, frozen=True):
     """What goes into a project folder; `stations` in the order of `ORIENTATION`, ground unit and degrees."""
 
     camera: str

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,8 @@ from reference.olympus_camera import PRECISION
 from reference.olympus_projects import defective_project, defects
 from reference.published_data import Export, data_set, half_digit, read_export, read_report
 from reference.published_projects import Project, perturbed, result_of
+
+from orip.structs import replace
 
 
 def complete() -> Export:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import dataclass, field
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from msgspec import Struct, field
 from workflow.commands import report
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
@@ -21,8 +21,7 @@ SAMPLES = ("zurich_city_hall", "dcs260_calibration", "small_frame_block")
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")
 
 
-@dataclass(frozen=True)
-class Sample:
+class Sample(Struct, frozen=True):
     """A sample project that was adjusted: its solution, its result.json, and its page."""
 
     solution: Solution
@@ -50,8 +49,7 @@ def sample_project(name: str, folder: Path) -> Path:
     return folder
 
 
-@dataclass
-class PageTable:
+class PageTable(Struct):
     """A table of the page: which records of result.json it shows, the figure of each column, and the cells."""
 
     records: str

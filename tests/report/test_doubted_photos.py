@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from orip.report.drawings.block_plan import block_plan
 from orip.report.drawings.doubted_photos import doubted_photos
 from orip.report.groups import group_table
 from orip.report.report_input import ReportInput
+from orip.structs import replace
 
 LEFT = ("101", "103", "201")
 

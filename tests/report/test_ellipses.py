@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from orip.bundle.results.covariance import covariance, photo_figures
 from orip.bundle.results.solution import solution_of
 from orip.bundle.unknowns import CONSTANT
 from orip.report.drawings.ellipses import drawn_points, ellipse_views, standard_ellipses
+from orip.structs import replace
 
 PAIRS = ((0, 1), (0, 2), (1, 2))
 

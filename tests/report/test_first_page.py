@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from orip.report.photo_scale import photo_scale
 from orip.report.photos.residuals import residual_histograms
 from orip.report.report_input import ReportInput
 from orip.report.vertical import Vertical, side_of_block, vertical
+from orip.structs import replace
 
 PROJECT = '[project]\nname = "A"\n'
 

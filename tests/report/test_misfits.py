@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from orip.report.misfits import number_by_chance, suspect_rows, suspects, suspic
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
 from orip.report.trouble import suspect_table, weak_spots
+from orip.structs import replace
 
 
 def with_w(largest: float) -> Solution:

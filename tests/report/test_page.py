@@ -7,7 +7,6 @@ import hashlib
 import html
 import re
 import zlib
-from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -26,6 +25,7 @@ from orip.records.results.solution import Blunder, Estimates, Residuals, Solutio
 from orip.report.page import MOST_BYTES, report_page
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import run_of_page
+from orip.structs import replace
 
 DRAWING = re.compile(r"<svg class=.*?</svg>(?=\s*</?(?:figure|div|svg|p)\b)", re.DOTALL)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import textwrap
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +18,7 @@ from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residua
 from orip.report.misfits import suspect_rows, suspects, suspicious_w
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
+from orip.structs import replace
 
 ORDER = ["status", "sigma0", "check", "gate", "misfit", "note", "weak", "points", "photos", "camera"]
 HEIGHT = partial(textwrap.wrap, width=80 - 9, break_on_hyphens=False)

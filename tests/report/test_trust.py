@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import replace
 
 import pytest
 from files.hand_built_solutions import awkward
@@ -18,6 +17,7 @@ from orip.records.results.gate import GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Solution
 from orip.report.report_input import ReportInput
 from orip.report.trust import verdict
+from orip.structs import replace
 
 QUIET = replace(
     awkward(), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 from files.hand_built_solutions import awkward, residuals
@@ -18,6 +17,7 @@ from orip.report.misfits import suspects
 from orip.report.report_input import ReportInput
 from orip.report.table import PageTable
 from orip.report.trouble import blunder_table, suspect_table
+from orip.structs import replace
 
 OBSERVATIONS = {
     ("photo", "x"): "mm",

@@ -8,7 +8,6 @@ equations: what was printed before the minimum was reached is then met to its la
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from support.sample_projects import sample
 import orip
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import BlockState, entries_at
+from orip.structs import replace
 
 OBSERVATIONS = 454
 PRINTED = (4.2258, 1.9123, 0.77017, 0.27411, 0.13868, 0.10423, 0.077145, 0.072281, 0.072267, 0.072265)

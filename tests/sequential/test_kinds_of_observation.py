@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -16,6 +14,7 @@ from orip.records.observations.observation_kinds import OBSERVATION_KINDS
 from orip.records.observations.station import Station
 from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.sequential.sequential_block import SequentialBlock
+from orip.structs import replace
 
 MADE = aerial_block("one after the other", 6)
 

@@ -7,11 +7,11 @@ PROJ's meridian convergence at each projection centre. Photo coordinates are fre
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pyproj
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
@@ -39,8 +39,7 @@ _ALONG = 0.6
 """Overlap of neighbouring photos and of neighbouring strips."""
 
 
-@dataclass(frozen=True)
-class AerialBlock:
+class AerialBlock(Struct, frozen=True):
     """The truth and what is measured of it.
 
     Parameters

@@ -6,18 +6,19 @@ Everything is made from the formulas of docs/conventions.md with scipy's rotatio
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
+
+from orip.structs import replace
 
 UP = np.array([0.0, 0.0, 1.0])
 _STEEPEST = np.cos(np.radians(75.0))
 """A surface seen more obliquely than that is not measured."""
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(Struct, frozen=True):
     """Truth of a block before anything is measured.
 
     Attributes

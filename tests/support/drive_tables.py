@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -17,6 +15,7 @@ from orip.records.drive_table import (
     DriveTemplate,
     StageLimits,
 )
+from orip.structs import replace
 
 C, BASE, WIDTH, HEIGHT = 50.0, 20.0, 48.0, 100.0
 """Principal distance (mm); base, distance of strips and flying height (m): 1 mm in the photo is 2 m on the ground."""

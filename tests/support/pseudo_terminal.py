@@ -10,9 +10,10 @@ import struct
 import sys
 import termios
 import threading
-from dataclasses import dataclass
 from pathlib import Path
 from unittest.mock import patch
+
+from msgspec import Struct
 
 from orip.cli import progress_bar
 from orip.cli.main import main
@@ -21,8 +22,7 @@ NEVER = 1e3
 _ESCAPE = re.compile(r"\x1b\[([0-9;?]*)([A-Za-z])")
 
 
-@dataclass(frozen=True)
-class Shown:
+class Shown(Struct, frozen=True):
     """What a command wrote to a terminal by stderr, to a pipe by stdout, and its exit code."""
 
     code: int

@@ -5,11 +5,11 @@ Photo coordinates are computed with scipy's rotations and carry no error but wha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 from scipy.spatial.transform import Rotation
 
 C = 50.0
@@ -32,8 +32,7 @@ MODELS = {
 Point = tuple[float, ...]
 
 
-@dataclass
-class StripsProject:
+class StripsProject(Struct):
     """What is measured and given; a test changes it before it is written.
 
     Attributes

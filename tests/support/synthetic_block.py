@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
@@ -30,8 +30,7 @@ _POWERS = np.array([0, 2, 4, 6, 8, 1, 1, 0, 0])
 """Of a length that the coefficients A1 to B2 are divided by."""
 
 
-@dataclass(frozen=True)
-class SyntheticBlock:
+class SyntheticBlock(Struct, frozen=True):
     """A block as a user would have it, and what it was made from.
 
     Attributes
@@ -50,8 +49,7 @@ class SyntheticBlock:
     points: np.ndarray
 
 
-@dataclass(frozen=True)
-class _Layout:
+class _Layout(Struct, frozen=True):
     """Truth of a scene: principal distance and frame (mm), orientations (ground unit, degrees), points."""
 
     principal_distance: float

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.problem import pose_problem, starting_state
+from orip.structs import replace
 
 SCENES = ("strip", "convergent", "terrestrial")
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from support.block_scenes import Scene
 
 _MODEL_POINTS = 6
@@ -17,8 +16,7 @@ _MOST = 1.5
 """Of the points wanted in a photo; neighbours' points come on top of its own."""
 
 
-@dataclass(frozen=True)
-class TiePoints:
+class TiePoints(Struct, frozen=True):
     """n measured photo points, sorted by photo: photo, place on the surface, ideal photo coordinates (mm)."""
 
     photo: np.ndarray

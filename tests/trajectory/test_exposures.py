@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from orip.errors import InputError
 from orip.records.observations.epochs import Epochs, Quality, epochs
+from orip.structs import replace
 from orip.trajectory.exposures import Matching, Sources, find_exposures
 
 TIMES = np.array([2.0, 4.1, 6.5, 8.2, 10.9, 12.8])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from orip.bundle.results.figures import figure
 from orip.errors import UsageError
 from orip.records.results.gate import GATE_FIGURES, Gate, GateResult
 from orip.records.results.solution import CheckPoint, Correlation, SingularUnknown, Solution
+from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution
 
 NAN = math.nan

@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,7 @@ from orip.interior.distortion import corrected_with_partials
 from orip.records.ground import PLAIN
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.records.results.solution import Estimates, Solution
+from orip.structs import replace
 from orip.workflow.observations.edits import EDITED_FROM
 from orip.workflow.observations.edits import edit_observations as edited
 from orip.workflow.observations.listed import LISTED_FROM

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from orip.solving.updated_values import (
     updated_photo,
     updated_points,
 )
+from orip.structs import replace
 
 NAN, INF = math.nan, math.inf
 

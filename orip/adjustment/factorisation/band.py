@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
@@ -22,8 +21,7 @@ _BORDER_EFFORT = 8.0
 matrices."""
 
 
-@dataclass(frozen=True, slots=True)
-class Arrangement:
+class Arrangement(Struct, frozen=True):
     """Places of m reduced unknowns: the first `banded` are coupled over at most `width` places, the others with all.
 
     Parameters
@@ -43,8 +41,7 @@ class Arrangement:
         return np.argsort(self.places)
 
 
-@dataclass(frozen=True, slots=True)
-class BandMatrix:
+class BandMatrix(Struct, frozen=True):
     """The lower triangle of a symmetric matrix (m, m) in an arrangement.
 
     Parameters

@@ -5,10 +5,10 @@ A full matrix of the same unknowns names the same ones as not determined (`orip.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve, lapack, solve_triangular
 
@@ -19,8 +19,7 @@ from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_fro
 from orip.arrays import FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class BandFactor:
+class BandFactor(Struct, frozen=True):
     """The factor of the columns that are determined.
 
     Parameters

@@ -8,10 +8,10 @@ and its correction is zero.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 from scipy.linalg import blas, lapack, solve_triangular
 
 from orip.adjustment.factorisation.null_space import factor_of_determined
@@ -21,8 +21,7 @@ _BLOCK = 128
 """Rows and columns copied at once: a square of 128 kB."""
 
 
-@dataclass(frozen=True, slots=True)
-class Factor:
+class Factor(Struct, frozen=True):
     """The factor of the columns that are determined.
 
     Parameters

@@ -8,10 +8,10 @@ along the base of two photos for a point on that line.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import bsr_array, csr_array
 
 from orip.adjustment.factorisation.null_space import LOST_ALL
@@ -22,8 +22,7 @@ _AS_LARGE = 1e-9
 """Pivots that differ by less than this part are taken in order: rounding must not decide which is removed."""
 
 
-@dataclass(frozen=True, slots=True)
-class BlockFactors:
+class BlockFactors(Struct, frozen=True):
     """Factors of b blocks.
 
     Parameters
@@ -59,8 +58,7 @@ class Coupling(Protocol):
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
 
 
-@dataclass(frozen=True, slots=True)
-class StoredCoupling:
+class StoredCoupling(Struct, frozen=True):
     """Coupling as a sparse matrix (3 b, m)."""
 
     matrix: csr_array
@@ -78,8 +76,7 @@ class StoredCoupling:
         return csr_array(self.matrix[(3 * chosen[:, None] + np.arange(3)).ravel()])
 
 
-@dataclass(frozen=True, slots=True)
-class EliminatedNormals:
+class EliminatedNormals(Struct, frozen=True):
     """Normal equations with all blocks eliminated: the reduced system, and what leads back to the blocks.
 
     Parameters

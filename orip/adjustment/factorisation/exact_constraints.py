@@ -7,19 +7,18 @@ S = Q C^T, as the weight drops out of the projection onto the null space of C (K
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
+from orip.structs import replace
 
 _DEPENDENT = 1e-10
 """Constraints whose cofactors have eigenvalues below this part of the largest repeat each other."""
 
 
-@dataclass(frozen=True, slots=True)
-class ExactConstraints:
+class ExactConstraints(Struct, frozen=True):
     """k constraints of m + 3 b unknowns, of which those of eliminated blocks take no part.
 
     Parameters

@@ -8,16 +8,17 @@ the result does not depend on whether there is a second one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
+from msgspec import Struct
 from scipy.linalg import lapack, solve_triangular
 
 from orip.adjustment.factorisation.band_lapack import factorise_in_place, solve_in_place
 from orip.adjustment.factorisation.band_panels import PANEL, columns_of, from_the_end, stored_part
 from orip.arrays import FloatArray
+from orip.structs import replace
 from orip.threads import at_once, available_threads
 
 T = TypeVar("T")
@@ -26,8 +27,7 @@ _WORK_OF_A_THREAD = 3e6
 """Multiplications from which a second thread pays: about a millisecond."""
 
 
-@dataclass(frozen=True, slots=True)
-class Half:
+class Half(Struct, frozen=True):
     """Columns of the factor of the unknowns of one half.
 
     Parameters
@@ -108,8 +108,7 @@ class _Known:
         self.first = first
 
 
-@dataclass(frozen=True, slots=True)
-class TwoEndedFactor:
+class TwoEndedFactor(Struct, frozen=True):
     """The Cholesky factor of a band (n, w + 1).
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
@@ -23,16 +23,14 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.state import BlockState
 
 
-@dataclass(slots=True)
-class _Sent:
+class _Sent(Struct):
     """The state whose parts the nodes have."""
 
     state: BlockState | None = None
     parts: Handles = ()
 
 
-@dataclass(frozen=True, slots=True)
-class DissectedLoop:
+class DissectedLoop(Struct, frozen=True):
     """The photo points of a block, divided along a tree.
 
     Parameters
@@ -183,8 +181,7 @@ class DissectedLoop:
         return self.sent.parts
 
 
-@dataclass(frozen=True, slots=True)
-class DissectedCoupling:
+class DissectedCoupling(Struct, frozen=True):
     """H N_pr of the eliminated points, computed by the nodes.
 
     Parameters

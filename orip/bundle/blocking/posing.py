@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from orip.bundle.problem import BlockProblem, freed, posed
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import NotSolvableError
 from orip.records.block import Block
+from orip.structs import replace
 
 LARGEST_PART = 60
 """Photos up to which a part of a block is not divided. Larger parts take more memory, smaller ones more messages."""

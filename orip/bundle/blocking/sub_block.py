@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.equations import Layout
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
@@ -67,8 +67,7 @@ class SubBlockSource(Protocol):
         """Return the compiled loop over its photo points."""
 
 
-@dataclass(slots=True)
-class HeldSubBlock:
+class HeldSubBlock(Struct):
     """A sub-block in memory."""
 
     sub_block: SubBlock
@@ -81,8 +80,7 @@ class HeldSubBlock:
         return self.made
 
 
-@dataclass(frozen=True, slots=True)
-class Members:
+class Members(Struct, frozen=True):
     """What a sub-block consists of, in the numbers of the whole block.
 
     Parameters

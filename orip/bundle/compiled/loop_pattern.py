@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
@@ -19,8 +18,7 @@ _CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 12, 21
 _MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 44, 5, 4
 
 
-@dataclass(frozen=True, slots=True)
-class Cameras:
+class Cameras(Struct, frozen=True):
     """Constants of c cameras.
 
     Parameters
@@ -50,8 +48,7 @@ class Cameras:
     columns: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class Pattern:
+class Pattern(Struct, frozen=True):
     """How the photo points of eliminated points go into the normal equations, group by group.
 
     A group consists of points that are measured in the same photos, or in nearly the same; see `point_groups`. A run is

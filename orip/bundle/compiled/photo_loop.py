@@ -7,11 +7,11 @@ built, the stored matrix of `orip.adjustment.sparse_rows` does the same more slo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -63,8 +63,7 @@ class Contributions(NamedTuple):
     block_right: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoPointLoop:
+class PhotoPointLoop(Struct, frozen=True):
     """The photo points of a block with the pattern of their normal equations.
 
     Parameters
@@ -230,8 +229,7 @@ class PhotoPointLoop:
                 coupling.half)  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class StreamedCoupling:
+class StreamedCoupling(Struct, frozen=True):
     """H N_pr of eliminated points, which is computed where it is needed, and never stored.
 
     Parameters

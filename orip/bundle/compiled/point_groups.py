@@ -8,10 +8,10 @@ have quite the same ones: then neighbours share the matrix of all their photos.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
@@ -62,8 +62,7 @@ def groups_of_sets(of_point: IntArray, sets: Sequence[frozenset[int]], coordinat
     return of_set
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
+class _Group(Struct, frozen=True):
     """Sets of photos by their numbers, all photos of them, and the number of rays to their points."""
 
     photos: frozenset[int]

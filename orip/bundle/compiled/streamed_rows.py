@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -54,8 +54,7 @@ class PointLoop(Protocol):
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,)."""
 
 
-@dataclass(frozen=True, slots=True)
-class StreamedRows:
+class StreamedRows(Struct, frozen=True):
     """Rows of the design matrix of a block at a state; photo points come first.
 
     Parameters

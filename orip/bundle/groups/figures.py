@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from scipy.special import bdtrc
 
 from orip.adjustment.group_tests import (
@@ -31,6 +31,7 @@ from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.group_test import GroupTest
+from orip.structs import replace
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]
 
@@ -55,8 +56,7 @@ class JudgedGroup(NamedTuple):
     typical_error: float
 
 
-@dataclass(frozen=True, slots=True)
-class GroupFigures:
+class GroupFigures(Struct, frozen=True):
     """What the tests need of an adjustment; arrays (n,) of all observation equations.
 
     Parameters
@@ -128,8 +128,7 @@ def photo_test(group: ObservationGroup, figures: GroupFigures) -> JudgedGroup:
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class GroundGroups:
+class GroundGroups(Struct, frozen=True):
     """The groups on the ground, all but photo points, with k observation equations.
 
     Parameters

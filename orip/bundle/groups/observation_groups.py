@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, IntArray
 from orip.bundle.kinds.observation import Observations
@@ -27,8 +27,7 @@ _KINDS: dict[str, GroupKind] = {
 """Additional parameters and constants that are met exactly were not measured."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationGroup:
+class ObservationGroup(Struct, frozen=True):
     """Observations of one kind and component; see `orip.records.results.group_test.GroupTest`.
 
     Parameters

@@ -7,10 +7,10 @@ shift and once as a shift with a drift. Tests of different freedom compete by th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from scipy.special import ndtri_exp
 
 from orip.adjustment.group_tests import chi_square_tail, two_sided_normal
@@ -54,8 +54,7 @@ class CommonShift(NamedTuple):
     extent: CommonExtent = "strip"
 
 
-@dataclass(frozen=True, slots=True)
-class _Together:
+class _Together(Struct, frozen=True):
     """Sums that are tested together.
 
     Parameters

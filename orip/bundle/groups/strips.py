@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.groups.observation_groups import ObservationGroup
@@ -28,16 +28,14 @@ _DEVIATION = 1.4826
 """Standard deviation of normal errors over the median of their sizes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Strip:
+class Strip(Struct, frozen=True):
     """The groups of a strip, one of each component: their numbers, and whether times allow a drift to be told."""
 
     groups: tuple[int, ...]
     has_drift: bool
 
 
-@dataclass(frozen=True, slots=True)
-class AllStations:
+class AllStations(Struct, frozen=True):
     """An error common to the stations of all strips: the numbers of their groups, and its components.
 
     Its extent is "all" for a shift along the project's axes, "lever arm" for one along the axes of the photos.
@@ -48,8 +46,7 @@ class AllStations:
     extent: CommonExtent
 
 
-@dataclass(frozen=True, slots=True)
-class StripErrors:
+class StripErrors(Struct, frozen=True):
     """Errors common to the stations of strips; of k observation equations and g groups.
 
     Parameters

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.groups.figures import (
@@ -28,6 +28,7 @@ from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.shifts import common_shifts
 from orip.bundle.solve import SolvedBlock
 from orip.records.results.group_test import CommonError, CommonExtent, Contradiction, ContradictionKind, GroupTest
+from orip.structs import replace
 
 FAMILY = 0.03
 """Probability that any group of a block is doubted although all a-priori errors are right."""
@@ -47,8 +48,7 @@ _KIND_OF_TEST: Mapping[TestName, ContradictionKind] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class GroupVerdict:
+class GroupVerdict(Struct, frozen=True):
     """All groups, and what contradicts the others: the gravest first."""
 
     groups: tuple[GroupTest, ...]

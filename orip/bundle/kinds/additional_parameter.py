@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +13,7 @@ from orip.records.block import Block
 from orip.records.observations.observation_kinds import ADDITIONAL_PARAMETER
 
 
-@dataclass(frozen=True, slots=True)
-class AdditionalParameterObservations(Observations):
+class AdditionalParameterObservations(Observations, frozen=True):
     """n parameters observed as zero; `camera` and `parameter` (n,) say which."""
 
     rows: Rows

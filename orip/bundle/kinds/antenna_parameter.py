@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -32,8 +31,7 @@ class _Known(NamedTuple):
     error: float
 
 
-@dataclass(frozen=True, slots=True)
-class AntennaParameterObservations(Observations):
+class AntennaParameterObservations(Observations, frozen=True):
     """n a-priori values; `table`, `row` and `column` (n,) say of what. Those of the boresight are degrees."""
 
     rows: Rows

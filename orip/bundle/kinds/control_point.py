@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +14,7 @@ from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import CONTROL_POINT
 
 
-@dataclass(frozen=True, slots=True)
-class ControlPointObservations(Observations):
+class ControlPointObservations(Observations, frozen=True):
     """n observed coordinates of the project; `point` and `coordinate` (0, 1, 2) say which."""
 
     rows: Rows

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +14,7 @@ from orip.records.observations.observation_kinds import DIRECTION
 from orip.units import DEGREES_PER_RADIAN
 
 
-@dataclass(frozen=True, slots=True)
-class DirectionObservations(Observations):
+class DirectionObservations(Observations, frozen=True):
     """n directions and zenith angles, degrees; `is_zenith` (n,) tells which, `set` (n,) is the theodolite set's row."""
 
     rows: Rows

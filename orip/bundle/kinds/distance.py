@@ -7,7 +7,6 @@ distance with a-priori error 0 is constant, and is met exactly.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,8 +42,7 @@ AXES: dict[DistanceCode, tuple[int, ...]] = {
 """Coordinates that each code measures along; a single one is signed, end minus start."""
 
 
-@dataclass(frozen=True, slots=True)
-class DistanceObservations(Observations):
+class DistanceObservations(Observations, frozen=True):
     """n distances between points `start` and `end`; `axes` (n, 3) marks the coordinates that each measures along."""
 
     rows: Rows
@@ -77,8 +75,7 @@ class DistanceObservations(Observations):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantDistanceObservations(ExactObservations, DistanceObservations):
+class ConstantDistanceObservations(ExactObservations, DistanceObservations, frozen=True):
     """Distances that are met exactly."""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -36,8 +35,7 @@ class _Place(NamedTuple):
     column: int
 
 
-@dataclass(frozen=True, slots=True)
-class ElementObservations(Observations):
+class ElementObservations(Observations, frozen=True):
     """n observed unknowns; `quantity`, `row` and `column` (n,) say which. Angles are degrees."""
 
     rows: Rows
@@ -78,8 +76,7 @@ class ElementObservations(Observations):
         return what, "remove the element from the .ELE file"
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantElementObservations(ExactObservations, ElementObservations):
+class ConstantElementObservations(ExactObservations, ElementObservations, frozen=True):
     """Elements that are constant in the project, but depend on unknowns in the local frame."""
 
 

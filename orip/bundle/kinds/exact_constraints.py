@@ -19,7 +19,7 @@ _PART_OF_PHOTO_ERROR = 0.01
 """Error that the equation of a constant has, as a part of what a photo error changes of it."""
 
 
-class ExactObservations(Observations):
+class ExactObservations(Observations, frozen=True):
     """Exact constraints: the first base class, before the kind of observation whose equations they have."""
 
     exact: ClassVar[bool] = True

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -17,8 +17,7 @@ from orip.records.block import Block
 from orip.records.observations.observation_kinds import ObservationKind
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Struct, frozen=True):
     """The observation equations of one kind, without their computed values.
 
     Parameters
@@ -55,7 +54,7 @@ class Linearisation(NamedTuple):
     computable: BoolArray
 
 
-class Observations(ABC):
+class Observations(Struct, frozen=True):
     """All observations of one kind in a block.
 
     Attributes
@@ -106,8 +105,7 @@ def _refuses_nothing(_: Block) -> None:
     pass
 
 
-@dataclass(frozen=True, slots=True)
-class KindEquations:
+class KindEquations(Struct, frozen=True):
     """How a kind of observation enters the adjustment; the module of a kind lists its own as `KINDS`.
 
     Parameters

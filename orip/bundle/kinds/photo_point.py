@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +26,7 @@ _ROTATION, POINT_PARTIALS = slice(_CAMERA + 3, _CAMERA + 6), slice(_CAMERA + 6, 
 _FIRST_ADDITIONAL = POINT_PARTIALS.stop
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoPointObservations(Observations):
+class PhotoPointObservations(Observations, frozen=True):
     """n photo points, 2 n equations: x and y of each point in turn.
 
     Parameters

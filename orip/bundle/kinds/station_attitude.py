@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -27,8 +25,7 @@ from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 
-@dataclass(frozen=True, slots=True)
-class AttitudeObservations(Observations):
+class AttitudeObservations(Observations, frozen=True):
     """n observed angles, degrees; `station` and `axis` (n,) say of which station and which of omega, phi, kappa."""
 
     rows: Rows
@@ -73,8 +70,7 @@ class AttitudeObservations(Observations):
         return f"the attitude of photo {self.rows.photo[row]}", "remove its angles from the .STA file"
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantAttitudeObservations(ExactObservations, AttitudeObservations):
+class ConstantAttitudeObservations(ExactObservations, AttitudeObservations, frozen=True):
     """Angles that are met exactly."""
 
 

@@ -6,8 +6,6 @@ covariance: that of X is as observed, that of Y is without what X says of it, th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -26,8 +24,7 @@ from orip.records.project.antenna import LEVER_ARM
 _ARM, _OFFSET = slice(0, 3), 6
 
 
-@dataclass(frozen=True, slots=True)
-class PositionObservations(Observations):
+class PositionObservations(Observations, frozen=True):
     """n observed coordinates of s stations; `station` and `axis` (n,) say which.
 
     Parameters
@@ -89,8 +86,7 @@ class PositionObservations(Observations):
         return np.asarray(np.linalg.solve(self.whitening, of_stations[:, :, None])[self.station, self.axis, 0])
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantPositionObservations(ExactObservations, PositionObservations):
+class ConstantPositionObservations(ExactObservations, PositionObservations, frozen=True):
     """Positions that are met exactly."""
 
 

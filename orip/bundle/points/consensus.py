@@ -8,7 +8,6 @@ consensus (Fischler and Bolles 1981) positions are tried, here from each two ray
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -23,6 +22,7 @@ from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.ray_consensus import PhotoRays, where_most_rays_meet
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
+from orip.structs import replace
 
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point whose consensus is looked for: of two, neither can be called wrong; many outweigh a wrong one."""

@@ -7,7 +7,6 @@ standard deviations of what little they determine say nothing of where it is.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rays import intersect_rays
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
+from orip.structs import replace
 
 _DETERMINED = 0.5
 """Standard deviation of the distance of a point, as a part of the distance, up to which it is determined."""

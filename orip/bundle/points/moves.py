@@ -10,7 +10,6 @@ are the same to first order, so that the correction is that of the coordinates.
 from __future__ import annotations
 
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rays import intersect_rays, points_at_origins
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.structs import replace
 
 _NEAR = 0.5
 """Part of its distance from a photo that a point keeps: beside a projection centre it fits any ray of that photo."""

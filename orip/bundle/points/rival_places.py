@@ -8,7 +8,6 @@ rays have drawn them. Rays are wrong as wholes here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -27,6 +26,7 @@ from orip.bundle.unknowns import Unknowns
 from orip.geometry.ray_consensus import PhotoRays, rival_positions
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
+from orip.structs import replace
 
 _MEETING, _MOST_RAYS = 3, 10
 """Rays that have to meet: two do so by chance; and rays of a point: of many the right ones outweigh the others."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +12,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 from orip.records.observations.repeated import photos_per_point
+from orip.structs import replace
 
 _MOST_RAYS = 20_000
 """Rays from which it is told how far points typically are."""

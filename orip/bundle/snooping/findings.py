@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.outlier_tests import LEAST_SIGMA0
 from orip.arrays import FloatArray
@@ -27,6 +27,7 @@ from orip.records.observations.observation_kinds import (
 )
 from orip.records.observations.station import Station
 from orip.records.results.solution import Blunder, Diagnosis
+from orip.structs import replace
 from orip.wording import first_names
 
 _NAMED = 6
@@ -36,8 +37,7 @@ _SIZES = 6
 """Most sizes of errors in a sentence: of a theodolite set the largest ones."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(Struct, frozen=True):
     """Observations that failed their test together.
 
     Parameters
@@ -62,8 +62,7 @@ class Finding:
     kept: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class _Listed:
+class _Listed(Struct, frozen=True):
     """All observations of a block, by their rows: what the user calls them, and their a-priori errors."""
 
     kind: tuple[str, ...]

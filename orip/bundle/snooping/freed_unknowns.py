@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.joint_effects import TESTABLE, FactoredRows
 from orip.arrays import FloatArray, IntArray
@@ -16,8 +15,7 @@ _MOVES = 0.05
 _OWN_GROUPS = ("POINT", "THEODOLITE")
 
 
-@dataclass(frozen=True, slots=True)
-class FreedUnknowns:
+class FreedUnknowns(Struct, frozen=True):
     """What is no longer determined.
 
     Parameters

@@ -14,10 +14,10 @@ values of an antenna are measurements that would be left out.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, IntArray
 from orip.bundle.kinds.additional_parameter import AdditionalParameterObservations
@@ -31,8 +31,7 @@ from orip.bundle.kinds.station_attitude import AttitudeObservations
 from orip.bundle.kinds.station_position import PositionObservations
 
 
-@dataclass(frozen=True, slots=True)
-class Hypotheses:
+class Hypotheses(Struct, frozen=True):
     """Groups of observations that may be wrong; one observation may be in several.
 
     Parameters

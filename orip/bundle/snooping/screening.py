@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from orip.adjustment.outlier_tests import OutlierTest
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.snooping.hypotheses import Hypotheses
 from orip.bundle.solve import SolvedBlock
+from orip.structs import replace
 
 
 class Failing(NamedTuple):

@@ -9,10 +9,10 @@ choice while they were in use.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
@@ -30,6 +30,7 @@ from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.results.solution import Blunder
+from orip.structs import replace
 
 FAMILY_ALPHA = 0.05
 """Error probability of all tests of a block together, where that of one test is not given."""
@@ -52,8 +53,7 @@ _REVIEWED_AT_ONCE = 20
 """Photo points whose neighbours are judged together: those of other points hardly depend on each other."""
 
 
-@dataclass(frozen=True, slots=True)
-class SnoopingSettings:
+class SnoopingSettings(Struct, frozen=True):
     """Settings of data snooping.
 
     Parameters
@@ -69,8 +69,7 @@ class SnoopingSettings:
     alpha: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Snooped:
+class Snooped(Struct, frozen=True):
     """The adjustment without its blunders, and the findings in the order in which they were made."""
 
     solved: SolvedBlock

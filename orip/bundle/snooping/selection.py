@@ -7,11 +7,11 @@ wins over a single observation only if its further observations explain more tha
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import log
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.joint_effects import JointEffects
 from orip.adjustment.outlier_tests import OutlierTest
@@ -25,8 +25,7 @@ _ROUNDING = 1e-6
 """Square sums that differ by less are the same."""
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(Struct, frozen=True):
     """A hypothesis (number of the candidate) that is left out or taken back.
 
     Parameters
@@ -44,8 +43,7 @@ class Choice:
     alternatives: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True)
-class Candidates:
+class Candidates(Struct, frozen=True, dict=True):
     """Hypotheses among the observations of a `JointEffects`.
 
     Parameters
@@ -76,8 +74,7 @@ class Candidates:
         return np.array([not own.isdisjoint(places.tolist()) for places in self.places])
 
 
-@dataclass(frozen=True, slots=True)
-class Assessment:
+class Assessment(Struct, frozen=True):
     """Test of u candidates: statistic and limit (u,), and by how much the square sum exceeds the limit of its fall."""
 
     statistic: FloatArray

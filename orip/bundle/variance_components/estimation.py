@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from scipy.special import gammainc, gammaincc
 
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
@@ -22,6 +22,7 @@ from orip.bundle.variance_components.variance_groups import (
 )
 from orip.records.block import Block
 from orip.records.results.variance_component import VarianceComponent
+from orip.structs import replace
 
 _MOST_ADJUSTMENTS = 20
 _SETTLED, _SETTLED_TO_DEVIATION = 1e-3, 0.02
@@ -115,8 +116,7 @@ class _Adjusted(NamedTuple):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Estimation:
+class _Estimation(Struct, frozen=True):
     groups: tuple[VarianceGroup, ...]
     given: SolvedBlock
     settings: IterationSettings

@@ -10,9 +10,9 @@ covariance is 2 H^-1 there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from scipy.special import erf
 
 from orip.adjustment.residual_sums import residual_sums
@@ -33,8 +33,7 @@ _LEAST_SEPARATION = 1e-3
 """Smallest eigenvalue of H scaled to a unit diagonal, below which two groups cannot be told apart."""
 
 
-@dataclass(frozen=True, slots=True)
-class VarianceEquations:
+class VarianceEquations(Struct, frozen=True):
     """Helmert's equations of g groups.
 
     Parameters

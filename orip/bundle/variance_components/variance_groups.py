@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import IntArray
 from orip.bundle.groups.observation_groups import observation_groups
@@ -17,6 +17,7 @@ from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
 from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.variance_component import VarianceGroupKind
+from orip.structs import replace
 
 _POSITION, _ROTATION = " ".join(PHOTO_PARAMETERS[:3]), " ".join(PHOTO_PARAMETERS[3:])
 
@@ -29,8 +30,7 @@ class VarianceGroup(NamedTuple):
     component: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class GroupRows:
+class GroupRows(Struct, frozen=True):
     """A group with the observation equations (n,) of its observations with full weight."""
 
     group: VarianceGroup

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -13,6 +12,7 @@ import typer
 from orip.cli.adjust.progress import solve_watcher
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
+from orip.structs import replace
 from orip.wording import counted
 
 if TYPE_CHECKING:

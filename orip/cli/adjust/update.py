@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 import typer
+from msgspec.structs import asdict
 
 from orip.cli.completion import of_results
 from orip.cli.editing import DryRunOption

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from math import isfinite
 from typing import TYPE_CHECKING, Any
+
+from msgspec.structs import asdict
 
 from orip.cli.terminal import Terminal, warning_rows
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import msgspec
 import typer
 
 from orip.cli.completion import samples
@@ -84,7 +84,7 @@ def register(app: typer.Typer) -> None:
                         {"kind": change.kind, "name": change.name, "action": change.action}
                         for change in outcome.changes
                     ],
-                    "differences": [asdict(difference) for difference in outcome.differences],
+                    "differences": msgspec.to_builtins(outcome.differences),
                     "warnings": warning_rows(outcome.warnings),
                 },
             )

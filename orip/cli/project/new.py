@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
@@ -15,6 +14,7 @@ import typer
 from orip.cli.options import Invocation, command
 from orip.cli.project.samples import tell_made
 from orip.errors import UsageError
+from orip.structs import replace
 
 if TYPE_CHECKING:
     from orip.files.project.starting_texts import Start

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.conversion.lenses.inversion import STEP
@@ -25,8 +25,7 @@ _NOT_FITTED = ("ex", "ey", "c4", "c5", "p3", "p4", "r0")
 """Parameters that others stand for, or that are better left alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class LensOfCamera:
+class LensOfCamera(Struct, frozen=True):
     """Parameters of a lens that stands for a camera.
 
     Parameters

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from orip.records.exchanged import ImageAxes
 from orip.records.project.camera import CAMERA_PARAMETERS
@@ -14,8 +15,7 @@ _POWERS = {"A1": 0, "A3": 2, "A5": 4, "A7": 6, "A9": 8, "P1": 1, "P2": 1, "B1": 
 _TURNED_WITH_Y = ("P2", "B2")
 
 
-@dataclass(frozen=True, slots=True)
-class Polynomial:
+class Polynomial(Struct, frozen=True):
     """A camera in the form of orip's camera, in a unit of length and with a y direction of its own.
 
     Parameters

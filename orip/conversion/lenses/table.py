@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.conversion.lenses import exact_forms, formulas
@@ -17,8 +17,7 @@ from orip.records.exchanged import ExchangedCamera, Lens
 from orip.records.project.camera import Projection
 
 
-@dataclass(frozen=True, slots=True)
-class LensFormula:
+class LensFormula(Struct, frozen=True):
     """A lens.
 
     Parameters

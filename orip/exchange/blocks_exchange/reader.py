@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -29,6 +30,7 @@ from orip.records.exchanged import (
     PoseReading,
 )
 from orip.records.observations.control import ControlDistance, ControlPoint
+from orip.structs import replace
 from orip.wording import counted
 
 AXES = ImageAxes("pixel", "first_pixel", "down")
@@ -43,8 +45,7 @@ _SCALE_ERROR = 0.001
 _BEGINNING = 2000
 
 
-@dataclass(slots=True)
-class _Measured:
+class _Measured(Struct):
     """Measurements by the photo's id, which is known when the whole file is read."""
 
     ids: dict[str, int] = field(default_factory=dict)

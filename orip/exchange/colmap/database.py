@@ -10,10 +10,10 @@ import math
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.files.text.parsed import Parsed
@@ -28,8 +28,7 @@ _GEOGRAPHIC = "EPSG:4979"
 _LARGEST = 1e8
 
 
-@dataclass(frozen=True, slots=True)
-class PosePriors:
+class PosePriors(Struct, frozen=True):
     """Stations of photos by their image names, what their positions refer to, and what is lost."""
 
     stations: tuple[Station, ...] = ()

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
@@ -20,8 +20,7 @@ LARGEST_FRAME = 1_000_000
 """Columns or rows; more are a damaged file."""
 
 
-@dataclass(frozen=True, slots=True)
-class CameraModel:
+class CameraModel(Struct, frozen=True):
     """A camera model of COLMAP: its number, its parameters, and the lens that it is.
 
     Parameters
@@ -69,8 +68,7 @@ CAMERA_MODELS: Final[Mapping[str, CameraModel]] = MappingProxyType(
 MODEL_NAMES: Final[Mapping[int, str]] = MappingProxyType({model.number: name for name, model in CAMERA_MODELS.items()})
 
 
-@dataclass(frozen=True, slots=True)
-class ColmapCamera:
+class ColmapCamera(Struct, frozen=True):
     """A camera: its id, the name of its model, the size of its frame in pixels and its parameters."""
 
     id: int
@@ -80,8 +78,7 @@ class ColmapCamera:
     parameters: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ColmapImage:
+class ColmapImage(Struct, frozen=True):
     """An image that is registered.
 
     Parameters
@@ -106,8 +103,7 @@ class ColmapImage:
     points: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class ColmapPoints:
+class ColmapPoints(Struct, frozen=True):
     """m points.
 
     Parameters
@@ -131,8 +127,7 @@ class ColmapPoints:
     tracks: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class ColmapModel:
+class ColmapModel(Struct, frozen=True):
     """A sparse model.
 
     Parameters

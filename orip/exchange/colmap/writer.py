@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +22,7 @@ from orip.exchange.colmap.model import (
 from orip.exchange.colmap.writing import model_files
 from orip.files.text.lines import read_bytes
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
+from orip.structs import replace
 
 _SAME_POSE = 1e-11
 """Of a quaternion and, relative to its size, of a translation: angles and centres were written and read again."""

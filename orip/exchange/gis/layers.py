@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.records.exchanged import ExchangedProject, PoseReading
@@ -29,8 +29,7 @@ _CORNERS = 36
 _OF_EXTENT = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class Layer:
+class Layer(Struct, frozen=True):
     """A table of places: their names, and numbers (n, k) by columns, the first three of which are coordinates."""
 
     name: str
@@ -59,8 +58,7 @@ def photo_layer(project: ExchangedProject) -> Layer:
     return Layer("photos", PHOTO_COLUMNS, tuple(photo.name for photo in photos), values)
 
 
-@dataclass(frozen=True, slots=True)
-class Shapes:
+class Shapes(Struct, frozen=True):
     """Lines or closed areas.
 
     Parameters

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
@@ -23,8 +23,7 @@ _NEAR_THE_GROUND = (6.2e6, 6.5e6)
 """Metres from the centre of the earth."""
 
 
-@dataclass(frozen=True, slots=True)
-class ChunkTransform:
+class ChunkTransform(Struct, frozen=True):
     """From a chunk to the ground: X = translation + scale · rotation · x."""
 
     rotation: FloatArray
@@ -43,8 +42,7 @@ class ChunkTransform:
 IN_THE_CHUNK = ChunkTransform(np.eye(3), np.zeros(3), 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Accuracies:
+class Accuracies(Struct, frozen=True):
     """Standard deviations of a chunk that hold where a reference has none; None where the chunk has none either.
 
     Parameters
@@ -62,8 +60,7 @@ class Accuracies:
     scale_bars: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Marker:
+class Marker(Struct, frozen=True):
     """A marker; `control` is None for a tie point measured by hand."""
 
     key: int

@@ -7,8 +7,9 @@ XML has it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, read_xml, xml_of
@@ -26,8 +27,7 @@ _ZIP = b"PK"
 _BEGINNING = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class _Node:
+class _Node(Struct, frozen=True):
     """An element, the document that it is in, and the zip file and the folder that its paths refer to."""
 
     element: XmlElement
@@ -36,8 +36,7 @@ class _Node:
     folder: Path
 
 
-@dataclass(frozen=True, slots=True)
-class TieCloud:
+class TieCloud(Struct, frozen=True):
     """The tie points of a frame: the element that lists its files, and the zip file that has them."""
 
     element: XmlElement
@@ -45,8 +44,7 @@ class TieCloud:
     members: ZipMembers
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectChunk:
+class ProjectChunk(Struct, frozen=True):
     """The chunk of a project.
 
     Parameters

@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import text_lines
@@ -43,8 +44,7 @@ _BEGINNING = 4000
 _ENDINGS = (".csv", ".txt", ".tsv")
 
 
-@dataclass(frozen=True, slots=True)
-class Reference:
+class Reference(Struct, frozen=True):
     """What a table gives of a camera or marker; a triple is empty where one of its numbers is missing.
 
     Parameters
@@ -68,8 +68,7 @@ class Reference:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ReferenceTable:
+class ReferenceTable(Struct, frozen=True):
     """A table.
 
     Parameters

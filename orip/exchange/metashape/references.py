@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from orip.exchange.metashape.reference_table import Reference, ReferenceTable, read_reference_table
 from orip.exchange.sources.faults import Faults
@@ -13,6 +14,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted
 
@@ -25,8 +27,7 @@ _LEAST_RADIUS = 6e6
 """Metres from the centre of the earth that geocentric coordinates have at least."""
 
 
-@dataclass(slots=True)
-class _Placed:
+class _Placed(Struct):
     """References by what they belong to."""
 
     stations: dict[str, Station] = field(default_factory=dict)

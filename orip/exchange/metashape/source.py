@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.metashape.chunk import ChunkReader, Marker, chunk_of
@@ -36,8 +37,7 @@ def is_metashape(source: Path) -> bool:
     return "<document" in text and "<chunk" in text
 
 
-@dataclass(frozen=True, slots=True)
-class Document:
+class Document(Struct, frozen=True):
     """The chunk of a document, read.
 
     Parameters

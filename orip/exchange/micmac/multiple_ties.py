@@ -9,11 +9,11 @@ of these photos, and for each point a column and a row in each of them and its a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.exchange.micmac.ties import TrackJoiner
@@ -41,8 +41,7 @@ class _Numbers(Protocol):
     def line(self) -> bytes: ...
 
 
-@dataclass(slots=True)
-class _Binary:
+class _Binary(Struct):
     data: bytes
     place: int
 
@@ -72,8 +71,7 @@ class _Binary:
         return self.data[self.place - count : self.place]
 
 
-@dataclass(slots=True)
-class _Text:
+class _Text(Struct):
     lines: list[bytes]
     place: int
     words: list[bytes]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.micmac import mmvii, version1
@@ -26,8 +27,7 @@ _POSE = "Ori-PerspCentral-*.xml"
 _PROJECT = "MMVII-PhgrProj"
 
 
-@dataclass(slots=True)
-class _Reading:
+class _Reading(Struct):
     """Names files as the user would, and keeps what is wrong with them."""
 
     root: Path

@@ -8,8 +8,9 @@ forward. The pairs of an orientation (``Verif``) are pixels and points that the 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, plain, read_xml
@@ -19,8 +20,7 @@ _CONVENTION = "eConvApero_DistM2C"
 _LONGEST_RADIAL = 5
 
 
-@dataclass(frozen=True, slots=True)
-class Calibration:
+class Calibration(Struct, frozen=True):
     """A camera; pixels.
 
     Parameters
@@ -50,8 +50,7 @@ class Calibration:
     normalised: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Orientation:
+class Orientation(Struct, frozen=True):
     """The orientation of a photo.
 
     Parameters
@@ -75,8 +74,7 @@ class Orientation:
     pairs: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class GroundPoint:
+class GroundPoint(Struct, frozen=True):
     """A point on the ground; `covariance` xx xy xz yy yz zz in square units, None where only a default is given."""
 
     name: str
@@ -85,8 +83,7 @@ class GroundPoint:
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoMark:
+class PhotoMark(Struct, frozen=True):
     """A point measured in a photo; `deviation` in pixels, None where only a default is given."""
 
     photo: str

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.exchange.opensfm.point_lists import ControlList, ControlMark
 from orip.exchange.sources.json_tree import JsonValue
 
 
-@dataclass(frozen=True, slots=True)
-class MarkedPoint:
+class MarkedPoint(Struct, frozen=True):
     """A point with its measurements.
 
     Parameters

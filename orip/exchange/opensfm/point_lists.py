@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.files.text.lines import read_lines
@@ -22,8 +23,7 @@ _GEOGRAPHIC = "EPSG:4326"
 _ZONES = 60
 
 
-@dataclass(frozen=True, slots=True)
-class ControlMark:
+class ControlMark(Struct, frozen=True):
     """A ground control point measured in a photo.
 
     Parameters
@@ -45,16 +45,14 @@ class ControlMark:
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class ControlList:
+class ControlList(Struct, frozen=True):
     """A file ``gcp_list.txt``; `crs` is for pyproj, x before y in any case."""
 
     crs: str
     marks: tuple[ControlMark, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoPlace:
+class PhotoPlace(Struct, frozen=True):
     """Where a photo was taken: z NaN if not known; `accuracy` horizontal and vertical, None if not given."""
 
     photo: str
@@ -63,8 +61,7 @@ class PhotoPlace:
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class PlaceList:
+class PlaceList(Struct, frozen=True):
     """A file ``geo.txt``; `crs` is for pyproj, x before y in any case."""
 
     crs: str

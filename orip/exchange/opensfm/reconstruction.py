@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import chain
 from types import MappingProxyType
 from typing import Any
+
+from msgspec import Struct
 
 from orip.exchange.sources.json_tree import JsonValue
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
@@ -39,8 +40,7 @@ _WORST_ACCURACY = 1000.0
 """Metres; OpenSfM writes 999999 where a position is not known."""
 
 
-@dataclass(frozen=True, slots=True)
-class Reconstruction:
+class Reconstruction(Struct, frozen=True):
     """What is taken from the largest reconstruction of a file.
 
     Parameters

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
@@ -36,8 +36,7 @@ _UNKNOWN_ACCURACY = 10.0
 """Metres that OpenDroneMap takes for the position of a photo where nothing is known."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Files:
+class _Files(Struct, frozen=True):
     """Paths of the files of a project; None where there is none."""
 
     reconstruction: Path

@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.exchange.sources.faults import Faults
@@ -33,8 +33,7 @@ _LINES_AT_ONCE = 5_000
 _SHOT, _TRACK, _FEATURE, _X, _Y = range(5)
 
 
-@dataclass(frozen=True, slots=True)
-class Features:
+class Features(Struct, frozen=True):
     """Features of photos that belong to tracks, n of them.
 
     Parameters

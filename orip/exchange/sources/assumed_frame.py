@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.records.exchanged import ExchangedCamera
+from orip.structs import replace
 
 PIXEL_MM = 0.01
 """Of the pixels that stand for millimetres."""

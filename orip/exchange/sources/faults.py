@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
@@ -16,8 +17,7 @@ LARGEST_COUNT = 1 << 53
 """Whole numbers above are not held exactly by programs that read them as decimals."""
 
 
-@dataclass(slots=True)
-class Faults:
+class Faults(Struct):
     """Complaints about one file, and words of it read as numbers.
 
     Parameters

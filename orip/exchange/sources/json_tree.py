@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
@@ -14,8 +15,7 @@ from orip.files.text.lines import read_bytes
 from orip.files.text.shown import shown_token
 
 
-@dataclass(frozen=True, slots=True)
-class JsonText:
+class JsonText(Struct, frozen=True):
     """A text of JSON and what is wrong with it."""
 
     data: bytes
@@ -35,8 +35,7 @@ class JsonText:
         return self.data.count(b"\n", 0, position) + 1
 
 
-@dataclass(frozen=True, slots=True)
-class JsonValue:
+class JsonValue(Struct, frozen=True):
     """A value of a JSON text and its place: the keys and indices that lead to it."""
 
     value: Any

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from orip.exchange.names_table import NAMES_FILE, read_names
 from orip.records.exchanged import ExchangedProject
 from orip.records.names import record_key
+from orip.structs import replace
 
 _HEADING = ("kind", "file", "original")
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from xml.parsers import expat
+
+from msgspec import Struct, field
 
 _TAG = re.compile(rb"""<[^"'>]*(?:"[^"]*"[^"'>]*|'[^']*'[^"'>]*)*>""")
 
@@ -13,8 +14,7 @@ SAME = 1e-11
 """Relative to the largest of the numbers; what was written and read again differs by less."""
 
 
-@dataclass(slots=True)
-class PlacedElement:
+class PlacedElement(Struct):
     """An element and its place in the bytes of a file.
 
     Parameters

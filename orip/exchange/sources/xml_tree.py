@@ -7,9 +7,10 @@ bound. Parsed by expat itself, as the trees of `xml.etree` do not know lines.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
+
+from msgspec import Struct, field
 
 from orip.exchange.sources.faults import Faults
 from orip.files.text.lines import read_bytes
@@ -21,8 +22,7 @@ MOST_ELEMENTS = 3_000_000
 _DEEPEST = 60
 
 
-@dataclass(slots=True)
-class XmlElement:
+class XmlElement(Struct):
     """An element: its tag, attributes, own text, children and the line that it begins in."""
 
     tag: str

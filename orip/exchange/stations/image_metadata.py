@@ -7,11 +7,11 @@ import math
 import re
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.exchange.stations.gps_time import seconds_of_date
@@ -36,8 +36,7 @@ DAMAGED = (
 """What the reader of EXIF raises for damaged files."""
 
 
-@dataclass(frozen=True, slots=True)
-class Exposure:
+class Exposure(Struct, frozen=True):
     """When and where an image was taken; NaN where that is not known.
 
     Parameters
@@ -104,8 +103,7 @@ def read_images(paths: list[Path], shown: str) -> Parsed[Epochs]:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ImageTags:
+class ImageTags(Struct, frozen=True):
     """What an image file says of itself: tags of EXIF by name, and numbers of DJI's XMP."""
 
     exif: Mapping[str, Any]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
@@ -20,8 +21,7 @@ LARGEST_PLACE = 1e8
 """Metres; the largest coordinate that a place on the earth has."""
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """A line with its fields; `column` (from 1) of each."""
 
     number: int
@@ -29,8 +29,7 @@ class Row:
     column: tuple[int, ...]
 
 
-@dataclass(slots=True)
-class RowReader:
+class RowReader(Struct):
     """Reads fields of rows and keeps what is wrong with them."""
 
     shown: str

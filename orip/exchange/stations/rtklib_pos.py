@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
@@ -28,8 +28,7 @@ _QUALITY: dict[int, Quality] = {1: "fixed", 2: "float", 6: "fixed"}
 _TIME_SYSTEMS = ("GPST", "UTC", "JST")
 
 
-@dataclass(slots=True)
-class _Form:
+class _Form(Struct):
     """How the columns of a file are to be read."""
 
     system: str = "GPST"
@@ -56,8 +55,7 @@ class _Form:
             self.kind = "geocentric" if first == ("x-ecef",) else "local" if first == ("e-baseline",) else "geographic"
 
 
-@dataclass(slots=True)
-class _Found:
+class _Found(Struct):
     line: list[int] = field(default_factory=list)
     time: list[float] = field(default_factory=list)
     place: list[list[float]] = field(default_factory=list)

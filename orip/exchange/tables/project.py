@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -74,8 +75,7 @@ _LENS = ("k1", "k2", "k3", "p1", "p2")
 _UNUSED = {"0", "false", "no"}
 
 
-@dataclass(slots=True)
-class _Read:
+class _Read(Struct):
     """What has been read of a folder."""
 
     cameras: dict[str, ExchangedCamera] = field(default_factory=dict)

@@ -10,8 +10,9 @@ import csv
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import text_lines
@@ -23,8 +24,7 @@ _WITH_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
 _WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """A line of a table: its number, and its fields by column."""
 
     line: int
@@ -39,8 +39,7 @@ class Row:
         return self.fields.get(column, "")
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(Struct, frozen=True):
     """The rows of a table, the columns that were recognised, and the complaints about it.
 
     Parameters

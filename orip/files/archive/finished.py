@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from orip.archive.outcome import ProjectOutcome, State
 from orip.archive.tables import SCHEMA
@@ -17,8 +18,7 @@ from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_text
 
 
-@dataclass(frozen=True, slots=True)
-class FinishedHead:
+class FinishedHead(Struct, frozen=True):
     """The head of a finished project; see `orip.archive.outcome.ProjectOutcome`.
 
     `settings` is the digest of method, gates and version of orip; `ended` is the clock, seconds since 1970.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 SHARDS = "0123456789abcdef"
 """Parts of each table: the first digit of the digest of the project's name."""
@@ -12,8 +13,7 @@ SHARDS = "0123456789abcdef"
 _DIGITS = 20
 
 
-@dataclass(frozen=True, slots=True)
-class ResultsFolder:
+class ResultsFolder(Struct, frozen=True):
     """The folder of an archive's results."""
 
     folder: Path

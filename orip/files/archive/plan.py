@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
 from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.archive.tables import SCHEMA
 from orip.errors import InputError, UsageError
@@ -12,8 +14,7 @@ from orip.files.archive.layout import ResultsFolder
 from orip.files.text.atomic import replace_text, reporting_failure
 
 
-@dataclass(frozen=True, slots=True)
-class ArchivePlan:
+class ArchivePlan(Struct, frozen=True):
     """What a run of an archive does.
 
     Parameters

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
+
+from msgspec import Struct
 
 from orip.files.control.lines import ControlLines
 from orip.files.control.preliminary_text import parse_preliminary
@@ -24,8 +25,7 @@ UNKNOWN = "-"
 REJECTED = "x"
 
 
-@dataclass(frozen=True, slots=True)
-class ControlForm:
+class ControlForm(Struct, frozen=True):
     """The form of a line.
 
     Parameters

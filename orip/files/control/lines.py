@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import codecs
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import InputError
 from orip.files.text.lines import TextField, TextLine, decode_lines, existing_bytes, split_line
 from orip.files.text.parsed import Parsed
+from orip.structs import replace
 
 _LINE_ENDS = "\r\n"
 
 
-@dataclass(frozen=True, slots=True)
-class ControlLines:
+class ControlLines(Struct, frozen=True):
     """The lines of a text, each with its line end.
 
     Parameters

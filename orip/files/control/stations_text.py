@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.names import record_key
 from orip.records.observations.a_priori_error import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
 STATION_KEYS = (

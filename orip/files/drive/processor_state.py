@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, NoReturn
 
-from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
+import msgspec
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.errors import InputError
 from orip.files.text.atomic import replace_text
@@ -15,11 +16,10 @@ from orip.files.text.lines import existing_bytes
 
 SCHEMA = "orip.plate-processor/1"
 
-Position = tuple[FiniteFloat, FiniteFloat]
+Position = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class SavedProcessorState:
+class SavedProcessorState(Struct, frozen=True, forbid_unknown_fields=True, tag_field="schema", tag=SCHEMA):
     """The state of a plate processor.
 
     Parameters
@@ -35,12 +35,10 @@ class SavedProcessorState:
     condition : {"IN", "OUTSIDE", "LIMIT"}
     """
 
-    __pydantic_config__ = ConfigDict(extra="forbid")
-
     table: str
     model: str
     plates: tuple[Position, Position]
-    mark: tuple[FiniteFloat, FiniteFloat, FiniteFloat] | None
+    mark: tuple[float, float, float] | None
     condition: Literal["IN", "OUTSIDE", "LIMIT"]
 
 
@@ -67,13 +65,7 @@ def read_processor_state(path: Path, shown: str) -> SavedProcessorState | None:
     if data is None:
         return None
     try:
-        document = json.loads(data)
-        if not isinstance(document, dict) or document.pop("schema", None) != SCHEMA:
-            raise_no_state(shown, f"it does not begin with the schema {SCHEMA}")
-        return TypeAdapter(SavedProcessorState).validate_json(json.dumps(document), strict=True)
-    except ValidationError as fault:
-        first = fault.errors()[0]
-        raise_no_state(shown, f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
+        return msgspec.json.decode(data, type=SavedProcessorState)
     except (ValueError, RecursionError) as fault:
         raise_no_state(shown, str(fault))
 

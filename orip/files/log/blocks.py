@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
@@ -27,8 +27,7 @@ LINE_FORMS: Mapping[BlockKind, str] = {
 """What a line of a block may hold."""
 
 
-@dataclass
-class MeasurementBlock:
+class MeasurementBlock(Struct):
     """The measurements of one block as they come in.
 
     Parameters

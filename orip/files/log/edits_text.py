@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.files.text.lines import existing_text
 from orip.records.observations.measurement import EditRecord
@@ -13,8 +14,7 @@ from orip.records.observations.measurement import EditRecord
 HEADING = "! Edits and repeated measurements; replayed after all other measurement files."
 
 
-@dataclass(frozen=True, slots=True)
-class EditsText:
+class EditsText(Struct, frozen=True):
     """EDITS.MEA as it was read.
 
     Parameters

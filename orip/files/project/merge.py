@@ -5,8 +5,9 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
@@ -18,8 +19,7 @@ from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
 
 
-@dataclass(frozen=True, slots=True)
-class _Block:
+class _Block(Struct, frozen=True):
     """The lines of one table: comments and blank lines above it, and itself."""
 
     above: str

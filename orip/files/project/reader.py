@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from orip.errors import Complaint, ProjectWarning
 from orip.files.project import antenna_checks, record_checks
@@ -47,8 +48,7 @@ class RecordLines(Mapping[tuple[str, str], int]):
         return len(self._places)
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectText:
+class ProjectText(Struct, frozen=True):
     """A project definition and where its records are in the text.
 
     Parameters

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import is_dataclass
 from typing import Any, TypeAlias, TypeVar, cast, get_args
+
+from msgspec import Struct
 
 from orip.files.project.tables import CheckedTable
 from orip.records.project.definition import Precision
@@ -85,4 +86,4 @@ def _plain(value: Any) -> Any:
         return value.value if value.unit == "mm" else f"{value.value}px"
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return toml_of(value) if is_dataclass(value) else value
+    return toml_of(value) if isinstance(value, Struct) else value

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable, ReportTable
 from orip.records.names import record_key
@@ -11,6 +9,7 @@ from orip.records.project.definition import BundleDefinition, ProjectDefinition,
 from orip.records.project.photo import Template
 from orip.records.project.report_details import ReportDetails
 from orip.records.project.shared_lens import with_shared_lenses
+from orip.structs import replace
 
 
 def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectDefinition:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar, cast
 
+from msgspec import Struct, field
 from pydantic import ValidationError
 
 from orip.files.project.record_values import record_of
@@ -22,8 +22,7 @@ AnyTable = TypeVar("AnyTable", bound=CheckedTable)
 Record = TypeVar("Record")
 
 
-@dataclass(frozen=True, slots=True)
-class Located(Generic[Record]):
+class Located(Struct, Generic[Record], frozen=True):
     """A record as its own table says it, the keys and indices that lead to that table, and the keys that it has."""
 
     place: KeyPath
@@ -31,16 +30,14 @@ class Located(Generic[Record]):
     keys: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True)
-class NamePlace:
+class NamePlace(Struct, frozen=True):
     """A record's name and the place of the record; also of a record that has other faults."""
 
     name: str
     place: KeyPath
 
 
-@dataclass(slots=True)
-class ProjectSource:
+class ProjectSource(Struct):
     """The tables of one orip.toml.
 
     Records with faults of their own are left out, so that the rest can still be checked; `names` has those of all

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal, get_args
+
+from msgspec import Struct
 
 from orip.files.project.toml_text import toml_value
 
@@ -13,8 +14,7 @@ BlockKind = Literal["drone", "object", "film"]
 BLOCK_KINDS: tuple[BlockKind, ...] = get_args(BlockKind)
 
 
-@dataclass(frozen=True, slots=True)
-class Start:
+class Start(Struct, frozen=True):
     """What is known of a new project.
 
     Parameters

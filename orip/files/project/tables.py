@@ -7,11 +7,11 @@ show it. What concerns several records together is looked at in `checks`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
 from datetime import date, datetime
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args, get_origin
 
+from msgspec import StructMeta
 from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
 from pydantic import Field as Limits
 
@@ -185,7 +185,7 @@ def _value(kind: Any, field: Field) -> Any:
     items = get_args(kind) if get_origin(kind) is tuple else ()
     if field.names:
         return _elements_table(field.names)
-    if is_dataclass(kind) and isinstance(kind, type):
+    if isinstance(kind, StructMeta):
         return table_of(kind)
     if items[1:] == (...,):
         return _list_of(_value(items[0], field), None)

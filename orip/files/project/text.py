@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
+
+from msgspec.structs import asdict
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.toml_text import toml_table

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import cached_property
+
+from msgspec import Struct, field
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, e.g. ``("camera", 0, "fiducials", 2, "x")``."""
@@ -24,8 +25,7 @@ _TOKEN = re.compile(
 )
 
 
-@dataclass
-class _Open:
+class _Open(Struct):
     """An array or inline table that is not closed yet."""
 
     path: KeyPath
@@ -59,8 +59,7 @@ class TomlLines:
         return 1
 
 
-@dataclass
-class _Scan:
+class _Scan(Struct):
     """One pass over the text. `pending` holds the words of a key until its ``=`` or the end of its header."""
 
     text: str

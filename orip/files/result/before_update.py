@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from orip.errors import InputError
 from orip.files.text.lines import sound_text
@@ -23,7 +24,7 @@ _FIELDS = {
 
 def before_update_text(before: BeforeUpdate) -> str:
     """Return the text of the file."""
-    return json.dumps({"schema": SCHEMA, **asdict(before)}, indent=1) + "\n"
+    return json.dumps({"schema": SCHEMA, **msgspec.to_builtins(before)}, indent=1) + "\n"
 
 
 def read_before_update(path: Path, shown: str) -> BeforeUpdate:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.files.result.identification import SCHEMA
@@ -196,8 +196,7 @@ def _points(solution: Solution) -> dict[str, dict[str, object]]:
     return points
 
 
-@dataclass(frozen=True, slots=True)
-class _Points:
+class _Points(Struct, frozen=True):
     """The points of a solution, written without building a document of them: blocks have many."""
 
     solution: Solution

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import asdict, astuple
 
 
 def record_digest(record: object) -> str:
-    """Return the SHA-256 (hex) of a frozen model dataclass.
+    """Return the SHA-256 (hex) of a frozen record.
 
     Equal records have equal digests, also after a round trip through a store: numbers count by value (1 and 1.0 are
     the same, 0.0 and -0.0 too), names by their letters and case. Neither the name of the class nor the order of its
@@ -20,7 +21,7 @@ def record_digest(record: object) -> str:
     Raises
     ------
     TypeError
-        If the record holds something other than dataclasses, tuples, arrays, text, numbers, bool and None.
+        If the record holds something other than records, tuples, arrays, text, numbers, bool and None.
     """
     canonical = json.dumps(_canonical(record), separators=(",", ":"), sort_keys=True)
     return hashlib.sha256(canonical.encode("ascii")).hexdigest()
@@ -38,8 +39,8 @@ def same_record(one: Any, other: Any) -> bool:
         return record_digest(one) == record_digest(other)
     if isinstance(one, np.ndarray) and one.dtype.kind in "biuf" and other.dtype.kind in "biuf":
         return np.array_equal(one, other, equal_nan=True)
-    if is_dataclass(one):
-        return all(same_record(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
+    if isinstance(one, Struct):
+        return all(map(same_record, astuple(one), astuple(other)))
     return bool(one == other) or record_digest(one) == record_digest(other)
 
 
@@ -52,9 +53,9 @@ def _canonical(value: Any) -> Any:
         return [_canonical(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return _canonical(value.tolist())
-    if is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _canonical(getattr(value, f.name)) for f in fields(value)}
-    message = f"a {type(value).__name__} has no canonical form; records hold dataclasses, tuples, text and numbers"
+    if isinstance(value, Struct):
+        return {name: _canonical(own) for name, own in asdict(value).items()}
+    message = f"a {type(value).__name__} has no canonical form; records hold records, tuples, text and numbers"
     raise TypeError(message)
 
 

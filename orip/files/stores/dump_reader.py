@@ -6,8 +6,9 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint, InputError
 from orip.files.stores.dump import FORMAT, dumped_tables
@@ -41,8 +42,7 @@ class _StopReadingError(Exception):
     """What follows in the text cannot be judged."""
 
 
-@dataclass(slots=True)
-class _Complaints:
+class _Complaints(Struct):
     source: str
     found: list[Complaint] = field(default_factory=list)
 
@@ -56,8 +56,7 @@ class _Complaints:
         raise _StopReadingError
 
 
-@dataclass(slots=True)
-class _Reader:
+class _Reader(Struct):
     """Where the reading of a dump stands.
 
     `due` are the tables that have not begun, `names` the record names seen in `table`, and `refused` the rows with a

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 from orip.files.stores.dump import dumped_tables
@@ -14,6 +13,7 @@ from orip.files.stores.provenance import set_run
 from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import connected, writing
+from orip.structs import replace
 
 
 def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: float = 10.0) -> None:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
+
+from msgspec import Struct
+
+from orip.structs import replace
 
 ColumnType = Literal["TEXT", "INTEGER", "REAL", "BLOB"]
 Null = Literal["never", "none", "nan"]
@@ -14,8 +17,7 @@ FIRST_ROW, ROW_COUNT = "first_row", "row_count"
 """Columns of a packed list: the position of the first of the rows packed together, and how many they are."""
 
 
-@dataclass(frozen=True, slots=True)
-class StoreColumn:
+class StoreColumn(Struct, frozen=True):
     """One column of a table.
 
     Parameters
@@ -90,8 +92,7 @@ def position() -> StoreColumn:
     return integer("position", '"position" >= 0')
 
 
-@dataclass(frozen=True, slots=True)
-class StoreTable:
+class StoreTable(Struct, frozen=True):
     """One table of a store.
 
     Parameters

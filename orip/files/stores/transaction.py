@@ -6,9 +6,10 @@ import sqlite3
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import InputError, OripError, UsageError
 from orip.files.stores.explain import explained, opened
@@ -18,6 +19,7 @@ from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
 from orip.files.stores.super_journals import remove_orphans
 from orip.files.text.regular_file import file_of, kind_of_no_file
+from orip.structs import replace
 
 _LONGEST_VALUE = 100_000_000
 _LONGEST_STATEMENT = 100_000
@@ -27,8 +29,7 @@ OLDEST_SQLITE = (3, 37, 0)
 """The first SQLite with STRICT tables."""
 
 
-@dataclass(frozen=True, slots=True)
-class Stores:
+class Stores(Struct, frozen=True):
     """The stores of one transaction, by path."""
 
     by_file: dict[Path, Store]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import codecs
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.files.text.parsed import Parsed
@@ -19,16 +20,14 @@ _ZERO = b"\0"
 _DOS_END = b"\x1a"
 
 
-@dataclass(frozen=True, slots=True)
-class TextField:
+class TextField(Struct, frozen=True):
     """One field of a line and the column it starts in, counted from 1."""
 
     text: str
     column: int
 
 
-@dataclass(frozen=True, slots=True)
-class TextLine:
+class TextLine(Struct, frozen=True):
     """A line that has fields: its number, counted from 1, and its fields without the comment."""
 
     number: int

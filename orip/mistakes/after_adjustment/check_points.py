@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
@@ -49,8 +49,7 @@ def contradicting_check_points(solution: Solution) -> list[ProjectWarning]:
     return together or list(_single(compared, solution.ground_unit))
 
 
-@dataclass(frozen=True, slots=True)
-class _Compared:
+class _Compared(Struct, frozen=True):
     """n check points: coordinates as given and as adjusted (n, 3), NaN where not given, standard deviations (n, 3)."""
 
     names: tuple[str, ...]

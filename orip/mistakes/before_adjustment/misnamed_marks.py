@@ -9,9 +9,9 @@ the residuals are compared with those of the other films.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
@@ -33,16 +33,14 @@ _LISTED = 4
 """Most marks that a message lists."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Order:
+class _Order(Struct, frozen=True):
     """Which mark each one would be, and whether the film would have to be turned over."""
 
     marks: IntArray
     turned_over: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Film:
+class _Film(Struct, frozen=True):
     """Square sums (mm²) of the residuals under the names given, and under those that fit best."""
 
     adjustment: MarkAdjustment

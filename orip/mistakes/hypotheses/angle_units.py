@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 
 from orip.arrays import FloatArray
@@ -11,6 +10,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.mistakes.after_adjustment.angle_unit import ANGLE_UNITS, angle_unit_text, is_nearer
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
+from orip.structs import replace
 
 
 def angle_units(block: Block) -> Iterator[Hypothesis]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from orip.bundle.part_of_block import without_photos
 from orip.mistakes.hypotheses.free_network import free_network
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
+from orip.structs import replace
 from orip.wording import counted_names
 
 _FEWEST, _FEWEST_SHARED = 2, 8

@@ -6,7 +6,6 @@ Every function yields hypotheses for one camera, given by its index in the block
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.structs import replace
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, None)

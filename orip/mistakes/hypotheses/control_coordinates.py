@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
 from orip.records.ground import PlainGround
 from orip.records.observations.control import ControlPoint
+from orip.structs import replace
 
 _EXCHANGED = np.eye(3)[[1, 0, 2]]
 _AXES, _UNIT = "control-axes", "control-unit"

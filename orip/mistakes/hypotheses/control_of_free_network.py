@@ -7,10 +7,10 @@ the network differ by a spatial similarity, which shows what is wrong.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
@@ -27,6 +27,7 @@ from orip.prelim.similarity.control_reading import other_reading
 from orip.records.block import Block
 from orip.records.ground import PlainGround
 from orip.records.results.preliminary import ControlReading, PartialBlock
+from orip.structs import replace
 
 _FEWEST = 4
 """Least number of control points among which a wrong one shows."""
@@ -43,8 +44,7 @@ _BETTER = 0.5
 _EXCHANGED = np.eye(3)[[1, 0, 2]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Common:
+class _Common(Struct, frozen=True):
     """Control points in the free network and as given, both (n, 3)."""
 
     names: tuple[str, ...]
@@ -110,8 +110,7 @@ def _mirrored_photos(block: Block, text: str) -> Hypothesis:
     return Hypothesis(changed, finding("mirrored", "", text))
 
 
-@dataclass(frozen=True, slots=True)
-class _Names:
+class _Names(Struct, frozen=True):
     photos: tuple[str, ...]
     points: tuple[str, ...]
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.observations.control import ControlDirection
+from orip.structs import replace
 from orip.units import DEGREES_PER_GON
 
 

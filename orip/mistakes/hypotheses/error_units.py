@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
+from orip.structs import replace
 
 _MILLI = 1e-3
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.bundle.part_of_block import without_unmeasured_points
 from orip.records.block import Block
+from orip.structs import replace
 
 
 def free_network(block: Block) -> Block:

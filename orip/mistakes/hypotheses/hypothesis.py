@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
@@ -22,8 +22,7 @@ def _always(_: SolvedBlock) -> bool:
 Findings = Callable[[SolvedBlock], list[ProjectWarning]]
 
 
-@dataclass(frozen=True, slots=True)
-class Hypothesis:
+class Hypothesis(Struct, frozen=True):
     """A block as it would be without one mistake.
 
     Parameters

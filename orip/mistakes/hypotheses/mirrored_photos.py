@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.mistakes.photo_readings import exchanged_axes
 from orip.records.block import Block
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 _X, _Y = 0, 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from orip.mistakes.left_out_photo import may_fit_without
 from orip.mistakes.photo_readings import FittingReading, fitting_reading, mirror_readings
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
+from orip.structs import replace
 
 _FEWEST = 3
 """Least number of photos of a block of which one can contradict the others."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.station import Station
+from orip.structs import replace
 
 _FEWEST = 6
 """Stations of which the others still determine the ground system when one of them is left out."""

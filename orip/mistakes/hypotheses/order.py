@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from orip.bundle.solve import SolvedBlock
 from orip.mistakes.doubted_observations import (
@@ -32,6 +31,7 @@ from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 _MOST_DIRECTIONS = 0.5
 _MUCH_CONTROL = 0.2

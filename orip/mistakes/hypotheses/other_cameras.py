@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from orip.bundle.part_of_block import without_unused_cameras
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 
 def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:

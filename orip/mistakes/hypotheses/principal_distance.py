@@ -7,7 +7,6 @@ given coordinates.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.mistakes.length_units import millimetres_per_unit
 from orip.records.block import Block
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""

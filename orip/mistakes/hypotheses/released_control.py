@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,6 +12,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.contradicting_control import control_warnings
 from orip.mistakes.hypotheses.hypothesis import Hypothesis
 from orip.records.block import Block
+from orip.structs import replace
 
 
 def released_control(block: Block, names: Sequence[str]) -> Iterator[Hypothesis]:

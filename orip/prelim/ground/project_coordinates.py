@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from orip.prelim.rays.image_rays import ImageRays
 from orip.records.ground import GroundSystem, PlainGround
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.results.preliminary import PartialBlock, PhotoStart, PointStarts, PreliminaryValues
+from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 
 

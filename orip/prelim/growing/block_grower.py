@@ -7,10 +7,10 @@ from all points of the two photos, and one known point gives the scale.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
@@ -28,6 +28,7 @@ from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
 from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.structs import replace
 from orip.wording import counted
 
 _WELL, _BARELY = 8, 4
@@ -60,8 +61,7 @@ _REFINED_AT = 1.5
 """Errors add up as a block grows: when it has grown by this factor it is adjusted as a whole."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Refused:
+class _Refused(Struct, frozen=True):
     """What could not be added, and how many points were known then: it is tried again once there are more.
 
     Photos, and models of an oriented photo and one that is not.
@@ -71,8 +71,7 @@ class _Refused:
     models: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class BlockGrower:
+class BlockGrower(Struct, frozen=True):
     """The rays from which a block grows, and what does not change while it grows.
 
     Parameters

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
 
 
-@dataclass(frozen=True, slots=True)
-class GrowingBlock:
+class GrowingBlock(Struct, frozen=True):
     """All photos and points of a block, as far as they are oriented in one system.
 
     Parameters

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray
@@ -26,8 +25,7 @@ _NUMBERS_OF_A_RAY = 9
 """Room of the compiled loop: origin, direction, error, residual and one more."""
 
 
-@dataclass(frozen=True, slots=True)
-class Intersected:
+class Intersected(Struct, frozen=True):
     """q points from n rays.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from orip.prelim.growing.misplaced_photos import residual_lengths
 from orip.prelim.joint.placing import place_parts
 from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
 
 _NARROWER = 10.0
 """Ratio of the limits for blunders from one adjustment to the next."""

@@ -6,7 +6,6 @@ For blocks whose parts share too few points to be joined one after the other, or
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
 from orip.records.results.preliminary import PartialBlock, RelativeOrientation
+from orip.structs import replace
 
 _POINTS = 3
 """Points that a part needs."""

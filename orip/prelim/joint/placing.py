@@ -9,9 +9,9 @@ Levels are improved with the heights.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
@@ -41,8 +41,7 @@ _REGULAR = 1e-10
 """Of the mean square of a column, added to the normal equations: parts that nothing ties stay where they are."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Ties:
+class _Ties(Struct, frozen=True):
     """What parts have in common with each other and with control.
 
     Parameters

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.interior.image_vectors import image_vectors, suit_plane_image
 from orip.records.block import Block
 from orip.records.observations.repeated import measured_before
+from orip.structs import replace
 
 CAMERA_CORRECTIONS = 4
 """Logarithm of the principal distance, shifts in x and y as parts of it, radial distortion at 45 degrees."""
 
 
-@dataclass(frozen=True, slots=True)
-class UnknownCameras:
+class UnknownCameras(Struct, frozen=True):
     """Cameras whose interior orientation the adjustment will estimate, in full or in part.
 
     Parameters
@@ -33,8 +32,7 @@ class UnknownCameras:
 ALL_KNOWN = UnknownCameras(np.empty(0, dtype=np.int64), np.empty((0, CAMERA_CORRECTIONS), dtype=np.bool_))
 
 
-@dataclass(frozen=True, slots=True)
-class ImageRays:
+class ImageRays(Struct, frozen=True):
     """n measured photo points freed of distortion.
 
     Parameters

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import IntArray
 from orip.prelim.rays.image_rays import ImageRays
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoIndex:
+class PhotoIndex(Struct, frozen=True):
     """Rows of `ImageRays` by photo.
 
     Parameters

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import compress
 
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.prelim.rays.image_rays import ImageRays
+from orip.structs import replace
 
 _HOLDING = 4
 """Least number of points kept of those that connect two photos."""

@@ -8,13 +8,13 @@ x' = x + C b + k (r / C)² x, and y alike. The bundle adjustment starts the came
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS, ImageRays
 from orip.records.project.camera import Camera
+from orip.structs import replace
 
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
 """A-priori standard deviations of the corrections: they bound what a block does not determine."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
@@ -17,8 +17,7 @@ _MEDIAN = np.sqrt(2.0 * np.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
 
 
-@dataclass(frozen=True, slots=True)
-class RefinementState:
+class RefinementState(Struct, frozen=True):
     """Rotations (p, 3, 3) and centres (p, 3) of photos, points (q, 3), and corrections of k cameras (k, 4)."""
 
     rotations: FloatArray
@@ -59,8 +58,7 @@ class RayResiduals(NamedTuple):
         return np.where(self.in_front, np.linalg.norm(self.residual, axis=1), np.inf)
 
 
-@dataclass(frozen=True, slots=True)
-class RefinementProblem:
+class RefinementProblem(Struct, frozen=True):
     """Which rays take part, point by point, and which photos and points are unknown.
 
     Parameters

@@ -6,8 +6,6 @@ photos follows them; that which is usual in the block does not.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.arrays import FloatArray
@@ -26,6 +24,7 @@ from orip.prelim.relative.start import (
     robust_costs,
     samples_of,
 )
+from orip.structs import replace
 
 _SAMPLES = 200
 """Samples of five points: with 60 % of wrong ones a sample is free of them with probability 0.01."""

@@ -8,9 +8,9 @@ until it converges.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.essential import TwoPhotos
@@ -51,8 +51,7 @@ _RULES = np.array([*SAMPLING, *DANISH, *_CHOICE])
 """The constants as the compiled loop takes them: `RelativeRules` in solution.h."""
 
 
-@dataclass(frozen=True, slots=True)
-class PairSolution:
+class PairSolution(Struct, frozen=True):
     """One relative orientation of n points; deviations are those of the a-priori errors.
 
     Parameters

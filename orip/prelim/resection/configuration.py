@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 
@@ -16,8 +15,7 @@ _ONE_LINE = 1e-3
 0.2 mm over 230 mm, too little for a perspective that could be measured."""
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(Struct, frozen=True):
     """How image points are spread.
 
     Parameters

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.prelim.resection.resection import Unresected
@@ -20,8 +19,7 @@ _UNDETERMINED = 1e-9
 """Ratio of singular values below which a second set of parameters fits as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class DirectLinear:
+class DirectLinear(Struct, frozen=True):
     """A photo, and the camera that took it, without distortion.
 
     Parameters

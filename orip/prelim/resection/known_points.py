@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -34,8 +34,7 @@ class Orientations(NamedTuple):
         )
 
 
-@dataclass(frozen=True)
-class KnownPoints:
+class KnownPoints(Struct, frozen=True, dict=True):
     """n known points of a photo, from their centroid and in units of their spread: all ground systems are then alike.
 
     Parameters

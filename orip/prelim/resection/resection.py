@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
@@ -25,8 +25,7 @@ _MISFIT = 0.04
 """Largest residuals, as a part of the radius of the image points; a principal distance wrong by a tenth leaves less."""
 
 
-@dataclass(frozen=True, slots=True)
-class Resected:
+class Resected(Struct, frozen=True):
     """The orientation of a photo from n known points.
 
     Parameters
@@ -67,8 +66,7 @@ class Resected:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Unresected:
+class Unresected(Struct, frozen=True):
     """Why a photo could not be oriented, as a sentence."""
 
     reason: str

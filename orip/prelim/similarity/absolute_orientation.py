@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
@@ -16,6 +16,7 @@ from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock
+from orip.structs import replace
 from orip.wording import agreeing, counted
 
 NO_CONTROL = "no control point is in the block, 3 are needed"
@@ -42,8 +43,7 @@ _FEW = 7
 """Number of points known in full up to which wrong ones among them may not be revealed."""
 
 
-@dataclass(frozen=True, slots=True)
-class KnownPositions:
+class KnownPositions(Struct, frozen=True):
     """Points or projection centres whose ground coordinates are known.
 
     Parameters

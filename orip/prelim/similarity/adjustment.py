@@ -7,10 +7,10 @@ residuals above three times it are down-weighted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.weights import LEAST_WEIGHT, MEDIAN_OF_NORMAL, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -49,8 +49,7 @@ _RULES = np.array(
 """The constants as the compiled loop takes them: `SimilarityRules` in adjustment.h."""
 
 
-@dataclass(frozen=True, slots=True)
-class SimilarityAdjustment:
+class SimilarityAdjustment(Struct, frozen=True):
     """What an adjustment found; parameters as in `orip.records.results.preliminary.SimilarityStep`.
 
     Parameters

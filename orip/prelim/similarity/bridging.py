@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
 
 from orip.prelim.similarity.joining import Joined, Names, join
 from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.structs import replace
 
 _BACK = -0.5
 """Cosine of 120 degrees: the base turns less from one model of a row to the next, even around a building."""
 
 
-@dataclass(frozen=True, slots=True)
-class JoinedSystems:
+class JoinedSystems(Struct, frozen=True):
     """The result of joining several partial blocks.
 
     Parameters

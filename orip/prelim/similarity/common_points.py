@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
@@ -14,8 +14,7 @@ LEAST_ERROR = 1e-3
 """Least standard deviation, as a part of the median, so that no coordinate decides alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class CommonPoints:
+class CommonPoints(Struct, frozen=True):
     """n points in two systems.
 
     Parameters

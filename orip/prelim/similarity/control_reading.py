@@ -8,9 +8,8 @@ and without a reflection; only the side on which the cameras are decides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity, fit_similarity
@@ -20,6 +19,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Names
 from orip.prelim.similarity.start import TRIPLES, start_from_triples
 from orip.records.results.preliminary import ControlReading, PartialBlock
+from orip.structs import replace
 from orip.units import METRES_PER_FOOT
 
 _BETTER = 0.1
@@ -66,8 +66,7 @@ _CHANGES = {
 """Matrices that take the control as given to the control as it would have to be."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
+class _Fit(Struct, frozen=True):
     similarity: Similarity
     misfit: float
 

@@ -7,11 +7,11 @@ that cannot be numbered wrongly and lies far from the ground points, which may a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
@@ -25,6 +25,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.partial_blocks import median, steady_deviations, transformed
 from orip.prelim.similarity.start import best_start, start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.structs import replace
 from orip.wording import counted
 
 Step = Literal["bridge", "connect", "absolute"]
@@ -52,8 +53,7 @@ class Names(Protocol):
     def points(self) -> tuple[str, ...]: ...  # noqa: D102
 
 
-@dataclass(frozen=True, slots=True)
-class Joined:
+class Joined(Struct, frozen=True):
     """A partial block in the system of another one, or on the ground.
 
     Parameters

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
 
 _STEADY = 0.3
 """Least deviation, as a part of the median: the spread of two determinations that agree by chance is no precision."""

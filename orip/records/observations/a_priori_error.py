@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorLimits:
+class ErrorLimits(Struct, frozen=True):
     """The least and the largest size of an a-priori error, in a unit.
 
     An error of 0 (constant, where that is possible) and the sign (negative: disregarded) are not judged.

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
@@ -12,8 +13,7 @@ DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
 ElementGroup = Literal["CAMERA", "PHOTO", "POINT", "THEODOLITE"]
 
 
-@dataclass(frozen=True, slots=True)
-class ControlPoint:
+class ControlPoint(Struct, frozen=True):
     """One line of a .PNT file.
 
     Parameters
@@ -44,8 +44,7 @@ class ControlPoint:
         return "check" if all(error < 0 for error in known) else "control"
 
 
-@dataclass(frozen=True, slots=True)
-class ControlElement:
+class ControlElement(Struct, frozen=True):
     """One line of a .ELE file: an observed value of an unknown; angles in degrees, as in the file."""
 
     name: str
@@ -56,8 +55,7 @@ class ControlElement:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ControlDistance:
+class ControlDistance(Struct, frozen=True):
     """One line of a .LEN file; X, Y and Z are signed (end minus start); ground units."""
 
     name: str
@@ -69,8 +67,7 @@ class ControlDistance:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ControlDirection:
+class ControlDirection(Struct, frozen=True):
     """One line of a .DIR file: a theodolite direction and perhaps a zenith angle, degrees."""
 
     set: str
@@ -83,8 +80,7 @@ class ControlDirection:
     line: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Control:
+class Control(Struct, frozen=True):
     """All ground control of a project."""
 
     points: tuple[ControlPoint, ...] = ()
@@ -95,11 +91,10 @@ class Control:
     station_reference: StationReference = IN_PROJECT
 
 
-@dataclass(frozen=True, slots=True)
-class PreliminaryPoint:
+class PreliminaryPoint(Struct, frozen=True):
     """One line of a .PRE file: preliminary coordinates and, if computed, their standard deviations."""
 
     name: str
     coordinates: tuple[float, float, float]
     deviations: tuple[float, float, float] | None = None
-    line: int = field(default=0, compare=False)
+    line: int = 0

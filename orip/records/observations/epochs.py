@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 
@@ -19,8 +19,7 @@ the camera itself (roll, pitch, heading; it looks forward at pitch 0), the photo
 SECONDS_PER_WEEK = 604_800.0
 
 
-@dataclass(frozen=True, slots=True)
-class Epochs:
+class Epochs(Struct, frozen=True):
     """n epochs in the order of the file.
 
     Parameters

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.project.camera import Camera
@@ -16,8 +16,7 @@ TransformationKind = Literal["A", "C", "W"]
 """Plane transformations: A affine, C conformal, W conformal without scale."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredMarks:
+class MeasuredMarks(Struct, frozen=True):
     """Tick or fiducial marks as measured.
 
     Parameters
@@ -37,16 +36,14 @@ class MeasuredMarks:
     given: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class TextPlace:
+class TextPlace(Struct, frozen=True):
     """Where in the text something stands."""
 
     path: str
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class TemplateRecord:
+class TemplateRecord(Struct, frozen=True):
     """``TEMPLATE``: a template is mounted and its tick marks are measured on the plate."""
 
     place: TextPlace
@@ -56,8 +53,7 @@ class TemplateRecord:
     marks: MeasuredMarks
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoRecord:
+class PhotoRecord(Struct, frozen=True):
     """``PHOTO``: fiducial marks of one photo, plate coordinates."""
 
     place: TextPlace
@@ -66,8 +62,7 @@ class PhotoRecord:
     marks: MeasuredMarks
 
 
-@dataclass(frozen=True, slots=True)
-class PointsRecord:
+class PointsRecord(Struct, frozen=True):
     """``POINTS``: photo points of one bundle in one photo, plate coordinates (pixels for sensor or scan).
 
     Parameters
@@ -93,8 +88,7 @@ class PointsRecord:
     lines: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class EditRecord:
+class EditRecord(Struct, frozen=True):
     """``DISREGARD``, ``INCLUDE`` or ``KILL`` of a point, mark or tick; ``RENAME`` of a point.
 
     `owner` is the photo (template for a tick), `name` the point, mark or tick; ``*`` stands for all. Only points have a
@@ -110,8 +104,7 @@ class EditRecord:
     new_name: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class FiducialsRecord:
+class FiducialsRecord(Struct, frozen=True):
     """``FIDUCIALS``: fiducial marks of a camera, digitised in plate coordinates."""
 
     place: TextPlace
@@ -120,8 +113,7 @@ class FiducialsRecord:
     marks: MeasuredMarks
 
 
-@dataclass(frozen=True, slots=True)
-class TicksRecord:
+class TicksRecord(Struct, frozen=True):
     """``TICKS``: tick marks of a temtick record, digitised and taken as they are."""
 
     place: TextPlace
@@ -132,8 +124,7 @@ class TicksRecord:
 LogRecord = TemplateRecord | PhotoRecord | PointsRecord | EditRecord | FiducialsRecord | TicksRecord
 
 
-@dataclass(frozen=True, slots=True)
-class TemplateOrientation:
+class TemplateOrientation(Struct, frozen=True):
     """Tick marks of a template as measured on the stage plate (plate mm): what orients it."""
 
     template: str
@@ -142,8 +133,7 @@ class TemplateOrientation:
     marks: MeasuredMarks
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoOrientation:
+class PhotoOrientation(Struct, frozen=True):
     """Fiducial marks of a photo in template (off a template: plate) millimetres: what orients it."""
 
     photo: str
@@ -151,8 +141,7 @@ class PhotoOrientation:
     marks: MeasuredMarks
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoObservations:
+class PhotoObservations(Struct, frozen=True):
     """Photo points of one bundle adjustment, sorted by photo and point as they were measured.
 
     Parameters
@@ -181,8 +170,7 @@ def no_observations(bundle: str) -> PhotoObservations:
     return PhotoObservations(bundle, (), (), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
 
 
-@dataclass(frozen=True, slots=True)
-class Measured:
+class Measured(Struct, frozen=True):
     """What is measured: orientations by `record_key`, observations by bundle, digitised marks taken into records."""
 
     templates: dict[str, TemplateOrientation] = field(default_factory=dict)

@@ -8,9 +8,10 @@ and a module there.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
+
+from msgspec import Struct
 
 from orip.records.project.antenna import ANTENNA_UNITS
 from orip.records.project.camera import CAMERA_UNITS
@@ -25,8 +26,7 @@ ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
 """Unknowns in degrees: rotations of photos and zero directions of theodolite sets."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationKind:
+class ObservationKind(Struct, frozen=True):
     """A kind of observation.
 
     Parameters

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 NOT_GIVEN = (math.nan, math.nan, math.nan)
 """Position or angles of a station that has none; their errors are these too."""
 
 
-@dataclass(frozen=True, slots=True)
-class StationReference:
+class StationReference(Struct, frozen=True):
     """What positions and angles of stations refer to, as a file says.
 
     Parameters
@@ -33,8 +33,7 @@ IN_PROJECT = StationReference()
 """Coordinates of the project, omega, phi and kappa."""
 
 
-@dataclass(frozen=True, slots=True)
-class Station:
+class Station(Struct, frozen=True):
     """The exposure station of a photo.
 
     Parameters

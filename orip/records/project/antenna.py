@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
+
+from msgspec import Struct
 
 from orip.records.project.fields import GROUND_UNIT, Field
 
@@ -40,8 +41,7 @@ Extent = Literal["none", "session", "strip"]
 _LENGTHS: Final = (GROUND_UNIT,)
 
 
-@dataclass(frozen=True, slots=True)
-class Antenna:
+class Antenna(Struct, frozen=True):
     """An antenna, and an inertial system if there is one, with the corrections that its stations need.
 
     With X0 the projection centre and R the rotation of a photo (photo to ground), t its time and m the mean time of its

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
+from msgspec import Struct
+
 from orip.records.project.fields import Field, Part
+from orip.structs import replace
 
 CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
@@ -63,8 +65,7 @@ _PARAMETER_KEYS = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Mark:
+class Mark(Struct, frozen=True):
     """A fiducial mark, reseau cross, photo corner or tick mark with its given coordinates (mm)."""
 
     name: Annotated[str, Field(example='"1"')]
@@ -72,8 +73,7 @@ class Mark:
     y: Annotated[float, Field(example="18.0", units=("mm",))]
 
 
-@dataclass(frozen=True, slots=True)
-class Sensor:
+class Sensor(Struct, frozen=True):
     """A digital frame: pixels and its size in millimetres; pixel coordinates count from the upper left outer corner."""
 
     columns: Annotated[int, Field(above=0, example="1280", units=("pixels",))]
@@ -82,8 +82,7 @@ class Sensor:
     height: Annotated[float, Field(above=0, example="6.6", units=("mm",))]
 
 
-@dataclass(frozen=True, slots=True)
-class Camera:
+class Camera(Struct, frozen=True):
     """One camera record.
 
     Parameters

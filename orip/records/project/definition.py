@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Annotated, Literal
+
+from msgspec import Struct, field
 
 from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
@@ -13,16 +14,14 @@ from orip.records.project.photo import Photo, Template, Temtick
 from orip.records.project.report_details import ReportDetails
 
 
-@dataclass(frozen=True, slots=True)
-class Precision:
+class Precision(Struct, frozen=True):
     """An a-priori error of photo coordinates: millimetres, or pixels of a sensor or scan."""
 
     value: Annotated[float, Field(above=0)]
     unit: Literal["mm", "px"] = "mm"
 
 
-@dataclass(frozen=True, slots=True)
-class StereoModel:
+class StereoModel(Struct, frozen=True):
     """Two photos seen stereoscopically, and the model's place in the block (1, 1 is upper left)."""
 
     name: Annotated[str, Field(names_record=True, example='"M1"')]
@@ -32,8 +31,7 @@ class StereoModel:
     column: Annotated[int, Field(least=1, heading="Column", example="1")]
 
 
-@dataclass(frozen=True, slots=True)
-class BundleDefinition:
+class BundleDefinition(Struct, frozen=True):
     """What controls one bundle adjustment.
 
     Parameters
@@ -98,8 +96,7 @@ RECORD_TYPES: Mapping[str, type] = {
 """The dataclass of each kind of record; the models of a bundle are part of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectDefinition:
+class ProjectDefinition(Struct, frozen=True):
     """All that orip.toml says, checked and with the defaults filled in.
 
     File names are relative to the project folder. `control_files` and `project_files` are base names without extension.

@@ -1,25 +1,24 @@
 """The properties of each field of a record: its key, its limits, its unit, its heading.
 
-A record is declared once, as a dataclass whose annotations carry a `Field`. The columns of its store, the keys of its
+A record is declared once, as a structure whose annotations carry a `Field`. The columns of its store, the keys of its
 table in orip.toml with their types and limits, and the headings and units of lists of records all follow from that: a
-new setting is one new line of the dataclass, and its use.
+new setting is one new line of the structure, and its use.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import types
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+
+from msgspec import Struct, StructMeta
 
 GROUND_UNIT = "ground unit"
 """In place of a unit: that of the project."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class Part(Struct, frozen=True, kw_only=True):
     """A key of orip.toml that holds some elements of a field which is spread over several keys.
 
     Parameters
@@ -46,8 +45,7 @@ class Part:
     required: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
+class Field(Struct, frozen=True, kw_only=True):
     """What a field is called, how its value is written, and what it may be.
 
     Parameters
@@ -99,8 +97,7 @@ class Field:
     column_after: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordField:
+class RecordField(Struct, frozen=True):
     """A field of a record.
 
     Parameters
@@ -135,10 +132,11 @@ class RecordField:
 
 
 @cache
-def fields_of(record: type) -> tuple[RecordField, ...]:
+def fields_of(record: StructMeta) -> tuple[RecordField, ...]:
     """Return the fields of a record in the order of its attributes."""
     hints = get_type_hints(record, include_extras=True)
-    return tuple(_field(attribute, hints[attribute.name]) for attribute in dataclasses.fields(record))
+    optional = record.__struct_fields__[len(record.__struct_fields__) - len(record.__struct_defaults__) :]
+    return tuple(_field(name, hints[name], required=name not in optional) for name in record.__struct_fields__)
 
 
 def fields_by_key(record: type) -> tuple[RecordField, ...]:
@@ -160,7 +158,7 @@ def headings_of(record: type) -> Iterator[tuple[str, str, bool]]:
     for record_field in fields_by_key(record):
         for listed in record_field.field.parts or (record_field.field,):
             if listed.heading:
-                yield listed.heading, listed.key or record_field.name, dataclasses.is_dataclass(record_field.item)
+                yield listed.heading, listed.key or record_field.name, isinstance(record_field.item, StructMeta)
 
 
 def units_of(record: type) -> Iterator[tuple[str, str]]:
@@ -173,7 +171,7 @@ def units_of(record: type) -> Iterator[tuple[str, str]]:
             paths = [f"{part.key}.{name}" for name in part.names] or [part.key]
             yield from zip(paths, units, strict=True)
         inner = record_field.item or record_field.type
-        if dataclasses.is_dataclass(inner) and isinstance(inner, type):
+        if isinstance(inner, StructMeta):
             between = ".*" if record_field.item else ""
             yield from ((f"{record_field.key}{between}.{path}", unit) for path, unit in units_of(inner))
 
@@ -185,12 +183,12 @@ def without_none(hint: Any) -> Any:
     return hint
 
 
-def _field(attribute: dataclasses.Field[Any], hint: Any) -> RecordField:
+def _field(name: str, hint: Any, *, required: bool) -> RecordField:
     field = Field()
     if get_origin(hint) is Annotated:
         hint, field = get_args(hint)
     kind = without_none(hint)
-    return RecordField(attribute.name, kind, kind is not hint, attribute.default is dataclasses.MISSING, field)
+    return RecordField(name, kind, kind is not hint, required, field)
 
 
 def _in_order(fields: tuple[RecordField, ...], after: dict[str, str]) -> tuple[RecordField, ...]:

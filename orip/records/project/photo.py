@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Literal
+
+from msgspec import Struct
 
 from orip.records.project.camera import Mark
 from orip.records.project.fields import GROUND_UNIT, Field, Part
@@ -24,8 +25,7 @@ _ELEMENT_KEYS = tuple(
 Stage = Literal["UPPER", "LOWER"]
 
 
-@dataclass(frozen=True, slots=True)
-class Scan:
+class Scan(Struct, frozen=True):
     """Scanned film: pixel size (mm, x and y), and where the pixel coordinates' origin is in the upper left pixel."""
 
     pixel: Annotated[
@@ -35,8 +35,7 @@ class Scan:
     origin: Annotated[Literal["corner", "centre"], Field(example='"corner"')] = "corner"
 
 
-@dataclass(frozen=True, slots=True)
-class Photo:
+class Photo(Struct, frozen=True):
     """One photo record.
 
     Parameters
@@ -66,16 +65,14 @@ class Photo:
     scan: Annotated[Scan | None, Field(example="{ pixel = 0.0127 }")] = None
 
 
-@dataclass(frozen=True, slots=True)
-class Temtick:
+class Temtick(Struct, frozen=True):
     """Given coordinates of the tick marks of a kind of template (mm)."""
 
     name: Annotated[str, Field(example='"GRID"')]
     ticks: Annotated[tuple[Mark, ...], Field(heading="Ticks", example='[{ name = "1", x = 10.0, y = 220.0 }]')] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Template:
+class Template(Struct, frozen=True):
     """A film sheet that carries photos: its tick marks, its stage plate, the photos on it."""
 
     name: Annotated[str, Field(example='"T1"')]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class ReportDetails:
+class ReportDetails(Struct, frozen=True):
     """The table `[report]` of orip.toml; texts that are not given are empty.
 
     Parameters

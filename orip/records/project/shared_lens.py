@@ -7,10 +7,10 @@ there.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 from orip.records.names import record_key
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.structs import replace
 
 LENS_PLACES = tuple(place for place, name in enumerate(CAMERA_PARAMETERS) if name not in OWN_PARAMETERS)
 """Places of the lens's parameters among those of a camera."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.records.names import record_key
 from orip.records.project.definition import StereoModel
@@ -13,8 +14,7 @@ from orip.records.project.photo import Photo, Stage, Template
 _OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}
 
 
-@dataclass(frozen=True, slots=True)
-class StagePlan:
+class StagePlan(Struct, frozen=True):
     """Stages of the photos that have one or are in a model, by `record_key`, and the models that they do not suit."""
 
     stages: Mapping[str, Stage]

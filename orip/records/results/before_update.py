@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
+
+from msgspec import Struct
 
 Kept: TypeAlias = "float | tuple[Kept, ...] | None"
 """The value of a field: a number, none, or several."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordBefore:
+class RecordBefore(Struct, frozen=True):
     """A camera or photo before an update.
 
     Parameters
@@ -27,8 +27,7 @@ class RecordBefore:
     updated: str
 
 
-@dataclass(frozen=True, slots=True)
-class TextBefore:
+class TextBefore(Struct, frozen=True):
     """BUNDLE.PRE before an update.
 
     Parameters
@@ -43,8 +42,7 @@ class TextBefore:
     updated: str
 
 
-@dataclass(frozen=True, slots=True)
-class BeforeUpdate:
+class BeforeUpdate(Struct, frozen=True):
     """What the last update replaced: records, or the text of a bundle's preliminary points.
 
     Parameters

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 Quantity = Literal["ground", "angle", "photo", "other", "text"]
 """Ground coordinate; angle in degrees; C, DX or DY in mm; any other number; a word."""
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
+class Figure(Struct, frozen=True):
     """One figure.
 
     Parameters
@@ -34,8 +34,7 @@ class Figure:
     effect: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class FigureGroup:
+class FigureGroup(Struct, frozen=True):
     """Figures that belong to one thing, by name.
 
     Parameters

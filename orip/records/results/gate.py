@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 GateOperator = Literal["<=", ">=", "==", "!=", "<", ">"]
 
@@ -64,8 +65,7 @@ _LARGEST_COUNT = 1e15
 """Whole numbers below it are shown with all their digits, as counts are."""
 
 
-@dataclass(frozen=True, slots=True)
-class Gate:
+class Gate(Struct, frozen=True):
     """A condition: the figure `name` compared with `limit` by `operator`."""
 
     name: str
@@ -81,8 +81,7 @@ class Gate:
         return math.isfinite(value) and OPERATORS[self.operator](value, self.limit)
 
 
-@dataclass(frozen=True, slots=True)
-class GateResult:
+class GateResult(Struct, frozen=True):
     """What a gate finds in a solution.
 
     Parameters

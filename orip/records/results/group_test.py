@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 GroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "check"]
 
@@ -12,8 +13,7 @@ ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
 """An error common to a group; residuals too large; one check point; too many observations that lost weight."""
 
 
-@dataclass(frozen=True, slots=True)
-class GroupTest:
+class GroupTest(Struct, frozen=True):
     """A group of observations of one kind and component, and how it agrees with the others.
 
     Residuals are adjusted minus observed, in the unit of the observation. Probabilities are those of figures as large
@@ -69,8 +69,7 @@ CommonExtent = Literal["strip", "all", "lever arm"]
 """Whose stations have an error in common: those of a strip or all; in the project's axes, or in those of the photos."""
 
 
-@dataclass(frozen=True, slots=True)
-class CommonError:
+class CommonError(Struct, frozen=True):
     """An error common to stations in one component: a shift, or a drift each second."""
 
     component: str
@@ -79,8 +78,7 @@ class CommonError:
     sd: float
 
 
-@dataclass(frozen=True, slots=True)
-class Contradiction:
+class Contradiction(Struct, frozen=True):
     """What contradicts all other observations.
 
     Parameters

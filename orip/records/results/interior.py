@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.records.observations.measurement import MeasuredMarks, TransformationKind
@@ -11,8 +12,7 @@ from orip.records.project.photo import Stage
 from orip.records.results.solution import InteriorSummary
 
 
-@dataclass(frozen=True, slots=True)
-class MarkAdjustment:
+class MarkAdjustment(Struct, frozen=True):
     """A plane transformation found from marks.
 
     Parameters

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 Pair = tuple[float, float]
 """x and y; NaN where there is no value."""
@@ -14,8 +15,7 @@ PartnerPlace = Literal["measured", "predicted", "not known"]
 WhyAgain = Literal["down-weighted", "disregarded", "killed", "single ray"]
 
 
-@dataclass(frozen=True, slots=True)
-class ListedObservation:
+class ListedObservation(Struct, frozen=True):
     """One measured photo point with what the last adjustment says of it.
 
     Parameters
@@ -50,8 +50,7 @@ class ListedObservation:
         return any(factor < 1.0 for factor in self.weight_factor)
 
 
-@dataclass(frozen=True, slots=True)
-class StereoPartner:
+class StereoPartner(Struct, frozen=True):
     """A photo that shows a point of another photo, measured there or not.
 
     Parameters
@@ -73,8 +72,7 @@ class StereoPartner:
     log_xy: Pair
 
 
-@dataclass(frozen=True, slots=True)
-class PointToMeasure:
+class PointToMeasure(Struct, frozen=True):
     """A point to measure (again) in a photo.
 
     Parameters

@@ -7,16 +7,15 @@ left projection centre, axes of the left photo, unit the metre at photo scale (m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class PartialBlock:
+class PartialBlock(Struct, frozen=True):
     """Photos and points in one system: a model, a strip of bridged models, or the block.
 
     Parameters
@@ -42,8 +41,7 @@ class PartialBlock:
     deviations: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class RelativeOrientation:
+class RelativeOrientation(Struct, frozen=True):
     """The relative orientation of one model (dependent pair: the right photo to the left one).
 
     Parameters
@@ -103,8 +101,7 @@ class RelativeOrientation:
     remarks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class NotOriented:
+class NotOriented(Struct, frozen=True):
     """A model, a joint or a photo that could not be oriented: its names, and why, as a sentence."""
 
     name: str
@@ -112,8 +109,7 @@ class NotOriented:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class SimilarityStep:
+class SimilarityStep(Struct, frozen=True):
     """A spatial similarity X = T + m R x that took one system to another: bridging, connection, absolute orientation.
 
     Parameters
@@ -166,8 +162,7 @@ class SimilarityStep:
 Stage = Literal["relative", "bridged", "connected", "absolute"]
 
 
-@dataclass(frozen=True, slots=True)
-class ModelCoordinates:
+class ModelCoordinates(Struct, frozen=True):
     """The model coordinate list after a step for all: every system that there is at that stage.
 
     Parameters
@@ -185,8 +180,7 @@ class ModelCoordinates:
     systems: tuple[PartialBlock, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class PhotoStart:
+class PhotoStart(Struct, frozen=True):
     """Preliminary orientation of one photo, and how it was found.
 
     Parameters
@@ -206,8 +200,7 @@ class PhotoStart:
     how: str
 
 
-@dataclass(frozen=True, slots=True)
-class PointStarts:
+class PointStarts(Struct, frozen=True):
     """Preliminary coordinates of q points.
 
     Parameters
@@ -231,8 +224,7 @@ class PointStarts:
 NO_POINTS = PointStarts((), np.empty((0, 3)), np.empty((0, 3)))
 
 
-@dataclass(frozen=True, slots=True)
-class CameraStart:
+class CameraStart(Struct, frozen=True):
     """Preliminary values of an unknown camera.
 
     Parameters
@@ -246,8 +238,7 @@ class CameraStart:
     parameters: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class ControlReading:
+class ControlReading(Struct, frozen=True):
     """A reading of the control in which it fits a block far better than as given, or equally well.
 
     Parameters
@@ -279,8 +270,7 @@ class ControlReading:
     side: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class PreliminaryValues:
+class PreliminaryValues(Struct, frozen=True):
     """What the chain found for a block, step by step.
 
     Parameters

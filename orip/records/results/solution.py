@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.records.observations.control import PointKind
@@ -16,8 +16,7 @@ from orip.records.results.status import Status
 from orip.records.results.variance_component import VarianceComponent
 
 
-@dataclass(frozen=True, slots=True)
-class IterationPass:
+class IterationPass(Struct, frozen=True):
     """What one iteration shows: its number, ENP, down-weighted components, singular unknowns, sigma0."""
 
     iteration: int
@@ -28,8 +27,7 @@ class IterationPass:
     step_limited: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class SingularUnknown:
+class SingularUnknown(Struct, frozen=True):
     """An unknown that the observations do not determine: group (CAMERA, PHOTO, POINT), name, kind, digits lost."""
 
     group: str
@@ -38,8 +36,7 @@ class SingularUnknown:
     lost_digits: float
 
 
-@dataclass(frozen=True, slots=True)
-class Correlation:
+class Correlation(Struct, frozen=True):
     """Correlation coefficient of two unknowns, each named ``camera.C``."""
 
     a: str
@@ -47,8 +44,7 @@ class Correlation:
     r: float
 
 
-@dataclass(frozen=True, slots=True)
-class Blunder:
+class Blunder(Struct, frozen=True):
     """An observation found to be wrong, in the order it was found; size and sd in the observation's unit.
 
     `alternatives` names, separated by semicolons, what explains the same misfit nearly as well and was not left out.
@@ -66,8 +62,7 @@ class Blunder:
     alternatives: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Diagnosis(Struct, frozen=True):
     """A weakness of the block in the user's names, with what to do."""
 
     code: str
@@ -76,8 +71,7 @@ class Diagnosis:
     remedy: str
 
 
-@dataclass(frozen=True, slots=True)
-class CheckPoint:
+class CheckPoint(Struct, frozen=True):
     """Adjusted minus given coordinates (ground unit); NaN where the coordinate is not given."""
 
     name: str
@@ -86,8 +80,7 @@ class CheckPoint:
     dZ: float
 
 
-@dataclass(frozen=True, slots=True)
-class InteriorSummary:
+class InteriorSummary(Struct, frozen=True):
     """Parameters of one plane transformation of the interior orientation (mm, degrees, unitless scales)."""
 
     group: Literal["templates", "photos"]
@@ -108,8 +101,7 @@ MOST_AS_TEXT = 100_000
 lines take longer than the adjustment, and nobody reads them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Residuals:
+class Residuals(Struct, frozen=True):
     """One row per observation component; all arrays have length n.
 
     `residual` is adjusted minus observed; photo components in mm, ground components in ground units, angles in degrees.
@@ -130,8 +122,7 @@ class Residuals:
     w: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Reliability:
+class Reliability(Struct, frozen=True):
     """Reliability of n observation components, in the unit of each; NaN where nothing checks it.
 
     Parameters
@@ -149,8 +140,7 @@ class Reliability:
     adjusted_sd: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Estimates:
+class Estimates(Struct, frozen=True):
     """Adjusted values of records of one group.
 
     Parameters
@@ -166,8 +156,7 @@ class Estimates:
     sd: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class AdditionalEstimate:
+class AdditionalEstimate(Struct, frozen=True):
     """An additional parameter of a camera's set; the standard deviation is infinite for one that was removed."""
 
     camera: str
@@ -176,8 +165,7 @@ class AdditionalEstimate:
     sd: float
 
 
-@dataclass(frozen=True, slots=True)
-class Exposure:
+class Exposure(Struct, frozen=True):
     """When and in which strip a photo with a station was taken; NaN and empty where that is not known."""
 
     photo: str
@@ -185,8 +173,7 @@ class Exposure:
     time: float
 
 
-@dataclass(frozen=True, slots=True)
-class AntennaEstimate:
+class AntennaEstimate(Struct, frozen=True):
     """A parameter of an antenna, or a shift or drift of its stations.
 
     Parameters
@@ -208,8 +195,7 @@ class AntennaEstimate:
     sd: float
 
 
-@dataclass(frozen=True, slots=True)
-class RigEstimate:
+class RigEstimate(Struct, frozen=True):
     """A figure of the relative orientation of two cameras that move together.
 
     Parameters
@@ -237,8 +223,7 @@ class RigEstimate:
     scatter: float
 
 
-@dataclass(frozen=True, slots=True)
-class ZeroDirection:
+class ZeroDirection(Struct, frozen=True):
     """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
 
     R is the azimuth, clockwise from +Y, of a reading of 0; 0 to 360. The standard deviation is NaN for a constant, and
@@ -250,8 +235,7 @@ class ZeroDirection:
     sd: float
 
 
-@dataclass(frozen=True, slots=True)
-class Remark:
+class Remark(Struct, frozen=True):
     """A line that listings show with the key figures: what coordinates and rotations refer to."""
 
     text: str
@@ -265,8 +249,7 @@ def _no_photo_correlations() -> FloatArray:
     return np.empty((0, 15))
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
+class Solution(Struct, frozen=True):
     """Everything that a bundle adjustment gives; see result.json for the meaning of the figures.
 
     `verdict` is the sentence that comes first where no gate failed.

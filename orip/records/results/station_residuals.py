@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.records.coded_names import coded
@@ -16,8 +16,7 @@ POSITION_KINDS = (STATION.name, CONSTANT_STATION.name)
 ATTITUDE_KINDS = (ATTITUDE.name, CONSTANT_ATTITUDE.name)
 
 
-@dataclass(frozen=True, slots=True)
-class StationResiduals:
+class StationResiduals(Struct, frozen=True):
     """Positions or attitudes of n stations, in the order of time as far as that is known.
 
     Parameters

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude"]
 
@@ -14,8 +15,7 @@ _ELEMENTS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class VarianceComponent:
+class VarianceComponent(Struct, frozen=True):
     """The a-priori error of a group of observations as the adjustment estimates it.
 
     Parameters

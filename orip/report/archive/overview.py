@@ -7,11 +7,11 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
+from msgspec import Struct
 
 from orip.archive.tables import Cell, Row
 
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 _NUMBERS = ("sigma0", "redundancy", "photos", "points", "check_rms_xy", "check_rms_z", "check_max")
 
 
-@dataclass(frozen=True, slots=True)
-class OverviewInput:
+class OverviewInput(Struct, frozen=True):
     """What the overview shows.
 
     Parameters

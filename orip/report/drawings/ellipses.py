@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from html import escape
 from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.results.solution import Estimates, Solution
@@ -43,8 +43,7 @@ class EllipseView(NamedTuple):
     picture: Markup
 
 
-@dataclass(frozen=True, slots=True)
-class EllipseViews:
+class EllipseViews(Struct, frozen=True):
     """Plan and elevations, equally enlarged, a note on them, and the kinds of positions that are drawn."""
 
     views: tuple[EllipseView, ...]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
@@ -30,8 +30,7 @@ _PIXELS, _MEAN_PIXELS, _MARGIN = 216.0, 400.0, 10.0
 _ALPHA = 0.01
 
 
-@dataclass(frozen=True, slots=True)
-class CellMeans:
+class CellMeans(Struct, frozen=True):
     """Mean residuals of a camera's photo points in the cells of a grid over its frame.
 
     Parameters
@@ -48,8 +47,7 @@ class CellMeans:
     p: float
 
 
-@dataclass(frozen=True, slots=True)
-class VectorSheet:
+class VectorSheet(Struct, frozen=True):
     """Drawings of one camera: the mean of all its photos, the single photos, and what was left out."""
 
     camera: str
@@ -155,8 +153,7 @@ def _large(vectors: Sequence[PhotoVectors]) -> float:
     return float(np.sqrt(np.quantile(squares, 0.95))) if squares.size else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Frame:
+class _Frame(Struct, frozen=True):
     """A photo's frame in a drawing: corners (mm), pixels of its longer side, the residual drawn at `_LENGTH`."""
 
     low: FloatArray

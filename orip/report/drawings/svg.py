@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
 
 from markupsafe import Markup
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class Curve:
+class Curve(Struct, frozen=True):
     """A curve of a chart: points (x, y), the name in the key, and its style class."""
 
     points: Sequence[tuple[float, float]]
@@ -19,8 +18,7 @@ class Curve:
     style: str
 
 
-@dataclass(frozen=True, slots=True)
-class ChartFrame:
+class ChartFrame(Struct, frozen=True):
     """Size of a chart in pixels, and the labels of its axes; counts are whole numbers from zero upwards."""
 
     across: str

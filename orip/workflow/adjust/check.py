@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import ProjectWarning, UsageError
 from orip.records.results.gate import GateResult
@@ -18,8 +19,7 @@ CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
 """What `check` needs of the stores."""
 
 
-@dataclass(frozen=True, slots=True)
-class CheckOutcome:
+class CheckOutcome(Struct, frozen=True):
     """What the gates say of the last adjustment of a bundle.
 
     Parameters

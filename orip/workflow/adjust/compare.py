@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
@@ -13,8 +14,7 @@ from orip.solving.differences import Comparison, Tolerance, compare_figures
 from orip.workflow.project.folder import PROJECT_FILE, open_project
 
 
-@dataclass(frozen=True, slots=True)
-class CompareOutcome:
+class CompareOutcome(Struct, frozen=True):
     """The files that were compared, as they are shown, and what came out."""
 
     a: str

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.files.stores.contents.definitions import StoredRecord
@@ -14,6 +14,7 @@ from orip.records.names import record_key
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 from orip.records.results.preliminary import PreliminaryValues
+from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 from orip.workflow.adjust.prelim_steps import PrelimInput, prelim_input, values_of
 from orip.workflow.project.bundle_state import BundleState
@@ -26,8 +27,7 @@ _SAME = 1e-6
 """Part of the distance from photos to points, and radians: values that differ by less were only found a second time."""
 
 
-@dataclass(frozen=True, slots=True)
-class PrelimOutcome:
+class PrelimOutcome(Struct, frozen=True):
     """What `orip prelim` found and changed.
 
     Parameters
@@ -58,8 +58,7 @@ class PrelimOutcome:
     listing: Path
 
 
-@dataclass(frozen=True, slots=True)
-class FoundValues:
+class FoundValues(Struct, frozen=True):
     """What the whole chain found of a bundle, and from what."""
 
     given: PrelimInput

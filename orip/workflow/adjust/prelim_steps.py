@@ -7,7 +7,8 @@ older than the measurements.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.prelim.ground.project_coordinates import absolute_in_project, block_in_project
@@ -36,8 +37,7 @@ from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 
 
-@dataclass(frozen=True, slots=True)
-class PrelimInput:
+class PrelimInput(Struct, frozen=True):
     """What preliminary values are computed from."""
 
     of: BundleState
@@ -92,16 +92,14 @@ class PrelimInput:
         raise UsageError(message)
 
 
-@dataclass(frozen=True, slots=True)
-class Relative:
+class Relative(Struct, frozen=True):
     """Models that are oriented relatively, and those that could not be."""
 
     oriented: tuple[RelativeOrientation, ...]
     failures: tuple[NotOriented, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class SimilaritySteps:
+class SimilaritySteps(Struct, frozen=True):
     """Similarities that could be determined, and those that could not."""
 
     steps: tuple[SimilarityStep, ...]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.progress import stage
 from orip.records.results.gate import GateResult
@@ -24,8 +25,7 @@ REPORTED_FROM: tuple[Part, ...] = ("definitions", "replay")
 _REMEDY = "the page alone is missing; remove the cause, or choose another file: orip report --output FILE"
 
 
-@dataclass(frozen=True, slots=True)
-class WrittenReport:
+class WrittenReport(Struct, frozen=True):
     """A report: its bundle and run, its path, that as messages show it, and its size in bytes."""
 
     bundle: str

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.bundle.results.reliability import reliability_of
 from orip.errors import UsageError
@@ -21,12 +21,12 @@ from orip.files.text.table import table_lines
 from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
+from orip.structs import replace
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
 
-@dataclass(frozen=True, slots=True)
-class Results:
+class Results(Struct, frozen=True):
     """The part of a solution that was asked for, as text and as a JSON document."""
 
     text: str
@@ -108,7 +108,7 @@ def _residuals(solution: Solution, names: Sequence[str]) -> Results:
         message = f"no residual belongs to {', '.join(names)}; name photos or points"
         raise UsageError(message)
     text = "\n".join(table_lines(component_columns(found, rows, solution.ground_unit)))
-    columns = [field.name for field in fields(Residuals)]
+    columns = Residuals.__struct_fields__
     table = [[_plain(getattr(found, column)[row]) for column in columns] for row in rows]
     document = {"run": solution.run, "residuals": [dict(zip(columns, row, strict=True)) for row in table]}
     return Results(f"{text}\n", document)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.bundle.methods import Method
 from orip.bundle.problem import pose_problem
@@ -17,6 +18,7 @@ from orip.records.results.gate import Gate, GateResult
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
+from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
@@ -33,8 +35,7 @@ ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")
 """What an adjustment and preliminary values need of the stores."""
 
 
-@dataclass(frozen=True, slots=True)
-class SolveOutcome:
+class SolveOutcome(Struct, frozen=True):
     """A solution, the results of gates, the files to write, and photos left out."""
 
     project: ProjectFolder
@@ -87,8 +88,7 @@ def solve_with_equations(
     return _change(bundle, adjusted, gates), solved
 
 
-@dataclass(frozen=True, slots=True)
-class _Adjusted:
+class _Adjusted(Struct, frozen=True):
     """The solution of a project's bundle, and the listing of preliminary values, if they had to be found."""
 
     solution: Solution

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.errors import Complaint, InputError
 from orip.files.result.before_update import before_update_text, read_before_update
@@ -14,6 +16,7 @@ from orip.files.stores.digest import record_digest
 from orip.files.text.digest import text_digest
 from orip.records.names import record_key
 from orip.records.results.before_update import BeforeUpdate, RecordBefore, TextBefore
+from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, StoredParts
@@ -25,8 +28,7 @@ UNDONE_FROM: tuple[Part, ...] = ("definitions",)
 _REMEDY = "the file is unchanged, and nothing was updated"
 
 
-@dataclass(frozen=True, slots=True)
-class UndoOutcome:
+class UndoOutcome(Struct, frozen=True):
     """What `orip update --undo` did: the kind, where it is stored, and the names that have their old values again."""
 
     project: ProjectFolder
@@ -49,8 +51,9 @@ def text_before(path: Path, edited: EditedText) -> TextBefore:
 
 def record_before(old: NamedRecord, new: NamedRecord) -> RecordBefore:
     """Return what an update has changed of a record."""
-    names = [field.name for field in fields(old)]  # type: ignore[arg-type]
-    changed = tuple((name, getattr(old, name)) for name in names if getattr(old, name) != getattr(new, name))
+    now = asdict(new)  # type: ignore[arg-type]
+    before = asdict(old)  # type: ignore[arg-type]
+    changed = tuple((name, value) for name, value in before.items() if value != now[name])
     return RecordBefore(old.name, changed, record_digest(new))
 
 

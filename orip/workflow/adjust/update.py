@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeVar
+
+from msgspec import Struct
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
@@ -28,6 +29,7 @@ from orip.solving.updated_values import (
     updated_photo,
     updated_points,
 )
+from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.adjust.undo_update import before_update_file, record_before, text_before
 from orip.workflow.project.bundle_state import BundleState
@@ -51,8 +53,7 @@ _OF_DEVIATION = 0.01
 """Part of its standard deviation up to which a parameter of an antenna counts as written already."""
 
 
-@dataclass(frozen=True, slots=True)
-class UpdateOutcome:
+class UpdateOutcome(Struct, frozen=True):
     """What `orip update` did.
 
     Parameters

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+
+from msgspec import Struct
 
 from orip.archive.tables import TABLES, Row
 from orip.files.archive.dataset import write_shard
@@ -20,8 +21,7 @@ from orip.progress import stage
 from orip.report.archive.overview import OverviewInput, archive_page
 
 
-@dataclass(frozen=True, slots=True)
-class Collected:
+class Collected(Struct, frozen=True):
     """The tables that were written: number of rows by table, their folder, and the overview page."""
 
     rows: Mapping[str, int]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.archive.differences import OUTCOME, Changed, Moved, changed_outcomes, changed_words, moved_values
 from orip.archive.tables import NAME_COLUMN, Cell, Row
@@ -16,8 +17,7 @@ from orip.progress import stage
 from orip.workflow.archive.packages import require_dask
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveDifferences:
+class ArchiveDifferences(Struct, frozen=True):
     """What differs between two runs.
 
     Parameters

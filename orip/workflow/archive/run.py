@@ -8,9 +8,10 @@ import secrets
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
 
 from orip.archive.order import ArchiveProject, in_order
 from orip.archive.progress import Progress
@@ -41,8 +42,7 @@ _CORES_A_FURTHER_WORKER = 8
 disk has what it writes."""
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveRequest:
+class ArchiveRequest(Struct, frozen=True):
     """What is to be run, and where.
 
     Parameters
@@ -68,16 +68,14 @@ class ArchiveRequest:
     workers: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveWatcher:
+class ArchiveWatcher(Struct, frozen=True):
     """Functions that are called as a run goes on: with the plan, when the cluster is there; with each reply."""
 
     began: Callable[[ArchivePlan], None]
     replied: Callable[[TaskReply, Progress], None]
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveRun:
+class ArchiveRun(Struct, frozen=True):
     """A run that has come to its end."""
 
     progress: Progress
@@ -134,8 +132,7 @@ def _alone(results: ResultsFolder) -> Iterator[None]:
         raise LockedError(message) from None
 
 
-@dataclass
-class _Tasks:
+class _Tasks(Struct):
     """The tasks of a run at the scheduler."""
 
     client: Client

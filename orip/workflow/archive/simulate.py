@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.archive.simulation import simulated_project
 from orip.errors import UsageError
@@ -13,8 +14,7 @@ from orip.files.text.new_folder import write_new_folder
 from orip.progress import stage
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedArchive:
+class SimulatedArchive(Struct, frozen=True):
     """What was written: the folder, the number of projects, and how many of them have a fault, by its kind."""
 
     folder: Path

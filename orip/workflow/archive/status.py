@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.archive.progress import Progress
 from orip.errors import LockedError
@@ -14,8 +15,7 @@ from orip.files.archive.plan import ArchivePlan, read_plan
 from orip.files.text.lock import locked
 
 
-@dataclass(frozen=True, slots=True)
-class ArchiveStatus:
+class ArchiveStatus(Struct, frozen=True):
     """How far a run is.
 
     Parameters

@@ -7,9 +7,10 @@ import platform
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.archive.outcome import ProjectOutcome, State, Tables, rows_of_error
 from orip.archive.rows import AdjustedBundle, rows_of_bundles
@@ -36,16 +37,14 @@ from orip.workflow.run import RunSettings, RunWatcher, run
 from orip.workflow.status import STATUS_FROM, project_status
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(Struct, frozen=True):
     """What the process of a project may use: seconds on the clock, megabytes of memory."""
 
     seconds: float
     megabytes: int
 
 
-@dataclass(frozen=True, slots=True)
-class TaskSettings:
+class TaskSettings(Struct, frozen=True):
     """How the projects of an archive are adjusted.
 
     Parameters
@@ -77,8 +76,7 @@ AS_USUAL = TaskSettings()
 """As `orip run` adjusts a project."""
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectTask:
+class ProjectTask(Struct, frozen=True):
     """A project to adjust: its name in the archive, its folder, the folder of the results, and how."""
 
     name: str
@@ -87,8 +85,7 @@ class ProjectTask:
     settings: TaskSettings
 
 
-@dataclass(frozen=True, slots=True)
-class TaskReply:
+class TaskReply(Struct, frozen=True):
     """How a task ended; `repeated`: the project was finished before, and nothing was done."""
 
     name: str

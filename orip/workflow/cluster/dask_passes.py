@@ -9,14 +9,17 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec import Struct, field
+from msgspec.structs import astuple
 
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
 from orip.errors import OripError
+from orip.structs import replace
 from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
 from orip.workflow.cluster.worker_watch import LOOK_SECONDS, WorkerWatch, memory_advice
@@ -36,24 +39,21 @@ _PROCESS_BYTES, _COPIES = 250_000_000, 6
 _AGAIN = "it begins from the start"
 
 
-@dataclass(frozen=True, slots=True)
-class Spot:
+class Spot(Struct, frozen=True):
     """Values of nodes that are with the workers: a future for each group of nodes, and the numbers of these nodes."""
 
     futures: tuple[Future, ...]
     groups: tuple[tuple[int, ...], ...]
 
 
-@dataclass(slots=True)
-class Sent:
+class Sent(Struct):
     """Bytes of values that were sent to the cluster, and of those that came back."""
 
     there: int = 0
     back: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
+class _Task(Struct, frozen=True):
     """What a worker does with a group of nodes.
 
     Parameters
@@ -90,8 +90,7 @@ class _Task:
         return list(zip(*columns, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
-class _Argument:
+class _Argument(Struct, frozen=True):
     """The values that are an argument of a task, by its number."""
 
     number: int
@@ -152,8 +151,7 @@ def part_of(found: Values, which: int) -> Any:
     return found[which]
 
 
-@dataclass(frozen=True, slots=True)
-class DaskPasses:
+class DaskPasses(Struct, frozen=True):
     """Passes over a tree by the workers of a client.
 
     Parameters
@@ -344,7 +342,7 @@ def array_bytes(found: Any) -> int:
         return found.nbytes
     if isinstance(found, list | tuple | Values):
         return sum(map(array_bytes, found))
-    return sum(array_bytes(getattr(found, one.name)) for one in fields(found)) if is_dataclass(found) else 0
+    return sum(map(array_bytes, astuple(found))) if isinstance(found, Struct) else 0
 
 
 def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+from msgspec import Struct, field
 
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.bundle.blocking.posing import LARGEST_PART, Spread, pose_divided
@@ -60,8 +61,7 @@ class Moved(NamedTuple):
         return self.there + self.back + self.between
 
 
-@dataclass(slots=True)
-class DividedBlocks:
+class DividedBlocks(Struct):
     """Divides blocks of a project among the workers of a client.
 
     Parameters

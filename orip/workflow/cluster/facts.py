@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import os
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.version import __version__
 
@@ -16,8 +17,7 @@ class UnfitWorkerError(Exception):
     """A worker has another orip than the program that hands out the tasks."""
 
 
-@dataclass(frozen=True, slots=True)
-class WorkerFacts:
+class WorkerFacts(Struct, frozen=True):
     """What a worker has to have in common with the program that hands out the tasks.
 
     Parameters

@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.bundle.blocking.sub_block import SubBlock, loop_of
@@ -26,8 +26,7 @@ _loops: OrderedDict[tuple[str, int], PhotoPointLoop] = OrderedDict()
 _alone = threading.Lock()
 
 
-@dataclass(frozen=True, slots=True)
-class StoredSubBlock:
+class StoredSubBlock(Struct, frozen=True):
     """A sub-block in a file.
 
     Parameters

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from orip.workflow.cluster.connection import LostClusterError
 
@@ -24,8 +25,7 @@ _DEATHS_A_WORKER = 2
 """Workers that may die for each that is there, before what is waited for is given up."""
 
 
-@dataclass(slots=True)
-class WorkerWatch:
+class WorkerWatch(Struct):
     """The workers as they were seen while one result is waited for.
 
     Parameters

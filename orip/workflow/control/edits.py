@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning, UsageError
 from orip.files.control.forms import FORMS, REJECTED, UNKNOWN, ControlForm, ControlKind, Fields, with_words
@@ -25,8 +26,7 @@ from orip.workflow.records.measurements import is_written
 Weighting = Literal["disregard", "include", "reject"]
 
 
-@dataclass(frozen=True, slots=True)
-class LineChange:
+class LineChange(Struct, frozen=True):
     """A line before and after an edit, without line ends; None: added, or deleted."""
 
     action: Literal["added", "changed", "killed"]
@@ -35,8 +35,7 @@ class LineChange:
     new: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class ControlOutcome:
+class ControlOutcome(Struct, frozen=True):
     """What a command did to a control text, or would do (`dry_run`); no changes: the text has these values already."""
 
     project: ProjectFolder
@@ -46,8 +45,7 @@ class ControlOutcome:
     dry_run: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ControlTable:
+class ControlTable(Struct, frozen=True):
     """The records of a control text: line number, fields by key, and whether a point is rejected."""
 
     shown: str
@@ -68,8 +66,7 @@ class ControlTable:
             yield key, known if is_text or known is None else parse_number(known)
 
 
-@dataclass(frozen=True, slots=True)
-class _File:
+class _File(Struct, frozen=True):
     """A control text of a project."""
 
     state: ProjectState

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import ProjectWarning
 from orip.files.control.forms import FORMS, ControlKind
@@ -20,8 +21,7 @@ _POINT_FIELDS: dict[ControlKind, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Known:
+class _Known(Struct, frozen=True):
     """The names of the project; record names as keys."""
 
     measured: frozenset[str]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.control.forms import ControlKind
@@ -34,8 +34,7 @@ from orip.workflow.records.commands import read_records
 Target = Literal["PNT", "PRE"]
 
 
-@dataclass(frozen=True, slots=True)
-class GroundPoint:
+class GroundPoint(Struct, frozen=True):
     """A point as it was set in the model: its coordinates in the project, and the y-parallax that was left (mm)."""
 
     name: str
@@ -44,8 +43,7 @@ class GroundPoint:
     y_parallax: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class GroundChoice:
+class GroundChoice(Struct, frozen=True):
     """Which points are taken, and where they go.
 
     Parameters
@@ -70,8 +68,7 @@ class GroundChoice:
     error: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class GroundDigitised:
+class GroundDigitised(Struct, frozen=True):
     """What was taken, and the file that it is in."""
 
     file: str

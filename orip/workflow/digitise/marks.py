@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from math import isnan
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import InputError, OrientationError, ProjectWarning, UsageError
 from orip.files.log.writing import measurement_line, photo_header, template_header
@@ -40,8 +40,7 @@ from orip.workflow.drive.loaded_table import load_again
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
 
 
-@dataclass(frozen=True, slots=True)
-class _Sheet:
+class _Sheet(Struct, frozen=True):
     """A template or photo whose marks are digitised.
 
     `marks` are all there may be, with their given coordinates, `visited` the names of those to visit, `of_record` of

@@ -7,8 +7,9 @@ has already is transferred from there, with the plate of that photo locked. ENTE
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.multimodel.digitising import Turn
@@ -24,8 +25,7 @@ from orip.workflow.digitise.wanted import BundlePoints, bundle_points, model_nam
 from orip.workflow.observations.films import MountedFilms
 
 
-@dataclass(frozen=True, slots=True)
-class NewPointsChoice:
+class NewPointsChoice(Struct, frozen=True):
     """Where new points are measured, and how they are numbered.
 
     Parameters

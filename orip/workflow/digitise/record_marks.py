@@ -7,10 +7,10 @@ replayed (`orip.interior.fiducial_system`); tick marks keep their plate coordina
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.log.writing import fiducials_header, measurement_line, ticks_header
@@ -20,6 +20,7 @@ from orip.records.names import name_fault, near_names, record_key
 from orip.records.observations.measurement import MeasuredMarks
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Stage, Temtick
+from orip.structs import replace
 from orip.workflow.digitise.numbering import next_name
 from orip.workflow.digitise.operator import Named, Sought, Visit
 from orip.workflow.digitise.session import Entry, Session
@@ -32,8 +33,7 @@ FEWEST_TICKS = 2
 Owner = TypeVar("Owner", Camera, Temtick)
 
 
-@dataclass(frozen=True, slots=True)
-class _Record:
+class _Record(Struct, frozen=True):
     """Whose marks are digitised.
 
     `transformed` takes plate coordinates to those of the record, and raises ValueError where they make none.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
+
+from msgspec import Struct, field
 
 from orip.errors import ProjectWarning
 from orip.files.log.writing import Log
@@ -35,8 +36,7 @@ class DriveTarget(NamedTuple):
     xy: Position | None
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(Struct, frozen=True):
     """What was done about a mark or point.
 
     Parameters
@@ -74,8 +74,7 @@ class Decision(NamedTuple):
         return self.plates[STAGES.index(stage)] if self.plates is not None else None
 
 
-@dataclass
-class Session:
+class Session(Struct):
     """A session in progress.
 
     Parameters

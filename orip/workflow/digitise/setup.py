@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass
 from math import dist
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import LinkError, OripError, ProjectWarning
 from orip.files.log.writing import Log, LogFile, NoLog
@@ -37,8 +38,7 @@ _SAME_PLACE = 0.5e-4
 """Plate units: half the last digit of a log."""
 
 
-@dataclass(frozen=True, slots=True)
-class Digitised:
+class Digitised(Struct, frozen=True):
     """What was digitised.
 
     Parameters
@@ -68,8 +68,7 @@ class Digitised:
         return sum(entry.outcome == outcome for entry in self.entries)
 
 
-@dataclass(frozen=True, slots=True)
-class DigitisingSetup:
+class DigitisingSetup(Struct, frozen=True):
     """Where and how marks and points are digitised.
 
     Parameters

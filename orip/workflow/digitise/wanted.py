@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.log.work_list import ListedPoint, read_work_list
@@ -22,8 +23,7 @@ from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 
 
-@dataclass(frozen=True, slots=True)
-class PointChoice:
+class PointChoice(Struct, frozen=True):
     """Which points somebody wants to digitise.
 
     Parameters
@@ -48,8 +48,7 @@ class PointChoice:
     again: bool = False
 
 
-@dataclass(frozen=True)
-class BundlePoints:
+class BundlePoints(Struct, frozen=True, dict=True):
     """The points of a bundle: where they are measured on the plates, and where they should be; photos by key."""
 
     films: MountedFilms

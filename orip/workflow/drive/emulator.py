@@ -6,8 +6,9 @@ import asyncio
 import errno
 import signal
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import LinkError, OripError, UsageError
 from orip.files.drive.processor_state import (
@@ -29,8 +30,7 @@ FARTHEST_MM = 10_000.0
 """No stage goes farther."""
 
 
-@dataclass(frozen=True, slots=True)
-class EmulatorSettings:
+class EmulatorSettings(Struct, frozen=True):
     """How a plate processor is emulated.
 
     Parameters

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import LinkError, ProjectWarning, UsageError
 from orip.files.drive.table_text import read_drive_table
@@ -56,8 +56,7 @@ class WhereMark(NamedTuple):
     photos: tuple[PhotoReadout, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class DrivenProject:
+class DrivenProject(Struct, frozen=True):
     """A link, the system that the project's coordinates are driven in, and warnings of what is out of date."""
 
     link: PlateProcessorLink

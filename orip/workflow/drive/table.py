@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.drive.table_text import drive_table_text, read_drive_table
@@ -22,6 +22,7 @@ from orip.records.names import record_key
 from orip.records.project.definition import StereoModel
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Stage
 from orip.records.project.stages import plan_stages
+from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
@@ -34,8 +35,7 @@ DRIVEN_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "soluti
 """What a drive table needs of the stores."""
 
 
-@dataclass(frozen=True, slots=True)
-class DriveTableOutcome:
+class DriveTableOutcome(Struct, frozen=True):
     """A drive table: its file, whether that changes, and what is doubtful or left out."""
 
     project: ProjectFolder

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
@@ -17,6 +17,7 @@ from orip.conversion.names import photo_names, point_names, unique_names
 from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
 from orip.errors import Complaint, InputError
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.exchange.moved import datum_of_control, moved_block, said_of_datum
 
@@ -32,8 +33,7 @@ _LARGEST_IMAGE, _LARGEST_PLACE = 1e7, 1e12
 """Coordinates in a photo (pixels, mm) and on the ground beyond which a file is damaged."""
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangeSettings:
+class ExchangeSettings(Struct, frozen=True):
     """How a project is imported.
 
     Parameters
@@ -60,8 +60,7 @@ class ExchangeSettings:
     reference_columns: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedBlock:
+class ImportedBlock(Struct, frozen=True):
     """What is imported, in orip's conventions; arrays in the order of `project`.
 
     Parameters

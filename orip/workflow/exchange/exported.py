@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.exchange.format import Format
@@ -21,8 +22,7 @@ from orip.workflow.project.state import Part
 EXPORTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "heads", "solutions")
 
 
-@dataclass(frozen=True, slots=True)
-class ExportedResult:
+class ExportedResult(Struct, frozen=True):
     """What an export writes.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from orip.exchange.sources.assumed_frame import PIXEL_MM
 from orip.interior.pixels import sensor_transformation
 from orip.records.names import record_key
 from orip.records.project.camera import Camera, Sensor
+from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 
 

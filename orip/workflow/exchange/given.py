@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from orip.arrays import FloatArray
@@ -12,6 +10,7 @@ from orip.geometry.ground_frame import GroundFrame
 from orip.records.names import record_key
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.bundle_state import BundleState
 

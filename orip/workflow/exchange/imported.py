@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
@@ -21,8 +22,7 @@ _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "bina
 """Names of folders that projects of other programs have in common."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedProject:
+class ImportedProject(Struct, frozen=True):
     """A project that was imported, or can be.
 
     Parameters

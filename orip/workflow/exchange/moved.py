@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from orip.conversion.cameras import ConvertedCamera, directions_of_pixels
 from orip.conversion.control_datum import ControlDatum, ControlRays, ObservedCentres, control_datum
 from orip.conversion.reprojection import Reprojection
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 
 
 def datum_of_control(

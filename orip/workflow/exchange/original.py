@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 from orip.conversion.cameras import UnsuitableCameraError, convert_camera, export_camera
@@ -10,6 +9,7 @@ from orip.conversion.ground import from_local_ground, local_ground
 from orip.errors import InputError
 from orip.exchange.format import Format
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
+from orip.structs import replace
 
 _SAME = 1e-9
 """Relative to the focal length, of parameters that were converted twice and written as texts."""

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.conversion.cameras import ExportedCamera, UnsuitableCameraError, export_camera
@@ -23,6 +23,7 @@ from orip.records.names import record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted, counted_names
 from orip.workflow.exchange.film import cameras_with_frames, measured_pixels
@@ -33,8 +34,7 @@ _LARGE_MISFIT_PX = 0.001
 """Differences of a camera that are worth a note."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Adjusted:
+class _Adjusted(Struct, frozen=True):
     """A solution with what it refers to.
 
     Parameters

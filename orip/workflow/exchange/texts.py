@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import BoolArray, rows_of_groups
 from orip.conversion.poses import described_reading
@@ -22,6 +22,7 @@ from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.antenna import Antenna
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
+from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.exchange.block import ImportedBlock
 
@@ -43,8 +44,7 @@ _CONTROL_ERROR = 0.02
 """A-priori error of control where no file has one, ground units."""
 
 
-@dataclass(frozen=True, slots=True)
-class ImportSource:
+class ImportSource(Struct, frozen=True):
     """What a project was imported from.
 
     Parameters
@@ -65,8 +65,7 @@ class ImportSource:
     is_written: bool = True
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedTexts:
+class ImportedTexts(Struct, frozen=True):
     """Texts of a project folder by their names, orip.toml last, and sentences about what was left out.
 
     The place of the original is not among them, as it depends on the folder.

@@ -7,9 +7,10 @@ then to the stores. A command that is killed between the two leaves a text that 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.log.edits_text import EditsText, edit_line, read_edits
@@ -21,6 +22,7 @@ from orip.files.text.shown import shown_token
 from orip.interior.replay import Replayed, replay
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, LogRecord, Measured, TextPlace
+from orip.structs import replace
 from orip.workflow.observations.measure import MEASURED_ON_TOP, replay_log
 from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
@@ -39,8 +41,7 @@ Action = Literal["DISREGARD", "INCLUDE", "KILL"]
 What = Literal["POINT", "MARK", "TICK"]
 
 
-@dataclass(frozen=True, slots=True)
-class AddedEdits:
+class AddedEdits(Struct, frozen=True):
     """What a command added to EDITS.MEA.
 
     Parameters
@@ -68,8 +69,7 @@ class AddedEdits:
     warnings: tuple[ProjectWarning, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Log:
+class _Log(Struct, frozen=True):
     """The log of a project, replayed, before anything is added to it."""
 
     state: ProjectState

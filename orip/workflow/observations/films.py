@@ -7,12 +7,12 @@ measure' has read it or not, and a session that was interrupted is taken up wher
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import ProjectWarning, UsageError
 from orip.files.log.text import read_measurements
@@ -29,6 +29,7 @@ from orip.records.observations.measurement import LogRecord, Measured, MeasuredM
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Scan, Stage, Template
 from orip.records.project.stages import plan_stages
+from orip.structs import replace
 from orip.workflow.observations.measure import with_digitised
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, read_project
@@ -40,8 +41,7 @@ Defined = TypeVar("Defined", Template, Photo)
 _NO_MARKS = MeasuredMarks((), np.empty((0, 2)), np.empty(0, dtype=bool), np.empty((0, 2)))
 
 
-@dataclass(frozen=True)
-class MountedFilms:
+class MountedFilms(Struct, frozen=True, dict=True):
     """A project as its measurement texts leave it, with the log that is being written.
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.results.reliability import reliability
@@ -23,8 +23,7 @@ LISTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "soluti
 """What lists of photo observations need of the stores."""
 
 
-@dataclass(frozen=True, slots=True)
-class ObservationList:
+class ObservationList(Struct, frozen=True):
     """Photo observations of a bundle; `run` is the adjustment that residuals and weights come from."""
 
     bundle: str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.errors import ProjectWarning
 from orip.files.text.parsed import Parsed
@@ -15,6 +16,7 @@ from orip.mistakes.before_adjustment.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
+from orip.structs import replace
 from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
@@ -32,8 +34,7 @@ MEASURED_ON_TOP: tuple[Part, ...] = (*MEASURED_FROM, "marks", "observations")
 """What a replay on top of the stores needs of them."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeasurementCounts:
+class MeasurementCounts(Struct, frozen=True):
     """How much is measured: points of each bundle, oriented templates and photos, points measured again."""
 
     templates: int
@@ -42,8 +43,7 @@ class MeasurementCounts:
     remeasured: int
 
 
-@dataclass(frozen=True, slots=True)
-class MeasureOutcome:
+class MeasureOutcome(Struct, frozen=True):
     """What `orip measure` found."""
 
     project: ProjectFolder

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Temtick
+from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

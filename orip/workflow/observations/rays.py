@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.records.observations.measurement import Measured, PhotoObservations
 
 
-@dataclass(frozen=True, slots=True)
-class LeftAlone:
+class LeftAlone(Struct, frozen=True):
     """A point that had two rays or more before and has fewer now: its bundle, and its remaining photos."""
 
     bundle: str

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 
 from orip.errors import ProjectWarning, UsageError
 from orip.files.listings.observations import todo_text
@@ -24,8 +24,7 @@ from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import is_measurement_file, raise_complaints
 
 
-@dataclass(frozen=True, slots=True)
-class Todo:
+class Todo(Struct, frozen=True):
     """What to measure again, and the measurement file that asks for it; `file` is None where none is written."""
 
     bundle: str

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from orip.errors import InputError
 from orip.interior.definitions import Definitions
@@ -24,8 +25,7 @@ if TYPE_CHECKING:
     from orip.records.results.solution import Solution
 
 
-@dataclass(frozen=True)
-class BundleState:
+class BundleState(Struct, frozen=True, dict=True):
     """A bundle of a project state; it stores nothing except its name."""
 
     state: ProjectState

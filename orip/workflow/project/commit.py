@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, Protocol, Self, TypeVar
+
+from msgspec import Struct
 
 from orip.errors import LockedError
 from orip.files.stores.contents import solutions
@@ -56,8 +57,7 @@ class ChangedMeanwhileError(LockedError):
         super().__init__(f"another run has changed {what} in the meantime; nothing was written, repeat the command")
 
 
-@dataclass(frozen=True, slots=True)
-class Change(Generic[T]):
+class Change(Struct, Generic[T], frozen=True):
     """What a command found out, and what it would write; nothing is written until `commit`.
 
     Parameters
@@ -117,8 +117,7 @@ class Change(Generic[T]):
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Committed(Generic[T]):
+class Committed(Struct, Generic[T], frozen=True):
     """The outcome of a command whose change is written, and whether that changed the stores."""
 
     outcome: T

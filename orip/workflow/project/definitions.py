@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
 
 from orip.errors import InputError
 from orip.files.stores.contents import cameras, exterior, photos, templates, temticks
@@ -15,14 +16,14 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Template, Temtick
 from orip.records.project.shared_lens import lens_key, with_shared_lenses
+from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.project.folder import ProjectFolder
 
 _SHOWN_MISSING = 5
 
 
-@dataclass(frozen=True, slots=True)
-class StoredDefinitions:
+class StoredDefinitions(Struct, frozen=True):
     """What the record stores define."""
 
     cameras: tuple[StoredRecord[Camera], ...]

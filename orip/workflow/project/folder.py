@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec import Struct
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
@@ -14,6 +15,7 @@ from orip.files.stores.digest import record_digest
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
+from orip.structs import replace
 
 if TYPE_CHECKING:
     from orip.records.results.solution import Solution
@@ -21,8 +23,7 @@ if TYPE_CHECKING:
 PROJECT_FILE = "orip.toml"
 
 
-@dataclass(frozen=True, slots=True)
-class OutputFiles:
+class OutputFiles(Struct, frozen=True):
     """Paths of what a bundle adjustment writes."""
 
     result: Path
@@ -45,8 +46,7 @@ class OutputFiles:
         return self.listing, self.errors, self.result, self.residuals_of(solution)
 
 
-@dataclass(frozen=True, slots=True)
-class ProjectFolder:
+class ProjectFolder(Struct, frozen=True):
     """A project folder with a sound orip.toml.
 
     Parameters

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.files.listings.preliminary import preliminary_listing
@@ -19,8 +20,7 @@ _DIGITS = 3
 """Significant digits of a standard deviation in BUNDLE.PRE; coordinates have as many decimals as it."""
 
 
-@dataclass(frozen=True, slots=True)
-class ListedValues:
+class ListedValues(Struct, frozen=True):
     """Preliminary values as files have them: project coordinates, degrees.
 
     Parameters

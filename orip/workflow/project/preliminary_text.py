@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.files.control.preliminary_text import preliminary_text, read_preliminary
 from orip.files.text.lines import read_lines
@@ -18,8 +19,7 @@ from orip.workflow.project.texts import raise_complaints
 _REMEDY = "the file is unchanged"
 
 
-@dataclass(frozen=True, slots=True)
-class PreliminaryText:
+class PreliminaryText(Struct, frozen=True):
     """BUNDLE.PRE as it was read; `digest` is None where there is none, `owner` names project and user."""
 
     path: Path

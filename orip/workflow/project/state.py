@@ -8,10 +8,11 @@ read, and comes from one reading transaction; texts are read when they are first
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
+
+from msgspec import Struct, field
 
 from orip.files.stores.contents import observations
 from orip.files.stores.contents.solution_tables import SolutionHead, read_head
@@ -20,6 +21,7 @@ from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
+from orip.structs import replace
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.measurements import measured_stores, read_marks, runs_of_measurements
@@ -43,8 +45,7 @@ Part = Literal["definitions", "marks", "observations", "replay", "heads", "solut
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayRecord:
+class ReplayRecord(Struct, frozen=True):
     """What the stores say of the last replay.
 
     Parameters
@@ -59,8 +60,7 @@ class ReplayRecord:
     runs: tuple[str | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class StoredParts:
+class StoredParts(Struct, frozen=True):
     """What stores hold; None: not read, or (in a change) not written.
 
     Parameters
@@ -81,8 +81,7 @@ class StoredParts:
     solutions: Mapping[str, Solution | None] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class ProjectState:
+class ProjectState(Struct, frozen=True, dict=True):
     """A project as its texts and stores have it.
 
     Parts that were not asked for raise ValueError: that is a fault of the program.

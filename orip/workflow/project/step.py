@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
+
+from msgspec import Struct
 
 StepState = Literal["missing", "out of date", "failed", "up to date"]
 """Failed: with this input it comes to nothing, and doing it again would not help."""
@@ -12,8 +13,7 @@ StepState = Literal["missing", "out of date", "failed", "up to date"]
 WRITTEN_BY = "the next init, measure, solve or run writes it"
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Struct, frozen=True):
     """One step of the work: its command, its state, and why; and what comes next where it is not this command."""
 
     command: str

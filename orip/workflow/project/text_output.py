@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec import Struct
 
 from orip.files.text.atomic import replace_in_pieces, reporting_failure, require_no_link
 from orip.files.text.digest import file_digest
 from orip.workflow.project.folder import ProjectFolder
 
 
-@dataclass(frozen=True, slots=True)
-class TextOutput:
+class TextOutput(Struct, frozen=True):
     """A file that a command writes as a whole: a text, or arrays.
 
     Parameters
@@ -30,8 +30,7 @@ class TextOutput:
     remedy: str
 
 
-@dataclass(frozen=True, slots=True)
-class EditedText:
+class EditedText(Struct, frozen=True):
     """A text of the user's with an edit.
 
     Parameters

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, NoProjectError
 from orip.files.control.preliminary_text import read_preliminary
@@ -26,6 +27,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.observations.control import Control, PreliminaryPoint
 from orip.records.observations.measurement import LogRecord
 from orip.records.observations.station import IN_PROJECT, Station
+from orip.structs import replace
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
 EDITS_FILE = "EDITS.MEA"
@@ -37,8 +39,7 @@ Digests = tuple[tuple[str, str], ...]
 """(name of an input, SHA-256)."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeasurementLog:
+class MeasurementLog(Struct, frozen=True):
     """The log records of some files, in the order of replay."""
 
     files: tuple[Path, ...]
@@ -46,8 +47,7 @@ class MeasurementLog:
     digests: Digests
 
 
-@dataclass(frozen=True, slots=True)
-class ControlInput:
+class ControlInput(Struct, frozen=True):
     """What the text files say of the ground points of one bundle."""
 
     control: Control

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
 from orip.records.names import record_key
 from orip.records.project.camera import RADIAL_PLACES, Camera
+from orip.structs import replace
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.reconcile import AppliedChange, Conflict, Prefer, reconcile
 
 
-@dataclass(frozen=True, slots=True)
-class TextApplied:
+class TextApplied(Struct, frozen=True):
     """The definitions after orip.toml is applied, what that changes, and a complaint for every conflict."""
 
     definitions: StoredDefinitions

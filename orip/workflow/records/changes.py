@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal, get_args
+
+from msgspec import Struct
 
 from orip.files.project.record_values import TomlTable
 from orip.records.names import record_key
@@ -12,8 +13,7 @@ from orip.workflow.records.references import DocumentRecord, RecordKind, records
 from orip.workflow.records.values import RecordValue, values_of
 
 
-@dataclass(frozen=True, slots=True)
-class ValueChange:
+class ValueChange(Struct, frozen=True):
     """A value before and after an edit; None: not given."""
 
     key: str
@@ -22,8 +22,7 @@ class ValueChange:
     unit: str
 
 
-@dataclass(frozen=True, slots=True)
-class RecordChange:
+class RecordChange(Struct, frozen=True):
     """What an edit does to one record; a renamed one has its new name."""
 
     kind: RecordKind
@@ -33,8 +32,7 @@ class RecordChange:
     values: tuple[ValueChange, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class Renaming:
+class Renaming(Struct, frozen=True):
     """A record that has another name than before; `bundle` is that of a model, as it was called before."""
 
     kind: RecordKind

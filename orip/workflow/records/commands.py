@@ -8,14 +8,16 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning
 from orip.files.project.text import project_document
 from orip.files.stores.transaction import Stores
 from orip.records.names import record_key
+from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.project.commit import Change, ChangedMeanwhileError
 from orip.workflow.project.definitions import StoredDefinitions
@@ -38,8 +40,7 @@ _SHOWN_REFERENTS = 12
 _BUNDLES = "the bundles"
 
 
-@dataclass(frozen=True, slots=True)
-class RecordsOutcome:
+class RecordsOutcome(Struct, frozen=True):
     """What a command did to records, or would do (`dry_run`); no changes: the records have these values already."""
 
     project: ProjectFolder
@@ -49,8 +50,7 @@ class RecordsOutcome:
     dry_run: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
+class _Plan(Struct, frozen=True):
     """An edit worked out against what the stores hold.
 
     `measurements` lists what is measured of the records that are deleted.

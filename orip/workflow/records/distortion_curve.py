@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import UsageError
@@ -21,8 +21,7 @@ DistortionForm = Literal["polynomial", "isp", "curve"]
 _RADII = 61
 
 
-@dataclass(frozen=True, slots=True)
-class DistortionCurve:
+class DistortionCurve(Struct, frozen=True):
     """Radial distortion of a camera.
 
     Parameters

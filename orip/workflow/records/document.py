@@ -8,8 +8,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import Any, TypeVar
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import parse_project
@@ -19,6 +20,7 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.definition import ProjectDefinition
+from orip.structs import replace
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.apply_text import with_polynomial
@@ -28,8 +30,7 @@ T = TypeVar("T", bound=NamedRecord)
 _LINE = re.compile(r" on line \d+")
 
 
-@dataclass(frozen=True, slots=True)
-class CheckedDocument:
+class CheckedDocument(Struct, frozen=True):
     """The definition that a document gives, with distortions as polynomials, and warnings about it."""
 
     definition: ProjectDefinition

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+from msgspec import Struct
 
 from orip.errors import InputError, UsageError
 from orip.files.project.assignments import with_assignments
 from orip.files.project.record_values import TomlTable
 from orip.files.text.shown import shown_token
 from orip.records.names import name_fault, record_key
+from orip.structs import replace
 from orip.wording import listed_names
 from orip.workflow.records.changes import Renaming
 from orip.workflow.records.references import (
@@ -25,8 +27,7 @@ from orip.workflow.records.references import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class EditedDocument:
+class EditedDocument(Struct, frozen=True):
     """A document after an edit.
 
     Parameters
@@ -49,8 +50,7 @@ Edit = Callable[[TomlTable], EditedDocument]
 """An edit: gets its own copy of a document, which it may change."""
 
 
-@dataclass(frozen=True, slots=True)
-class RecordName:
+class RecordName(Struct, frozen=True):
     """Which record is meant: its kind, its name, and for a model its bundle (None: the project's only one)."""
 
     kind: RecordKind

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
+
+from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
@@ -17,6 +18,7 @@ from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
 from orip.records.project.camera import without_radial_distortion
 from orip.records.project.definition import ProjectDefinition
+from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
@@ -30,8 +32,7 @@ T = TypeVar("T", bound=NamedRecord)
 _REMEDY = "the file is unchanged"
 
 
-@dataclass(frozen=True, slots=True)
-class ExportedToml:
+class ExportedToml(Struct, frozen=True):
     """What `orip export-toml` did.
 
     Parameters

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from orip.errors import Complaint, ProjectWarning
 from orip.interior.definitions import Definitions
@@ -32,8 +33,7 @@ INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 """What `initialise` needs of the stores."""
 
 
-@dataclass(frozen=True, slots=True)
-class Initialised:
+class Initialised(Struct, frozen=True):
     """What `orip init` did: the changes of records (none: nothing had changed), value by value, and warnings."""
 
     project: ProjectFolder

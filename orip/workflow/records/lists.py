@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from orip.files.project.record_values import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
@@ -23,8 +24,7 @@ from orip.workflow.records.references import DocumentRecord, RecordKind, records
 from orip.workflow.records.values import RecordValue, shown_value, values_of
 
 
-@dataclass(frozen=True, slots=True)
-class RecordRow:
+class RecordRow(Struct, frozen=True):
     """A record: its bundle (of a model), its name, its table of orip.toml, and where it came from."""
 
     bundle: str
@@ -33,16 +33,14 @@ class RecordRow:
     source: str
 
 
-@dataclass(frozen=True, slots=True)
-class RecordList:
+class RecordList(Struct, frozen=True):
     """The records of a kind, also as text."""
 
     rows: tuple[RecordRow, ...]
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class ShownRecord:
+class ShownRecord(Struct, frozen=True):
     """A record with all its values, and what names it."""
 
     row: RecordRow

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from orip.errors import InputError
@@ -15,6 +14,7 @@ from orip.files.text.regular_file import file_of
 from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, PhotoObservations
+from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.records.changes import Renaming

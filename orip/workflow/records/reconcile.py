@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from typing import Any, Generic, Literal, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
@@ -20,8 +22,7 @@ Action = Literal["added", "changed", "removed", "detached"]
 T = TypeVar("T", bound=NamedRecord)
 
 
-@dataclass(frozen=True, slots=True)
-class AppliedChange:
+class AppliedChange(Struct, frozen=True):
     """What applying the text does to one record."""
 
     kind: str
@@ -29,8 +30,7 @@ class AppliedChange:
     action: Action
 
 
-@dataclass(frozen=True, slots=True)
-class Conflict:
+class Conflict(Struct, frozen=True):
     """A record that text and store have both changed; `text` names the values on both sides."""
 
     kind: str
@@ -38,8 +38,7 @@ class Conflict:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Reconciled(Generic[T]):
+class Reconciled(Struct, Generic[T], frozen=True):
     """The records that the store should hold (unchanged where there is a conflict), the changes, and the conflicts."""
 
     records: tuple[StoredRecord[T], ...]
@@ -138,8 +137,9 @@ def _verdict(text: T, old: StoredRecord[T] | None, project: str, prefer: Prefer 
 def differences(text: object, store: object) -> list[str]:
     """Return 'C is 8.6 in the text and 8.595 in the store' for each value in which two records differ."""
     found = []
-    for field in fields(text):  # type: ignore[arg-type]
-        for name, a, b in _named_values(field.name, getattr(text, field.name), getattr(store, field.name)):
+    in_store = asdict(store)  # type: ignore[arg-type]
+    for field, value in asdict(text).items():  # type: ignore[arg-type]
+        for name, a, b in _named_values(field, value, in_store[field]):
             if a != b:
                 found.append(f"{name} is {_shown(a)} in the text and {_shown(b)} in the store")
     return found

@@ -7,8 +7,9 @@ another one that camera. The list of photos of a template repeats what the photo
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
+
+from msgspec import Struct
 
 from orip.files.project.record_values import TomlTable
 from orip.records.names import record_key
@@ -26,8 +27,7 @@ _REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
 """Kind of record, its key that names another one, and the kind of that one."""
 
 
-@dataclass(frozen=True, slots=True)
-class DocumentRecord:
+class DocumentRecord(Struct, frozen=True):
     """A record in a document: its kind, its table, the list of tables that it is in, and the bundle of a model."""
 
     kind: RecordKind

@@ -6,7 +6,6 @@ Its measurements are renamed in `orip.workflow.records.measurements`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from orip.errors import InputError, OripError, ProjectWarning
@@ -16,6 +15,7 @@ from orip.files.text.atomic import replace_bytes
 from orip.files.text.regular_file import regular_bytes
 from orip.records.names import record_key
 from orip.records.results.solution import Solution
+from orip.structs import replace
 from orip.wording import agreeing
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

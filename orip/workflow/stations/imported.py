@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
+
+from msgspec import Struct, field
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.exchange.stations.source import read_epochs
@@ -18,6 +19,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.names import record_key
 from orip.records.observations.epochs import Epochs
 from orip.records.observations.station import Station
+from orip.structs import replace
 from orip.trajectory.exposures import Matching, Sources, find_exposures
 from orip.trajectory.stations import stations_in_project
 from orip.units import RADIANS_PER_DEGREE
@@ -28,8 +30,7 @@ from orip.workflow.project.text_output import EditedText, digest_of_text
 from orip.workflow.records.measurements import is_written
 
 
-@dataclass(frozen=True, slots=True)
-class ImportFiles:
+class ImportFiles(Struct, frozen=True):
     """The files that stations are imported from; relative to the project folder.
 
     Parameters
@@ -56,8 +57,7 @@ class ImportFiles:
     mount: Literal["body", "gimbal"] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ImportSettings:
+class ImportSettings(Struct, frozen=True):
     """How stations are imported.
 
     Parameters
@@ -80,8 +80,7 @@ class ImportSettings:
     replaces: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ImportedStations:
+class ImportedStations(Struct, frozen=True):
     """What was imported, or would be (`dry_run`).
 
     Parameters

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
 from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
@@ -14,6 +14,7 @@ from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationSettings
 from orip.adjustment.sparse_rows import SparseRows
+from orip.structs import replace
 
 OFF = None
 """An iteration at which nobody starts to reduce weights."""
@@ -91,8 +92,7 @@ def pseudo_inverse(normals: np.ndarray, removed: np.ndarray | None = None) -> np
     return result
 
 
-@dataclass(frozen=True)
-class CurvedProblem:
+class CurvedProblem(Struct, frozen=True):
     """A problem of unknowns that are all reduced: its computed observations are any function of them."""
 
     computed: Callable[[np.ndarray], np.ndarray]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from aerial_blocks import aerial_block
 
@@ -13,6 +11,7 @@ from orip.records.block import Block
 from orip.records.observations.control import ControlDistance
 from orip.records.observations.station import Station
 from orip.records.project.antenna import Antenna
+from orip.structs import replace
 
 _POINTS_A_PHOTO = 40
 _LENGTH_ERROR = 0.01

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.blocking.divided_blocks import (
@@ -25,6 +23,7 @@ from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import iteration_settings, solve_problem
+from orip.structs import replace
 
 MADE = (calibrated, free, with_stations, with_distances, with_blunders, undetermined)
 LEAST_PHOTOS, LARGEST_PART = 50, 10

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.blocks_without_control import MADE, first_model, from_nothing, off_truth
@@ -16,6 +14,7 @@ from orip.records.observations.control import ControlDistance, ControlElement
 from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.solving.solve import solve
+from orip.structs import replace
 
 
 def of_first_photos(block: Block, count: int) -> Block:

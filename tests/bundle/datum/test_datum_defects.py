@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 from bundle.solving import controlled, noisy, redefined, singular, solution, started_off, with_photo_points, with_photos
 from support.synthetic_block import synthetic_block
+
+from orip.structs import replace
 
 
 def aerial(name):

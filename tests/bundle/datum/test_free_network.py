@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.free_networks import MADE, SUBSET, datum_points, dense_free_cofactors, free
@@ -12,6 +10,7 @@ from bundle.solving import noisy, redefined, rows, solution, solved, started_off
 from orip.errors import InputError
 from orip.records.observations.control import ControlDistance
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 
 def inner_conditions(block, found):

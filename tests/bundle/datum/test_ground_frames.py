@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from orip.records.block import Block
 from orip.records.observations.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 pytestmark = pytest.mark.slow
 

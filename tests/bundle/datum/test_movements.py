@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from aerial_blocks import aerial_block
@@ -12,6 +10,7 @@ from orip.bundle.movements import movements_of_block
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
+from orip.structs import replace
 
 BLOCK = replace(aerial_block(12, 60), control_points=())
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ import orip
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"
 

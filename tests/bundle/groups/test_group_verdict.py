@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from monte_carlo.grouped_blocks import STATION_ERROR, exact_block, grouped_block, verdict_of
@@ -14,6 +12,7 @@ from orip.bundle.groups.words import group_diagnosis, group_name
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 STATIONS_OFF = {"X0": 0.04 / 0.02, "Y0": -0.03 / 0.02, "Z0": 0.25 / 0.03}
 """In a-priori errors: stations of a survey receiver, 4, -3 and 25 cm off, with errors of 2, 2 and 3 cm."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 SHIFT = np.array([0.04, -0.03, 0.25])
 """A wrong antenna offset and another height system, m."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.observations.station import NOT_GIVEN
 from orip.records.project.antenna import Antenna
 from orip.records.results.solution import Solution
+from orip.structs import replace
 
 SHIFT = np.array([0.4, -0.3, 0.5])
 ERROR = 0.03

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import FRAME_MM, aerial_block
 from bundle.solving import OFF, noisy, redefined, solution
+
+from orip.structs import replace
 
 MADE = aerial_block("sets", 13)
 BASE = 0.4 * FRAME_MM

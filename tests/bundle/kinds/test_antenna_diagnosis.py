@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import noisy, solution, with_photos
@@ -12,6 +10,7 @@ from bundle.stations_of_block import MADE, stations, with_stations
 from orip.records.observations.station import NOT_GIVEN
 from orip.records.project.antenna import Antenna
 from orip.records.results.solution import Diagnosis, Solution
+from orip.structs import replace
 
 
 def diagnosed(antenna: Antenna, *, control: bool = True, camera: tuple[str, ...] = (), **changes) -> list[Diagnosis]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -14,6 +12,7 @@ from orip.bundle.solve import solve_block
 from orip.errors import NotSolvableError
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 HELD = [
     ("X0",),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from bundle.solving import OFF, controlled, directions_from, noisy, redefined, r
 
 from orip.files.result.json_text import result_text
 from orip.report.precision import zero_direction_table
+from orip.structs import replace
 from orip.workflow.adjust.results import results
 
 MADE = aerial_block("directions", 6)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -13,6 +11,7 @@ from support.synthetic_block import synthetic_block
 from orip.bundle.solve import solve_block
 from orip.errors import InputError
 from orip.records.observations.control import ControlDistance
+from orip.structs import replace
 
 MADE = aerial_block("distances", 6)
 CODES = {

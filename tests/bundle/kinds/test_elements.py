@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
@@ -14,6 +12,7 @@ from orip.errors import InputError
 from orip.records.observations.control import ControlElement
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 
 MADE = aerial_block("elements", 6)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import noisy, redefined, rows, solution, solved
@@ -11,6 +9,7 @@ from bundle.stations_of_block import ARM, DRIFTS, MADE, OFFSET, SHIFTS, TURN, st
 
 from orip.records.observations.station import NOT_GIVEN
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
+from orip.structs import replace
 
 
 def values(found, antenna_row=0):

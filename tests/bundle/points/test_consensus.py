@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
@@ -13,6 +11,7 @@ from orip.adjustment.weights import danish_costs, danish_weights
 from orip.bundle.points.consensus import PointRays, with_steady_weights
 from orip.bundle.points.moves import points_by_photos_alone
 from orip.bundle.problem import pose_problem, starting_state
+from orip.structs import replace
 
 LIMIT = 5.0
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 
 from orip.bundle.points.moves import with_points_moved
 from orip.bundle.problem import pose_problem, starting_state
+from orip.structs import replace
 
 CENTRES = np.array([[0.0, 0.0, 100.0], [60.0, 0.0, 100.0], [0.0, 40.0, 100.0]])
 RAYS = np.array([0, 0, 1, 0])

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.problem import pose_problem, starting_state
 from orip.records.observations.control import ControlPoint
+from orip.structs import replace
 
 LIMIT, NOISE_MM = 5.0, 0.005
 RIVAL = [2, 4, 7]

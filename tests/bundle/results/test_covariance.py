@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from aerial_blocks import aerial_block as large_aerial_block
@@ -21,6 +19,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import Control
+from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from bundle.aerial_block import aerial_block
 
@@ -12,6 +10,7 @@ from orip.bundle.results.lost_rays import lost_control, lost_photos, lost_rays
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block
+from orip.structs import replace
 
 
 def solved(block: Block) -> SolvedBlock:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from bundle.solving import solved
@@ -20,6 +18,7 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo
 from orip.report.photos.rigs import rig_table
+from orip.structs import replace
 
 BASE, TURN = np.array([0.8, 0.02, -0.05]), np.array([1.5, -6.0, 0.4])
 INSTANTS = 8

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from orip.bundle.variance_components.helmert import VarianceEquations, variance_
 from orip.bundle.variance_components.variance_groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
 from orip.records.results.variance_component import VarianceComponent
+from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")
 LEVEL, HEIGHT = VarianceGroup("control", "", "XY"), VarianceGroup("control", "", "Z")

@@ -6,12 +6,12 @@ The project is that of two strips of three photos; single photos and flat ground
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli.command_line import orip
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 from support.strips_project import StripsProject, strips_project
 
@@ -190,8 +190,7 @@ def test_prelim_keeps_the_points_that_were_typed(tmp_path: Path) -> None:
 # resection, and control that is a mirror image
 
 
-@dataclass(frozen=True)
-class _Camera:
+class _Camera(Struct, frozen=True):
     centre: tuple[float, float, float]
     angles: tuple[float, float, float]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import tracemalloc
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from exchange.test_colmap import blob, database
 from orip.exchange.colmap.folder import Form
 from orip.exchange.colmap.reader import READING, read_model
 from orip.exchange.colmap.writer import new_model
+from orip.structs import replace
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
 from orip.workflow.exchange.texts import ImportSource, imported_texts
 

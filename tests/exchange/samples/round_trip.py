@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from orip.conversion.ground import from_local_ground, in_local_ground, local_gro
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.exchange.formats import format_named
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 from orip.workflow.exchange.original import in_terms_of
 
 

@@ -7,7 +7,6 @@ import gzip
 import json
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.sources.faults import Faults
 from orip.exchange.tables.project import read_tables
 from orip.records.exchanged import ExchangedPhoto, ExchangedProject
+from orip.structs import replace
 
 LEVEL = (1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0)
 

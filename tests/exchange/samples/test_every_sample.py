@@ -6,7 +6,6 @@ One table has all of them. A file of the folder that is in no row is a failure, 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from exchange.imported import read_well, reprojected
 from exchange.samples import sample_figures as figures
 from exchange.samples import sample_sources as sources
 from exchange.samples.round_trip import comes_back, local_through_orip, returns, unchanged_files, with_sizes
+from msgspec import Struct
 from reference.published_data import data_set
 
 from orip.conversion.ground import in_local_ground, local_ground
@@ -69,8 +69,7 @@ IGN = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Row:
+class Row(Struct, frozen=True):
     """Files of the folder, as patterns, with what has to be shown of them.
 
     `shows` asserts the figures. `returns` imports, exports, imports again and compares; its last word is the format in

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import replace
 
 import pytest
 from files.any_project import project_definitions
@@ -17,6 +16,7 @@ from orip.files.project.text import project_document, project_text
 from orip.files.project.toml_text import toml_key, toml_value
 from orip.records.project.definition import ProjectDefinition
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 
 def read(text: str) -> ProjectDefinition:

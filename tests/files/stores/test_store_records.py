@@ -2,7 +2,6 @@
 
 import tempfile
 import time
-from dataclasses import make_dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 import store_samples as samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import defstruct
 
 from orip.errors import InputError
 from orip.files.stores import provenance
@@ -23,6 +23,7 @@ from orip.records.observations.measurement import MeasuredMarks, PhotoObservatio
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Temtick
+from orip.structs import replace
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
 exactly = settings(max_examples=25, deadline=None)
@@ -198,7 +199,7 @@ def test_a_digest_tells_case_and_values_apart():
 
 
 def test_a_digest_depends_neither_on_the_name_of_a_class_nor_on_the_order_of_its_fields():
-    renamed = make_dataclass("Renamed", ["ticks", "name"])
+    renamed = defstruct("Renamed", ["ticks", "name"])
     marks = (Mark("1", 0.0, 1.0),)
     assert record_digest(renamed(marks, "T")) == record_digest(Temtick("T", marks))
     assert record_digest(renamed(marks, "U")) != record_digest(Temtick("T", marks))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,14 +20,14 @@ from mistakes.data.drone import (
     truth,
 )
 from mistakes.data.simulated_projects import scale_bar_project, two_camera_project
+from msgspec import Struct
 from workflow.small_projects import replace_in
 
 Score = int
 """Of a first line: 3 names mistake and place, 2 only one of them, 1 neither, 0 something else in their place."""
 
 
-@dataclass(frozen=True)
-class DataMistake:
+class DataMistake(Struct, frozen=True):
     """A mistake.
 
     Attributes

@@ -6,10 +6,10 @@ Collinearity is computed here with scipy's rotations, nothing of orip.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 COLUMNS, ROWS, WIDTH, HEIGHT = 6000, 4000, 36.0, 24.0
@@ -17,8 +17,7 @@ PIXEL = WIDTH / COLUMNS
 NOISE_PX = 0.25
 
 
-@dataclass(frozen=True)
-class TrueCamera:
+class TrueCamera(Struct, frozen=True):
     """What a camera really has, mm."""
 
     c: float

@@ -6,20 +6,20 @@ Images are computed from the formulas of docs/conventions.md with scipy's rotati
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 from scipy.spatial.transform import Rotation
 
 import orip
+from orip.structs import replace
 
 NOISE_PARTS = 0.8
 """Noise over the a-priori error: people are a little cautious."""
 
 
-@dataclass
-class Planted:
+class Planted(Struct):
     """What a user hands over; mistakes change it in place.
 
     Attributes
@@ -109,8 +109,7 @@ class Planted:
         )
 
 
-@dataclass(frozen=True)
-class _Layout:
+class _Layout(Struct, frozen=True):
     """Truth of a scene; `orientation` in ground units and degrees, `frame` in mm, `start` the errors of given values.
 
     `errors` is the a-priori error of control, ground units; `start` that of given centres and angles.

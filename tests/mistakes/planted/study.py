@@ -10,7 +10,6 @@ import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Literal
@@ -18,6 +17,7 @@ from typing import Literal
 import numpy as np
 from mistakes.planted.blocks import NOISE_PARTS, SCENES, Planted, planted_block
 from mistakes.planted.mistakes import PLANTED, Truth, planted
+from msgspec import Struct
 from scipy.stats import chi2
 
 import orip
@@ -38,8 +38,7 @@ _GENERAL = re.compile(
 """Findings that accuse nothing: a block, photo or point that could not be computed."""
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Struct, frozen=True):
     """A mistake in a block."""
 
     scene: str
@@ -50,8 +49,7 @@ class Case:
         return f"{self.mistake} in {self.scene} {self.number}"
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(Struct, frozen=True):
     """What was said of a case, the verdict on its first line, whether something shows the mistake, and seconds."""
 
     case: Case

@@ -6,8 +6,6 @@ which the tolerances allow for.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthetic_rays
@@ -26,6 +24,7 @@ from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.results.preliminary import RelativeOrientation
+from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 

@@ -7,11 +7,12 @@ of each are in `test_compiled`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
 from compiled_cases import common_pairs, common_points, scene
+from msgspec import Struct
+from msgspec.structs import astuple
 
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
@@ -82,8 +83,8 @@ CASES: dict[str, Callable[[], object]] = {
 
 def figures(found: object) -> list[np.ndarray]:
     """Return all numbers of a result."""
-    if is_dataclass(found):
-        return [array for field in fields(found) for array in figures(getattr(found, field.name))]
+    if isinstance(found, Struct):
+        return [array for part in astuple(found) for array in figures(part)]
     if isinstance(found, tuple):
         return [array for part in found for array in figures(part)]
     return [np.asarray(found, dtype=np.float64)]

@@ -17,10 +17,10 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from msgspec import Struct
 from workflow.commands import initialise, measure
 from workflow.killed_here import Killed, killed_at
 from workflow.killed_orip import MOMENT
@@ -42,8 +42,7 @@ ORPHAN = re.compile(r".*-mj[0-9A-F]{8,9}")
 CASES = ("init-new", "init", "measure", "solve")
 
 
-@dataclass(frozen=True)
-class Case:
+class Case(Struct, frozen=True):
     """A command, the project before it and after it, undisturbed."""
 
     command: str

@@ -8,7 +8,6 @@ import shutil
 import sqlite3
 import struct
 from contextlib import closing
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from orip.conversion.error_ellipses import error_ellipses
 from orip.conversion.reprojection import fitting_reading
 from orip.exchange.colmap.folder import read_folder
 from orip.exchange.colmap.reader import read_model
+from orip.structs import replace
 from orip.workflow.project.bundle_state import read_bundle
 
 

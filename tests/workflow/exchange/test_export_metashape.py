@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from exchange.test_metashape import document
 from orip.conversion.ground import LocalGround, from_local_ground
 from orip.exchange.metashape.source import READING, read_metashape
 from orip.records.exchanged import ExchangedProject
+from orip.structs import replace
 
 BERLIN = LocalGround(np.array([np.radians(13.4), np.radians(52.5), 80.0]))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.observations.measurement import PointsRecord
 from orip.records.observations.station import Station, StationReference
 from orip.records.project.definition import ProjectDefinition
+from orip.structs import replace
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
 from orip.workflow.exchange.texts import ImportSource, imported_texts
 

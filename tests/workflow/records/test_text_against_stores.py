@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from orip.files.stores.contents import cameras, exterior, photos
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo
+from orip.structs import replace
 
 LENGTHENED = "c = 35.2"
 

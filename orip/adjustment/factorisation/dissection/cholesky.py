@@ -6,10 +6,10 @@ A full matrix of the same unknowns names the same ones as not determined (`orip.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.factorisation.dissection.fronts import (
     Shape,
@@ -26,8 +26,7 @@ from orip.adjustment.factorisation.null_space import factor_of_determined
 from orip.arrays import BoolArray, FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class DissectedFactor:
+class DissectedFactor(Struct, frozen=True):
     """The factor of the columns that are determined.
 
     Parameters

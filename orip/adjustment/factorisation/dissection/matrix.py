@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from orip.adjustment.factorisation.dissection.fronts import (
     FrontScale,
@@ -26,8 +26,7 @@ _FEW = 2
 """Nodes from which a request takes elements by their own rows."""
 
 
-@dataclass(slots=True)
-class DissectedMatrix:
+class DissectedMatrix(Struct):
     """A matrix (m, m) of which every node has the part in its front, wherever that is.
 
     Of normal equations a part is what the node's own observations add, and the matrix is the sum of all parts. Of an

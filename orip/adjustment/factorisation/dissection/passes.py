@@ -7,8 +7,9 @@ passed on as a handle; only what is gathered comes back.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
+
+from msgspec import Struct
 
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 
@@ -41,8 +42,7 @@ class Passes(Protocol):
         """Return the values of handles."""
 
 
-@dataclass(frozen=True, slots=True)
-class InTurn:
+class InTurn(Struct, frozen=True):
     """All nodes of a tree in this process, one after the other."""
 
     tree: DissectionTree

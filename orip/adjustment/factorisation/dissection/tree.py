@@ -9,9 +9,9 @@ its *border*: the unknowns of nodes above that are coupled with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct, field
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -23,8 +23,7 @@ _LEAST_SHARE = 0.2
 """Least part of the groups on either side of a separator, where there is a choice."""
 
 
-@dataclass(frozen=True, slots=True)
-class Node:
+class Node(Struct, frozen=True):
     """A node of the tree.
 
     Parameters
@@ -52,8 +51,7 @@ class Node:
         return np.concatenate([self.own, self.border])
 
 
-@dataclass(frozen=True, slots=True)
-class DissectionTree:
+class DissectionTree(Struct, frozen=True):
     """The tree of m reduced unknowns; children stand before their parents, the root last.
 
     Parameters
@@ -142,20 +140,14 @@ def _filled(positions: FloatArray, placed: BoolArray, graph: csr_array) -> Float
     return found
 
 
-@dataclass(slots=True)
-class _Dissection:
+class _Dissection(Struct):
     """The nodes as they are found; the parents are known when these are."""
 
     graph: csr_array
     positions: FloatArray
     largest: int
-
-    owned: list[IntArray]
-    parents: list[int]
-
-    def __init__(self, graph: csr_array, positions: FloatArray, largest: int) -> None:
-        self.graph, self.positions, self.largest = graph, positions, largest
-        self.owned, self.parents = [], []
+    owned: list[IntArray] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
 
     def divide(self, part: IntArray, also_own: IntArray) -> int:
         """Divide a part of the groups, and return the number of its node, which eliminates `also_own` as well."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar, cast
+
+from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.files.stores.contents.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
@@ -27,8 +28,7 @@ T = TypeVar("T", bound=NamedRecord)
 T_co = TypeVar("T_co", bound=NamedRecord, covariant=True)
 
 
-@dataclass(frozen=True, slots=True)
-class StoredRecord(Generic[T_co]):
+class StoredRecord(Struct, Generic[T_co], frozen=True):
     """A definition as its store holds it.
 
     Parameters
@@ -45,8 +45,7 @@ class StoredRecord(Generic[T_co]):
     origin: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class DefinitionTables(Generic[T]):
+class DefinitionTables(Struct, Generic[T], frozen=True):
     """How one kind of definition lies in its tables.
 
     Parameters

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from typing import Generic, TypeVar, get_args
 
 import numpy as np
+from msgspec import Struct
 
 from orip.files.stores.contents.definitions import refuse_case_twins
 from orip.files.stores.store import Row, Store
@@ -51,8 +51,7 @@ def measured_of(rows: Sequence[Row]) -> MeasuredMarks:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class OrientationTables(Generic[Orientation]):
+class OrientationTables(Struct, Generic[Orientation], frozen=True):
     """How orientations by marks lie in their tables; columns have the names of the record's fields, marks come last.
 
     Orientations refer to no definition: they are what replaying the measurements left, whatever is defined now.

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import is_dataclass
 from functools import cache
 from itertools import islice
 from typing import Any, Literal, get_args, get_origin
+
+from msgspec import Struct, StructMeta
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import Null, StoreColumn, all_or_none, integer, real, record_name, text
@@ -28,7 +29,7 @@ def checks_of(record: type) -> tuple[str, ...]:
 
 
 def row_of(record: Any) -> Row:
-    """Return the values of `columns_of` the record's dataclass."""
+    """Return the values of `columns_of` the record's class."""
     kind: type = type(record)
     return tuple(
         value
@@ -38,7 +39,7 @@ def row_of(record: Any) -> Row:
 
 
 def values_of(record: type, row: Sequence[Any]) -> dict[str, Any]:
-    """Return the fields of a record by name from a row of `columns_of` its dataclass."""
+    """Return the fields of a record by name from a row of `columns_of` its class."""
     values = iter(row)
     return {record_field.name: _value(record_field, values) for record_field in _in_columns(record)}
 
@@ -51,7 +52,13 @@ def _in_columns(record: type) -> tuple[RecordField, ...]:
 
 def list_rows(items: Sequence[Any]) -> list[Row]:
     """Return the items of a list as rows: names, tuples or records."""
-    return [row_of(item) if is_dataclass(item) else item if isinstance(item, tuple) else (item,) for item in items]
+    return [_item_row(item) for item in items]
+
+
+def _item_row(item: Any) -> Row:
+    if isinstance(item, Struct):
+        return row_of(item)
+    return item if isinstance(item, tuple) else (item,)
 
 
 def list_of(record_field: RecordField, rows: Sequence[Row]) -> tuple[Any, ...] | None:
@@ -141,4 +148,4 @@ def _value(record_field: RecordField, values: Iterator[Any]) -> Any:
 
 
 def _is_record(kind: Any) -> bool:
-    return isinstance(kind, type) and is_dataclass(kind)
+    return isinstance(kind, StructMeta)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, get_args
+
+from msgspec import Struct
 
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
@@ -148,8 +149,7 @@ def bundles(store: Store) -> tuple[str, ...]:
     return tuple(row[0] for row in store.rows(SOLUTION))
 
 
-@dataclass(frozen=True, slots=True)
-class SolutionHead:
+class SolutionHead(Struct, frozen=True):
     """What tells one solution from another, without reading all of it."""
 
     run: str

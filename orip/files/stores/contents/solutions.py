@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 
 from orip.files.stores.contents.solution_tables import (
     CAMERAS,
@@ -109,7 +109,7 @@ def write(store: Store, solution: Solution) -> None:
     _write_estimates(store, PHOTOS, bundle, solution.photos, about_axes)
     rays = np.array(solution.point_rays, dtype=np.int64)
     _write_estimates(store, POINTS, bundle, solution.points, rays, solution.point_kinds)
-    residuals = [getattr(solution.residuals, field.name) for field in fields(Residuals)]
+    residuals = astuple(solution.residuals)
     _insert(store, RESIDUALS, bundle, *residuals)
     _insert(store, PHOTO_CORRELATIONS, bundle, *solution.photo_correlations.T)
     _insert(store, POINT_CORRELATIONS, bundle, *solution.point_correlations.T)
