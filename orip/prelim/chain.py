@@ -36,9 +36,10 @@ from orip.prelim.routes import (
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
 from orip.prelim.tracks.confirmed_block import confirmed_block
+from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
-from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.preliminary import PreliminaryValues, SimilarityStep
 
 _STARTING_PAIRS = 5
 """Number of first pairs that are tried, one after the other."""
@@ -57,6 +58,9 @@ _FAR_OFF = 15.0
 
 _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""
+
+_MANY_UNFIT, _UNFIT_PART = 3, 0.1
+"""Control points, and part of them, that an absolute orientation down-weights where the block may be bent instead."""
 
 
 def preliminary_values(block: Block) -> PreliminaryValues:
@@ -106,6 +110,7 @@ class _End(NamedTuple):
     """How a complete outcome fits: the photos that are in the wrong place, its misfit, and whether that is convincing.
 
     Few redundant observations may nearly fit a wrong block, too: they have to fit as well as measuring errors explain.
+    So may a block that is bent where few points tie its parts, while the control of one part does not fit.
     """
 
     misplaced: frozenset[int]
@@ -125,7 +130,10 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
     if first.is_enough:
         return first
     confirmed = confirmed_block(measured)
-    return _ended(searches if confirmed is None else _searches(confirmed, _routes(confirmed)))
+    if confirmed is None:
+        return _ended(searches)
+    confirmed = confirmed_by_parts(confirmed)
+    return _ended(_searches(confirmed, _routes(confirmed)))
 
 
 def _ended(searches: Iterator[_Search]) -> _Search:
@@ -153,7 +161,7 @@ def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Ite
                 if (outcome.is_final, -misfit) > beaten:
                     best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
                 if _is_complete(measured, outcome):
-                    ends.append(_end(measured, outcome.grown, lengths, misfit))
+                    ends.append(_end(measured, outcome, lengths, misfit))
         is_enough = _is_enough(ends)
         yield _Search(measured, best, by_the_models, is_enough, tried)
         if is_enough:
@@ -201,12 +209,20 @@ def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:
     return float(np.minimum(judged, _FAR_OFF).mean()) if len(judged) else _FAR_OFF
 
 
-def _end(measured: MeasuredBlock, grown: GrowingBlock, lengths: FloatArray, misfit: float) -> _End:
-    misplaced = np.flatnonzero(misplaced_photos(measured.rays, grown, lengths, measured.blunders))
+def _end(measured: MeasuredBlock, outcome: Outcome, lengths: FloatArray, misfit: float) -> _End:
+    misplaced = np.flatnonzero(misplaced_photos(measured.rays, outcome.grown, lengths, measured.blunders))
     held: BoolArray = np.asarray(np.isfinite(measured.full_control()).all(axis=1))
     degrees = redundancy(measured.rays, held, ~np.isnan(lengths))
     fits = is_strong(degrees, len(measured.rays.photos)) or fits_by_chance(robust_square_sum(lengths), degrees)
-    return _End(frozenset(misplaced.tolist()), misfit, fits)
+    return _End(frozenset(misplaced.tolist()), misfit, fits and _control_fits(outcome.absolute))
+
+
+def _control_fits(absolute: SimilarityStep | None) -> bool:
+    """Tell whether an absolute orientation down-weights no more control points than may be wrong by themselves."""
+    if absolute is None:
+        return True
+    unfit = np.count_nonzero((absolute.weight_factor < 1.0).any(axis=1))
+    return bool(unfit < max(_MANY_UNFIT, _UNFIT_PART * len(absolute.points)))
 
 
 def _is_complete(measured: MeasuredBlock, outcome: Outcome) -> bool:

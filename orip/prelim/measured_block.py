@@ -17,8 +17,8 @@ from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 
-_ENOUGH, _ENOUGH_LISTED = 30, 80
-"""Points that suffice to orient a photo, and points that suffice where models are listed point by point."""
+_ENOUGH, MORE = 30, 80
+"""Points that suffice to orient a photo, and where models are listed point by point or few points tie parts."""
 
 _MANY_CONTRADICTED = 0.05
 """Part of the rays; fewer may be those of a photo that was measured wrong."""
@@ -135,13 +135,16 @@ def measured_block(block: Block) -> MeasuredBlock:
     return measured_block_of(block, all_rays, np.ones(len(all_rays.photo), dtype=bool))
 
 
-def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray) -> MeasuredBlock:
-    """Return what a block's preliminary values are found from, of all its rays (n,) those that others confirm."""
+def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray, enough: int = _ENOUGH) -> MeasuredBlock:
+    """Return what a block's preliminary values are found from, of all its rays (n,) those that others confirm.
+
+    Of each photo at least `enough` points are kept, if it has as many.
+    """
     control = approximate_points(block) if block.is_free_network else known_points(block)
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
     used = rays_of_plane_images(block, all_rays.of(confirmed))
-    rays = thinned(used, kept, _ENOUGH_LISTED if block.definition.models else _ENOUGH)
+    rays = thinned(used, kept, max(enough, MORE) if block.definition.models else enough)
     row_of = {name: row for row, name in enumerate(rays.points)}
     return MeasuredBlock(
         block,
