@@ -30,7 +30,7 @@ NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
-ROWS_OF_PART = 1 << 21
+ROWS_OF_PART = 5 << 18
 """Rows of a packed list in one row of the file: SQLite has no row of more than a gigabyte."""
 
 

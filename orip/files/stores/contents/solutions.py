@@ -64,7 +64,7 @@ ITEMS: dict[str, type[Any]] = {
     "variance_components": VarianceComponent,
     "interior": InteriorSummary,
 }
-"""The dataclass of the items of each of `ITEM_LISTS`."""
+"""The class of the items of each of `ITEM_LISTS`."""
 
 
 def read(store: Store, bundle: str) -> Solution | None:
