@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Awaitable, Callable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 Reply = dict[str, Any]
@@ -37,13 +38,17 @@ class Answering(NamedTuple):
         What a client is told first.
     reply : function of a line
         None: the client wants to leave.
-    appended : function
-        What there is to say about measurements that others have written.
+    news : function
+        What there is to say that nobody has asked for: of measurements that others have written to files, and of
+        earlier ones that have been reconsidered.
+    on_news : function of a function
+        Has it called, in any thread, when there may be news that are no files'.
     """
 
     greeting: Callable[[], Reply]
     reply: Callable[[str], Reply | None]
-    appended: Callable[[], Iterator[Reply]]
+    news: Callable[[], Iterator[Reply]]
+    on_news: Callable[[Callable[[], None]], None]
 
 
 class OnlineServer:
@@ -64,7 +69,9 @@ class OnlineServer:
             If the address cannot be listened at.
         """
         server = await asyncio.start_server(self._serve_client, host, port, limit=LONGEST_LINE)
-        looking = asyncio.create_task(self._look_for_lines())
+        loop = asyncio.get_running_loop()
+        self._answering.on_news(partial(_called_soon, loop, self._tell_news))
+        looking = asyncio.create_task(self._look_for_news())
         try:
             listening(*server.sockets[0].getsockname()[:2])
             await end
@@ -115,7 +122,7 @@ class OnlineServer:
             self._say(writer, {"error": f"{other} is measuring; until it leaves, this client can only show and watch"})
             return True
         self._writing = writer
-        self._tell_of_lines()
+        self._tell_news()
         reply = self._answering.reply(line)
         if reply is None:
             return False
@@ -124,8 +131,8 @@ class OnlineServer:
             self._tell_watching({"watched": reply}, writer)
         return True
 
-    def _tell_of_lines(self) -> None:
-        for reply in self._answering.appended():
+    def _tell_news(self) -> None:
+        for reply in self._answering.news():
             self._tell_watching(reply, None)
 
     def _tell_watching(self, reply: Reply, writing: asyncio.StreamWriter | None) -> None:
@@ -139,10 +146,16 @@ class OnlineServer:
         elif not writer.is_closing():
             writer.write(json.dumps(reply, ensure_ascii=False).encode() + b"\n")
 
-    async def _look_for_lines(self) -> None:
+    async def _look_for_news(self) -> None:
         while True:
             await asyncio.sleep(_LOOKS_EVERY_S)
-            self._tell_of_lines()
+            self._tell_news()
+
+
+def _called_soon(loop: asyncio.AbstractEventLoop, action: Callable[[], None]) -> None:
+    """Have an event loop do something soon, from any thread; nothing where it has ended."""
+    with contextlib.suppress(RuntimeError):
+        loop.call_soon_threadsafe(action)
 
 
 async def _next_line(stream: asyncio.StreamReader) -> str | None:

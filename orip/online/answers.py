@@ -84,6 +84,8 @@ class Answer(Struct, frozen=True):
         Points that have coordinates since.
     next : tuple of Candidate
         What to measure next in this photo, the most profitable first.
+    is_pending : bool
+        It is not tested yet: what it changes has to be computed first, and the test follows.
     """
 
     photo: str
@@ -100,6 +102,7 @@ class Answer(Struct, frozen=True):
     oriented: tuple[str, ...] = ()
     placed: tuple[str, ...] = ()
     next: tuple[Candidate, ...] = ()
+    is_pending: bool = False
 
 
 def words_of(key: ObservationKey) -> str:

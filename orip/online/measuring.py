@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-import numpy as np
 from msgspec import Struct
 
 from orip.online.advice import advice
+from orip.online.answering import Before, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
@@ -22,6 +22,9 @@ from orip.structs import replace
 
 ALPHA = 0.001
 """Error probability of the test of one observation; sigma0 is the one a priori."""
+
+_IN_AN_ANSWER = 1
+"""Linearisations at the solution before a measurement is answered; where more are needed its test follows."""
 
 _ADVISED = 3
 """What to measure next, in an answer."""
@@ -39,13 +42,31 @@ _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
 
-class _Found(Struct):
-    """What a measurement has brought about so far."""
+class _Request(Struct):
+    """A request that has been answered, and what is left of it to be done.
 
-    suspects: list[Suspect]
-    cleared: list[ObservationKey]
-    oriented: list[str]
-    placed: list[str]
+    Parameters
+    ----------
+    key : ObservationKey
+        The photo point that it is about.
+    before : Before
+    answer : Answer
+    points : dict of str
+        Points that may have moved.
+    new : list of ObservationKey
+        Observations that it has taken in.
+    is_tested : bool
+        Whether nothing more is to be found by testing what these concern.
+    has_oriented : bool
+    """
+
+    key: ObservationKey
+    before: Before
+    answer: Answer
+    points: dict[str, None]
+    new: list[ObservationKey]
+    is_tested: bool
+    has_oriented: bool
 
 
 class Measuring:
@@ -68,6 +89,7 @@ class Measuring:
         self._scale = ErrorScale(block, ALPHA)
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
+        self._request: _Request | None = None
         if len(block.measurements):
             self._start(block.measurements.photos, first)
             self._snoop_first()
@@ -81,39 +103,22 @@ class Measuring:
     def measure(self, measurement: Measurement) -> Answer:
         """Take a measurement: a new one, or in the place of an older one of the same point in the same photo.
 
+        What takes long is left to `reconsider`, which every further request does first.
+
         Raises
         ------
         InputError
             If the photo is not defined or has no interior orientation; nothing has changed then.
         """
+        self.reconsider()
         photo, point, xy = measurement
-        before, key = self.block.sigma0, self.block.key(photo, point)
+        key = self.block.key(photo, point)
+        sigma0 = self.block.sigma0
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._snooping.forgive([key])
             self.excluded.discard(key)
-        examined = self._control.examined
-        found = self._advance(point, key)
-        # both take their time, and an answer has to come soon
-        is_quick = self._control.examined == examined
-        if is_quick and len(self.block.measurements) >= self._begun_with * (1.0 + _MUCH_LATER):
-            found = self._begun_again_if_doubted(found)
-        return self._answer(key, before, found)
-
-    def exclude(self, photo: str, point: str) -> Answer:
-        """Leave a photo point out, by the operator's decision.
-
-        Raises
-        ------
-        KeyError
-            If it is not measured.
-        """
-        key, before = self._measured(photo, point), self.block.sigma0
-        self.block.take_out(key)
-        self.suspects.pop(key, None)
-        self.excluded.add(key)
-        self.block.left_out.add(key)
-        return self._answer(key, before, _Found([], [], [], []))
+        return self._advanced(key, sigma0)
 
     def include(self, photo: str, point: str) -> Answer:
         """Take a photo point in that was left out or is suspect, by the operator's decision; it is tested again.
@@ -123,10 +128,52 @@ class Measuring:
         KeyError
             If it is not measured.
         """
-        key, before = self._measured(photo, point), self.block.sigma0
+        self.reconsider()
+        key, sigma0 = self._measured(photo, point), self.block.sigma0
         self.excluded.discard(key)
         self._snooping.forgive([key])
-        return self._answer(key, before, self._advance(key.point, key))
+        return self._advanced(key, sigma0)
+
+    def reconsider(self) -> Answer | None:
+        """Do what was left of the last request: what takes longer than its answer may.
+
+        The state afterwards does not depend on when this is done.
+
+        Returns
+        -------
+        Answer or None
+            The answer as it is now; None: there is nothing new in it.
+        """
+        request, self._request = self._request, None
+        if request is None:
+            return None
+        if self.block.values.orientations and self.block.values.points:
+            is_moved = self._settle(request)
+        else:
+            is_moved = self._start_soon(request.key)
+        examined = self._control.examined
+        self._control.examine_if_doubted()
+        # both take their time, and measurements may wait
+        if self._control.examined != examined or self._begin_again_if_doubted() or is_moved:
+            answer = self._answer(request.key, request.before)
+            return answer if is_news(answer, request.answer) else None
+        return None
+
+    def exclude(self, photo: str, point: str) -> Answer:
+        """Leave a photo point out, by the operator's decision.
+
+        Raises
+        ------
+        KeyError
+            If it is not measured.
+        """
+        self.reconsider()
+        key, before = self._measured(photo, point), self._before(self.block.sigma0)
+        self.block.take_out(key)
+        self.suspects.pop(key, None)
+        self.excluded.add(key)
+        self.block.left_out.add(key)
+        return self._answer(key, before)
 
     def remove(self, photo: str, point: str) -> None:
         """Delete what was measured of a point in a photo.
@@ -136,6 +183,7 @@ class Measuring:
         KeyError
             If it is not measured.
         """
+        self.reconsider()
         key = self._measured(photo, point)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
@@ -149,10 +197,11 @@ class Measuring:
         KeyError
             If it is not measured.
         """
-        return self._answer(self._measured(photo, point), self.block.sigma0, _Found([], [], [], []))
+        return self._answer(self._measured(photo, point), self._before(self.block.sigma0))
 
     def relinearise(self) -> None:
         """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
+        self.reconsider()
         for _ in range(3):
             self.block.relinearise()
         self.examine()
@@ -163,12 +212,13 @@ class Measuring:
         Everything begins again if more has been measured since that was done the last time: what is wrong must not
         depend on the order of measuring.
         """
+        self.reconsider()
         if not self.suspects:
             return
         self._snooping.review()
         self._control.examine_if_doubted(now=True)
         if len(self.block.measurements) > self._begun_with:
-            self._begun_again()
+            self._begin_again()
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
@@ -192,59 +242,79 @@ class Measuring:
             raise KeyError(message)
         return key
 
-    def _advance(self, point: str, key: ObservationKey) -> _Found:
-        """Find values that can be found now, take in what has them, and test it."""
-        block, found = self.block, _Found([], [], [], [])
-        if not (block.values.orientations and block.values.points):
-            oriented = set(block.values.orientations)
-            self._start([key.photo], SOON)
-            found.oriented = [photo for photo in block.values.orientations if photo not in oriented]
-            found.placed = list(block.values.points)
-            found.suspects = self._snoop_first(key)
-            found.suspects += self._control.examine_if_doubted()
-            return found
-        found.oriented, found.placed = block.values.advance(block.measurements, [key.photo], [point])
-        control = self._snooping.disagreeing
-        again = [other for other in self.suspects if other.point == point and other not in control]
-        self._snooping.forgive(again)
-        fresh = dict.fromkeys([point, *found.placed])
-        rays = block.rays_with_values(found.oriented, fresh)
-        new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
-        if found.oriented:
-            self._adjust_cameras()
-        block.settle(fresh)
-        if self._scale.estimated():
-            again += self._snooping.review()
-        found.suspects = self._snooping.snoop(self._concerned(key, new), key)
-        block.lose_unsettled()
-        found.suspects += self._control.examine_if_doubted()
-        found.cleared = [other for other in dict.fromkeys(again) if other in block.equations.included]
-        before = set(again)
-        found.suspects = [one for one in found.suspects if one.key not in before or one.key == key]
-        return found
+    def _before(self, sigma0: float | None) -> Before:
+        values = self.block.values
+        return Before(sigma0, tuple(self.suspects), frozenset(values.orientations), frozenset(values.points))
 
-    def _begun_again_if_doubted(self, found: _Found) -> _Found:
+    def _advanced(self, key: ObservationKey, sigma0: float | None) -> Answer:
+        """Find values that can be found now, take in what has them, test it if that is soon done, and answer."""
+        block, before = self.block, self._before(sigma0)
+        if not (block.values.orientations and block.values.points):
+            block.values.photos_wait.setdefault(key.photo, _no_start(key.photo))
+            answer = self._answer(key, before)
+            self._request = _Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
+            return answer
+        oriented, placed = block.values.advance(block.measurements, [key.photo], [key.point])
+        control = self._snooping.disagreeing
+        self._snooping.forgive([other for other in self.suspects if other.point == key.point and other not in control])
+        points = dict.fromkeys([key.point, *placed])
+        rays = block.rays_with_values(oriented, points)
+        new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
+        with block.relinearised(_IN_AN_ANSWER):
+            is_settled = block.settle(points)
+            found = self._snooping.snoop(self._concerned(key, new), key, most=1) if is_settled else []
+        answer = self._answer(key, before)
+        if not is_settled and answer.state in ("included", "unchecked"):
+            text = f"{words_of(key)} is being tested: it moves photos, whose equations are computed again first"
+            answer = replace(answer, state="unchecked", text=text, w=None, limit=None, is_pending=True)
+        self._request = _Request(
+            key, before, answer, points, new, is_tested=is_settled and not found, has_oriented=bool(oriented)
+        )
+        return answer
+
+    def _settle(self, request: _Request) -> bool:
+        """Linearise at the solution with a new measurement, and test all that it concerns there.
+
+        Returns
+        -------
+        bool
+            Whether there was anything to be done.
+        """
+        if request.has_oriented:
+            self._adjust_cameras()
+        is_estimated = self._scale.estimated()
+        if request.is_tested and not (request.has_oriented or is_estimated):
+            return False
+        self.block.settle(request.points)
+        if is_estimated:
+            self._snooping.review()
+        self._snooping.snoop(self._concerned(request.key, request.new), request.key)
+        self.block.lose_unsettled()
+        return True
+
+    def _start_soon(self, latest: ObservationKey) -> bool:
+        """Orient the first photos if that takes little time; return whether there are any."""
+        self._start([latest.photo], SOON)
+        self._snoop_first(latest)
+        return bool(self.block.values.orientations)
+
+    def _begin_again_if_doubted(self) -> bool:
         """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
 
         What is measured first may orient photos wrongly, so that what is right does not fit later.
 
         Returns
         -------
-        _Found
-            What has been found all in all.
+        bool
+            Whether the session goes on from there.
         """
-        before, photos = self.suspects, set(self.block.values.orientations)
-        suspects = sum(key.kind == "photo" for key in before)
-        if suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * len(self.block.measurements)) or not self._begun_again():
-            return found
-        return _Found(
-            [one for key, one in self.suspects.items() if key not in before or one in found.suspects],
-            [*found.cleared, *(key for key in before if key not in self.suspects)],
-            [photo for photo in self.block.values.orientations if photo in found.oriented or photo not in photos],
-            [point for point in found.placed if point in self.block.values.points],
-        )
+        measured = len(self.block.measurements)
+        suspects = sum(key.kind == "photo" for key in self.suspects)
+        if measured < self._begun_with * (1.0 + _MUCH_LATER) or suspects <= max(_MORE_THAN_A_FEW, _TOO_MANY * measured):
+            return False
+        return self._begin_again()
 
-    def _begun_again(self) -> bool:
+    def _begin_again(self) -> bool:
         """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
         self._begun_with = len(self.block.measurements)
         other = Measuring(self.block.begun_again(self.excluded), SOON)
@@ -255,30 +325,28 @@ class Measuring:
         self._next_adjustment = self._begun_with * (1.0 + _LATER)
         return True
 
-    def _snoop_first(self, latest: ObservationKey | None = None) -> list[Suspect]:
-        """Take out what does not fit of the first photos, and linearise them at their solution without it."""
+    def _snoop_first(self, latest: ObservationKey | None = None) -> None:
+        """Take out what does not fit of the first photos, and linearise them at their solution without it.
+
+        Meanwhile the values are those of a robust adjustment: what is wrong, and still in, would lead away.
+        """
         self._scale.estimated()
-        with self.block.robust_values():
-            found = self._snooping.snoop(list(self.block.equations.included), latest)
+        with self.block.relinearised(0):
+            self._snooping.snoop(list(self.block.equations.included), latest)
         self.block.settle()
         self.block.lose_unsettled()
         self._scale.estimate_again()
-        return found
 
     def _start(self, photos: Iterable[str], first: FirstValues) -> None:
         """Orient the first photos, if there is enough in some of them for that."""
         block = self.block
         if len(block.measurements) < self._next_start:
             return
-        if not any(may_start(block.measurements, photo) for photo in photos):
-            block.values.photos_wait = {
-                photo: f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
-                f"{COMMON_POINTS - 1} known points"
-                for photo in block.measurements.photos
-            }
-            return
-        block.start(first)
-        self._next_start = int(len(block.measurements) * (1.0 + _LATER))
+        if any(may_start(block.measurements, photo) for photo in photos):
+            block.start(first)
+            self._next_start = int(len(block.measurements) * (1.0 + _LATER))
+        else:
+            block.values.photos_wait = {photo: _no_start(photo) for photo in block.measurements.photos}
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
@@ -300,46 +368,12 @@ class Measuring:
         included = self.block.equations.included
         return list(dict.fromkeys([*self.block.included_of(few, points), *(key for key in fresh if key in included)]))
 
-    def _answer(self, key: ObservationKey, before: float | None, found: _Found) -> Answer:
-        answer = Answer(
-            key.photo, key.point, "waiting", "",
-            sigma0=self.block.sigma0, sigma0_before=before, suspects=tuple(found.suspects),
-            cleared=tuple(found.cleared), oriented=tuple(found.oriented), placed=tuple(found.placed),
-            next=self.next([key.photo], _ADVISED),
-        )  # fmt: skip
-        if key in self.excluded:
-            return replace(answer, state="excluded", text=f"{words_of(key)} is left out by your decision")
-        if key in self.suspects:
-            suspect = self.suspects[key]
-            text = f"{words_of(key)} does not fit: w {suspect.w:.1f}, limit {suspect.limit:.1f}{_also(suspect)}"
-            return replace(answer, state="suspect", text=text, w=suspect.w, limit=suspect.limit)
-        if key not in self.block.equations.included:
-            return replace(answer, text=self._wait(key))
-        standing = self.block.equations.standing(key)
-        square, checked = standing.square()
-        redundancy = tuple(float(value) for value in standing.redundancy)
-        if checked < len(redundancy):
-            text = f"{words_of(key)} is not checked yet" if not checked else (
-                f"{words_of(key)} is checked in one direction only"
-            )  # fmt: skip
-            w, limit = None, None
-            if checked:
-                w, limit = float(np.sqrt(square)), self._scale.limit(checked)
-            return replace(answer, state="unchecked", text=text, w=w, limit=limit, redundancy=redundancy)
-        w, limit = float(np.sqrt(square)), self._scale.limit(checked)
-        text = f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}"
-        return replace(answer, state="included", text=text, w=w, limit=limit, redundancy=redundancy)
-
-    def _wait(self, key: ObservationKey) -> str:
-        """Return what a photo point waits for."""
-        values = self.block.values
-        if key.photo not in values.orientations:
-            return values.photos_wait.get(key.photo, f"photo {key.photo} waits: it is not oriented")
-        return values.points_wait.get(key.point, f"point {key.point} waits: it has no coordinates")
+    def _answer(self, key: ObservationKey, before: Before) -> Answer:
+        return answer_now(key, before, self._snooping, self.excluded, self.next([key.photo], _ADVISED))
 
 
-def _also(suspect: Suspect) -> str:
-    if not suspect.alike:
-        return "; measure it again"
-    names = ", ".join(map(words_of, suspect.alike))
-    return f"; an error in {names} would look the same: measure these again, or the point in one more photo"
+def _no_start(photo: str) -> str:
+    return (
+        f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
+        f"{COMMON_POINTS - 1} known points"
+    )

@@ -37,6 +37,7 @@ _UNSTEADY = 0.05
 _UNSETTLED = "photo {} waits: its points do not determine its orientation; measure more of them, far from each other"
 
 _RELINEARISATIONS = 8
+"""Linearisations at the solution, one after the other, after which a photo that still moves is not determined."""
 
 _WEAK = 1e-3
 """Root of the weight of control while it is examined: what is known to centimetres is observed to tens of metres."""
@@ -70,7 +71,7 @@ class OnlineBlock:
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
-        self._is_steady = False
+        self._relinearisations = _RELINEARISATIONS
         given = inputs.measured.observations.get(record_key(inputs.definition.name))
         # whether a photo point counts is kept here, from where it can come back
         self.left_out: set[ObservationKey] = set()
@@ -126,13 +127,13 @@ class OnlineBlock:
             self._control_weight = 1.0
 
     @contextmanager
-    def robust_values(self) -> Iterator[None]:
-        """Meanwhile, let the values be those of a robust adjustment: what is wrong, and still in, would lead away."""
-        self._is_steady = True
+    def relinearised(self, at_most: int) -> Iterator[None]:
+        """Meanwhile, let `settle` linearise so many times at most: 0 keeps the values that there are."""
+        before, self._relinearisations = self._relinearisations, at_most
         try:
             yield
         finally:
-            self._is_steady = False
+            self._relinearisations = before
 
     def take_out(self, key: ObservationKey) -> None:
         """Take an observation out of the equations, if it is in."""
@@ -220,7 +221,7 @@ class OnlineBlock:
         distances = self.measurements.control.distances
         return [row for row, name in enumerate(block.point_names) if name in distances]
 
-    def settle(self, points: Collection[str] = ()) -> None:
+    def settle(self, points: Collection[str] = ()) -> bool:
         """Linearise again at the solution while corrections are too large for the equations.
 
         A wrong observation that has not been found yet may demand corrections that mean nothing: it ends there.
@@ -229,17 +230,25 @@ class OnlineBlock:
         ----------
         points : collection of str
             Points that may have moved.
+
+        Returns
+        -------
+        bool
+            Whether the corrections are small now.
         """
-        for _ in range(0 if self._is_steady else _RELINEARISATIONS):
+        for remaining in range(self._relinearisations, -1, -1):
             reduced = self.equations.triangle.solution()
             photos = self._far_photos(reduced)
             far = self._far_points(points, reduced)
-            if not (photos or far) or self._far_photos(reduced, _LOST):
-                return
+            if not (photos or far):
+                return True
+            if not remaining or self._far_photos(reduced, _LOST):
+                break
             if len(photos) > _FEW:
                 self.relinearise()
             else:
                 self._relinearise_some(photos, far, reduced)
+        return False
 
     def lose_unsettled(self) -> None:
         """Take photos out again whose corrections do not become smaller, the worst first; they wait.

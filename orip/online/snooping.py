@@ -58,13 +58,28 @@ class Snooping:
             self.suspects.pop(key, None)
             self.block.left_out.discard(key)
 
-    def snoop(self, keys: Collection[ObservationKey], latest: ObservationKey | None = None) -> list[Suspect]:
-        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one."""
+    def snoop(
+        self, keys: Collection[ObservationKey], latest: ObservationKey | None = None, most: int | None = None
+    ) -> list[Suspect]:
+        """Take those out that do not fit, the worst first; of several that cannot be told apart, the latest one.
+
+        Parameters
+        ----------
+        keys : collection of ObservationKey
+        latest : ObservationKey or None
+        most : int or None
+            As many as are taken out for their own tests; None: all.
+
+        Returns
+        -------
+        list of Suspect
+            With others that these have shown to be wrong.
+        """
         found: list[Suspect] = []
+        results, are_many = _Results(self), len(keys) > _ALL
         # an observation drops out by itself where it can no longer be computed
         while tested := [key for key in keys if key in self.block.equations.included]:
-            results = dict(zip(tested, self.tested(tested), strict=True))
-            worst, (w, limit) = max(results.items(), key=lambda one: one[1][0] / one[1][1])
+            worst, w, limit = results.worst(tested)
             if w <= limit:
                 break
             alike = self._alike(worst, tested)
@@ -79,8 +94,11 @@ class Snooping:
                 break
             if worst.kind == "photo":
                 found += self._blamed_control(worst.point)
+            if most is not None and len(found) >= most:
+                break
             if len(tested) > _ALL:
-                keys = [key for key, (w, limit) in results.items() if w > _NEARLY * limit]
+                keys = [key for key in tested if results.ratio(key) > _NEARLY]
+            results.grow_old(forgotten=not are_many)
         found += self._outvoted(dict.fromkeys(one.key.point for one in found if one.key.kind == "photo"))
         return [one for one in found if one.key in self.suspects]
 
@@ -188,3 +206,45 @@ class Snooping:
         others = [other for other in among if other != key and (other.point == key.point or other.photo == key.photo)]
         found = self.block.equations.correlations(key, others)
         return [other for other, rho in zip(others, found, strict=True) if np.abs(rho).max(initial=0.0) > _ALIKE]
+
+
+class _Results:
+    """Results of tests while observations are taken out: of many, those alone are tested again that decide."""
+
+    def __init__(self, snooping: Snooping) -> None:
+        self._snooping = snooping
+        self._found: dict[ObservationKey, tuple[float, float]] = {}
+        self._fresh: set[ObservationKey] = set()
+
+    def grow_old(self, *, forgotten: bool) -> None:
+        """Something was taken out: all have to be tested again, or those that turn out to decide."""
+        self._fresh.clear()
+        if forgotten:
+            self._found.clear()
+
+    def ratio(self, key: ObservationKey) -> float:
+        """Return the test quantity of an observation, when it was tested last, over its limit."""
+        w, limit = self._found[key]
+        return w / limit
+
+    def worst(self, keys: Sequence[ObservationKey]) -> tuple[ObservationKey, float, float]:
+        """Return the observation that fits worst, its test quantity and limit."""
+        again = [key for key in keys if key not in self._found]
+        while True:
+            self._found.update(zip(again, self._snooping.tested(again), strict=True))
+            self._fresh.update(again)
+            worst = max(keys, key=self.ratio)
+            old = [key for key in keys if key not in self._fresh]
+            if self.ratio(worst) > 1.0:
+                # what was taken out changes its neighbours most; all others are tested before it is said that they fit
+                old = [key for key in old if worst not in self._fresh and _are_neighbours(key, worst)]
+            if not old:
+                return worst, *self._found[worst]
+            again = old
+
+
+def _are_neighbours(one: ObservationKey, other: ObservationKey) -> bool:
+    """Return whether observations are the same, or of the same photo or point."""
+    return (
+        one == other or (one.photo != "" and one.photo == other.photo) or (one.point != "" and one.point == other.point)
+    )

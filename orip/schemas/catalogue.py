@@ -14,9 +14,9 @@ SchemaName = Literal[
     "check", "compare", "control-edit", "control-list", "covariance", "digitise", "digitise-ground", "drive-download",
     "drive-emulate", "drive-panel", "drive-profile", "drive-table", "drive-to", "drive-watch", "drive-where", "error",
     "export", "export-toml", "formats", "import", "init", "measure", "model-coordinates", "observation-edit",
-    "observations", "online-demo", "prelim", "project-made", "record", "record-edit", "records", "relative", "report",
-    "result", "result-part", "results", "sample-written", "samples", "similarities", "stations-import", "status",
-    "todo", "todo-next", "update", "update-undone",
+    "observations", "online-demo", "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records",
+    "relative", "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
+    "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
 
@@ -84,6 +84,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     ),
     "observations": DocumentType(measuring.Observations, ("observations list",)),
     "online-demo": DocumentType(measuring.OnlineDemo, ("online",)),
+    "online-reconsidered": DocumentType(measuring.OnlineReconsidered, ("online",)),
     "prelim": DocumentType(preliminary.Prelim, ("prelim", "prelim update")),
     "project-made": DocumentType(project.ProjectMade, ("init", "new")),
     "record": DocumentType(project.Record, _each(_RECORDS, "show")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from msgspec import UNSET, UnsetType
+from msgspec import UNSET, UnsetType, field
 
 from orip.schemas.parts import Part, Warned
 
@@ -286,6 +286,44 @@ class TodoNext(Part, frozen=True):
     command: Literal["observations todo"]
     bundle: str
     next: list[PointToAdd]
+
+
+class OnlineSuspect(Part, frozen=True):
+    """An observation that does not fit: w and its limit, and others that an error could be in just as well."""
+
+    observation: str
+    photo: str
+    point: str
+    w: float
+    limit: float
+    alike: list[str]
+
+
+class OnlineAnswer(Part, frozen=True):
+    """What a measurement did, and how it stands."""
+
+    photo: str
+    point: str
+    state: Literal["waiting", "unchecked", "included", "suspect", "excluded"]
+    text: str
+    w: float | None
+    limit: float | None
+    redundancy: list[float]
+    sigma0: float | None
+    sigma0_before: float | None = field(name="sigma0 before")
+    suspects: list[OnlineSuspect]
+    cleared: list[str]
+    oriented: list[str]
+    placed: list[str]
+    next: list[PointToAdd]
+    pending: bool
+
+
+class OnlineReconsidered(Part, frozen=True):
+    """What has become of an answer of a session of measuring since it was given."""
+
+    command: Literal["online"]
+    reconsidered: OnlineAnswer
 
 
 class OnlineDemo(Part, frozen=True):

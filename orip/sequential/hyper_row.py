@@ -144,13 +144,13 @@ def stacked(observations: Sequence[ObservationRows]) -> ObservationRows:
     """Return the equations of several observations of one point as those of one."""
     if len(observations) == 1:
         return observations[0]
-    columns = np.unique(np.concatenate([rows.columns for rows in observations]))
+    columns, places = np.unique(np.concatenate([rows.columns for rows in observations]), return_inverse=True)
     by_point = np.concatenate([rows.by_point for rows in observations])
-    by_reduced, first = np.zeros((len(by_point), len(columns))), 0
+    by_reduced, row, place = np.zeros((len(by_point), len(columns))), 0, 0
     for rows in observations:
-        last = first + len(rows.right)
-        by_reduced[first:last, np.searchsorted(columns, rows.columns)] = rows.by_reduced
-        first = last
+        next_row, next_place = row + len(rows.right), place + len(rows.columns)
+        by_reduced[row:next_row, places[place:next_place]] = rows.by_reduced
+        row, place = next_row, next_place
     right = np.concatenate([rows.right for rows in observations])
     return ObservationRows(observations[0].point, by_point, columns, by_reduced, right)
 

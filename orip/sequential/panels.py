@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from orip.arrays import FloatArray, IntArray
 
 
@@ -24,3 +26,9 @@ class Replaced(NamedTuple):
     square_sums: FloatArray
     residual_square_sum: float
     rounding: float
+
+
+def pivotal(block: FloatArray) -> FloatArray:
+    """Return a diagonal block of R, with 1 as the pivot of rows that are zero."""
+    empty = np.diagonal(block) == 0.0
+    return np.where(np.diag(empty), 1.0, block) if empty.any() else block

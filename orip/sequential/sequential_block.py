@@ -19,8 +19,9 @@ from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle, factored_point
 from orip.sequential.reduced_rows import ReducedRows
 from orip.sequential.standing import LEAST_REDUNDANCY, Standing
+from orip.sequential.standings_of_many import standings_of_many
 from orip.sequential.triangle import Triangle
-from orip.sequential.whitening import Whitened, standings_of_many, whitened
+from orip.sequential.whitening import Whitened, whitened
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -28,7 +29,10 @@ _MOST_REPLACED = 4
 """Points up to which replacing their equations one by one takes less time than to build the triangle."""
 
 _MANY = 0.25
-"""Equations, over unknowns, from which the inverse of the triangle takes less time than their substitution."""
+"""Equations, over unknowns, from which N^-1 takes less time than their substitution."""
+
+_LEAST_OF_POINT = 0.1
+"""Redundancy number of an observation, reduced unknowns held, from which its point is well determined without it."""
 
 _MOST_ROUNDING = 1000.0
 """Rounding of the triangle, see there, with which it is built again."""
@@ -122,7 +126,8 @@ class SequentialBlock(Generic[Key]):
             self._replace((rows.reduced,), ())
         else:
             self._of_points[rows.point].remove(key)
-            self._point_changed(rows.point)
+            if not self._left(rows.point, rows):
+                self._point_changed(rows.point)
 
     def replace(self, key: Key, rows: ObservationRows) -> None:
         """Replace the equations of an observation: measured again, or linearised again."""
@@ -297,6 +302,24 @@ class SequentialBlock(Generic[Key]):
 
     def _factored(self, name: str) -> PointInTriangle:
         return factored_point([self._included[key] for key in self._of_points[name]])
+
+    def _left(self, name: str, rows: ObservationRows) -> bool:
+        """Take an observation out that a point has lost, by as many equations as it has; False: that cannot be done.
+
+        With W = R^-T A^T in the hyper-row and L, what is left of A there, all equations of the point say L^T (1 - W^T
+        W)^-1 L more about the reduced unknowns than those that remain.
+        """
+        before, remaining = self._points[name], self._of_points[name]
+        if not (remaining and before.hyper_row.is_complete):
+            return False
+        own, reduced = before.hyper_row.whitened(rows)
+        values, vectors = np.linalg.eigh(np.eye(len(rows.right)) - own.T @ own)
+        if values[0] < _LEAST_OF_POINT:
+            return False
+        self._points[name] = self._factored(name)
+        scaled = vectors.T / np.sqrt(values)[:, None]
+        self._replace([ReducedRows(reduced.columns, scaled @ reduced.rows, scaled @ reduced.right)], ())
+        return True
 
     def _point_changed(self, name: str) -> None:
         """Bring what the observations of a point say about the reduced unknowns up to date."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,19 +44,35 @@ class Standing(NamedTuple):
         return float(squares[0]), int(checked[0])
 
 
+def redundancies(standings: Sequence[Standing]) -> list[list[float]]:
+    """Return the redundancy numbers of each observation; `Standing.redundancy` of many."""
+    found: dict[int, list[float]] = {}
+    for places, _, cofactor in _by_size(standings):
+        numbers = np.diagonal(cofactor, axis1=1, axis2=2).clip(0.0, 1.0).tolist()
+        found.update(zip(places.tolist(), numbers, strict=True))
+    return [found[place] for place in range(len(standings))]
+
+
 def falls(standings: Sequence[Standing]) -> tuple[FloatArray, IntArray]:
     """Return by how much the square sum falls without each observation (m,), and how many equations are checked.
 
     `Standing.square` of many: matrices of the same size are decomposed together.
     """
     squares, checked = np.zeros(len(standings)), np.zeros(len(standings), dtype=np.int64)
-    sizes = np.array([len(standing.residual) for standing in standings])
-    for size in np.unique(sizes).tolist():
-        same = np.flatnonzero(sizes == size)
-        values, vectors = np.linalg.eigh(np.array([standings[place].cofactor for place in same.tolist()]))
-        residual = np.array([standings[place].residual for place in same.tolist()])
+    for same, residual, cofactor in _by_size(standings):
+        values, vectors = np.linalg.eigh(cofactor)
         parts = (vectors.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
         is_checked = values > LEAST_REDUNDANCY
         squares[same] = np.sum(np.where(is_checked, parts**2 / np.where(is_checked, values, 1.0), 0.0), axis=1)
         checked[same] = np.count_nonzero(is_checked, axis=1)
     return squares, checked
+
+
+def _by_size(standings: Sequence[Standing]) -> Iterator[tuple[IntArray, FloatArray, FloatArray]]:
+    """Yield the places of observations with k equations, their residuals (m, k) and cofactors (m, k, k)."""
+    sizes = np.array([len(standing.residual) for standing in standings], dtype=np.int64)
+    for size in np.unique(sizes).tolist():
+        places = np.flatnonzero(sizes == size)
+        same = [standings[place] for place in places.tolist()]
+        residual = np.concatenate([standing.residual for standing in same]).reshape(-1, size)
+        yield places, residual, np.concatenate([standing.cofactor for standing in same]).reshape(-1, size, size)

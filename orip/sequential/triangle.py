@@ -19,11 +19,14 @@ import numpy as np
 from scipy.linalg.lapack import dtpmqrt, dtpqrt, dtrtrs
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.sequential.panels import Panel, Replaced
+from orip.sequential.cofactors import cofactors_in_band
+from orip.sequential.panels import Panel, Replaced, pivotal
 from orip.sequential.reduced_rows import ReducedRows
 
 _PANEL = 48
 """Rows of R that are transformed together: wide enough for LAPACK, narrow enough for a band."""
+
+_UP_TO_DIAGONAL = np.tri(_PANEL, dtype=bool)
 
 _ZERO_PIVOT = 1e-9
 """Part of an unknown's column in R below which its pivot is rounding: nothing determines the unknown. Rounding has been
@@ -222,7 +225,7 @@ class Triangle:
         for panel in reversed(list(self._panels(0))):
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
             right = self._right[own] - self._factor[own, beyond] @ found[beyond]
-            found[own] = dtrtrs(self._pivotal(own), right)[0]
+            found[own] = dtrtrs(pivotal(self._factor[own, own]), right)[0]
         return found
 
     def whitened(self, columns: IntArray, rows: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -238,17 +241,12 @@ class Triangle:
         found[held] = 0.0
         return found, np.asarray(is_open)
 
-    def inverse(self) -> FloatArray:
-        """Return R^-1 (n, n), with zero columns for unknowns that nothing determines: they are held."""
-        found = np.zeros((self.size, self.size))
-        for panel in reversed(list(self._panels(0))):
-            own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            pivotal = self._pivotal(own)
-            found[own, own] = dtrtrs(pivotal, np.eye(panel.last - panel.first))[0]
-            across = self._factor[own, beyond] @ found[beyond, panel.last :]
-            found[own, panel.last :] = -dtrtrs(pivotal, across)[0]
-        found[:, ~self.determined()] = 0.0
-        return found
+    def cofactors(self) -> FloatArray:
+        """Return N^-1 = (R^T R)^-1 (n, n) for the unknowns that a row of R has in common; elsewhere it is zero.
+
+        Unknowns that nothing determines are held.
+        """
+        return cofactors_in_band(self._factor, list(self._panels(0)), self.determined())
 
     def _forward(self, right: FloatArray) -> FloatArray:
         """Return R^-T b (n, k) of b (n, k), which is overwritten."""
@@ -256,15 +254,9 @@ class Triangle:
         found = np.zeros_like(right)
         for panel in self._panels(int(touched[0])) if len(touched) else ():
             own, beyond = slice(panel.first, panel.last), slice(panel.last, panel.end)
-            found[own] = dtrtrs(self._pivotal(own), right[own], trans=1)[0]
+            found[own] = dtrtrs(pivotal(self._factor[own, own]), right[own], trans=1)[0]
             right[beyond] -= self._factor[own, beyond].T @ found[own]
         return found
-
-    def _pivotal(self, own: slice) -> FloatArray:
-        """Return a diagonal block of R, with 1 as the pivot of rows that are zero."""
-        block = self._factor[own, own]
-        empty = np.diagonal(block) == 0.0
-        return np.where(np.diag(empty), 1.0, block) if empty.any() else block
 
     def _panels(self, first: int) -> Iterator[Panel]:
         """Yield panels of rows from a first one on."""
@@ -386,7 +378,11 @@ class Triangle:
         factors, slopes = np.sqrt(after / before)[:, None], (p[own] / np.sqrt(after * before))[:, None]
         below = rest[across] - np.cumsum(p[own, None] * self._factor[own, across], axis=0)
         beyond = rest[-1] - np.cumsum(p[own] * self._right[own])
-        self._factor[own, across] = np.triu(factors * self._factor[own, across] - slopes * np.triu(below, 1))
-        self._right[own] = factors[:, 0] * self._right[own] - slopes[:, 0] * beyond
         rest[across], rest[-1] = below[-1], beyond[-1]
         rest[own] = 0.0
+        width = panel.last - panel.first
+        below[:, :width][_UP_TO_DIAGONAL[:width, :width]] = 0.0
+        below *= slopes
+        self._factor[own, across] *= factors
+        self._factor[own, across] -= below
+        self._right[own] = factors[:, 0] * self._right[own] - slopes[:, 0] * beyond

@@ -1,7 +1,7 @@
 """How observations fit: their equations divided by the triangle, with the points' own rows of it.
 
 With the equations a of an observation and R of all, p = R^-T a^T has p^T p = a N^-1 a^T, the cofactor of what the
-adjustment says about it. A few observations are substituted into R; of many, R^-1 is computed once.
+adjustment says about it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from orip.arrays import BoolArray, FloatArray
 from orip.sequential.hyper_row import ObservationRows, stacked
 from orip.sequential.points_in_triangle import PointInTriangle
 from orip.sequential.reduced_rows import ReducedRows
-from orip.sequential.standing import Standing
 from orip.sequential.triangle import Triangle
 
 
@@ -59,32 +58,6 @@ def whitened(
             found[place] = Whitened(
                 group.own[:, part], spread[:, across], group.reduced.right[part] - explained[across], is_open[across]
             )
-    return [found[place] for place in range(len(observations))]
-
-
-def standings_of_many(
-    points: Mapping[str, PointInTriangle], triangle: Triangle, observations: Sequence[ObservationRows]
-) -> list[Standing]:
-    """Return how observations that are in fit, by R^-1: quicker than substitution of many.
-
-    Points that are seen in the same photos are multiplied together.
-    """
-    inverse, solution = triangle.inverse(), triangle.solution()
-    sharing: dict[bytes, list[_OfPoint]] = {}
-    for group in _without_points(points, observations):
-        sharing.setdefault(group.reduced.columns.tobytes(), []).append(group)
-    found: dict[int, Standing] = {}
-    for groups in sharing.values():
-        columns = groups[0].reduced.columns
-        across = inverse[columns, int(columns.min(initial=triangle.size)) :]
-        spread, start = np.concatenate([group.reduced.rows for group in groups]) @ across, 0
-        for group in groups:
-            mine = spread[start : start + len(group.reduced.right)]
-            start += len(mine)
-            residual = group.reduced.rows @ solution[columns] - group.reduced.right
-            cofactor = np.eye(len(mine)) - group.own.T @ group.own - mine @ mine.T
-            for place, part in _parts(group.places, observations):
-                found[place] = Standing(residual[part], cofactor[part, part])
     return [found[place] for place in range(len(observations))]
 
 

@@ -8,6 +8,9 @@ import json
 from collections.abc import Awaitable, Callable, Iterator
 from typing import Any
 
+import pytest
+
+from orip.link import online_server
 from orip.link.online_server import LONGEST_LINE, Answering, OnlineServer
 
 
@@ -15,6 +18,7 @@ class _Session:
     def __init__(self) -> None:
         self.lines: list[str] = []
         self.others: list[dict[str, Any]] = []
+        self.wake: Callable[[], None] = lambda: None
 
     def reply(self, line: str) -> dict[str, Any] | None:
         try:
@@ -27,7 +31,10 @@ class _Session:
             self.lines.append(line.strip())
         return {"state": "included", "number": len(self.lines)}
 
-    def appended(self) -> Iterator[dict[str, Any]]:
+    def on_news(self, wake: Callable[[], None]) -> None:
+        self.wake = wake
+
+    def news(self) -> Iterator[dict[str, Any]]:
         while self.others:
             yield self.others.pop(0)
 
@@ -47,7 +54,7 @@ class _Client:
 def _run(talk: Callable[[_Session, Callable[[], Awaitable[_Client]]], Awaitable[None]]) -> None:
     async def run() -> None:
         session, end, port = _Session(), asyncio.Event(), asyncio.get_running_loop().create_future()
-        server = OnlineServer(Answering(lambda: {"summary": ""}, session.reply, session.appended))
+        server = OnlineServer(Answering(lambda: {"summary": ""}, session.reply, session.news, session.on_news))
         serving = asyncio.create_task(server.serve("127.0.0.1", 0, lambda _, at: port.set_result(at), end.wait()))
         number = await port
 
@@ -125,5 +132,20 @@ def test_what_others_have_written_to_files_is_told_to_all() -> None:
         session.others.append({"state": "suspect"})
         assert (await first.heard())["state"] == "suspect"
         assert (await second.heard())["state"] == "suspect"
+
+    _run(talk)
+
+
+def test_what_has_been_reconsidered_in_a_thread_is_told_to_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(online_server, "_LOOKS_EVERY_S", 60.0)
+
+    async def talk(session: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        first, second = await connect(), await connect()
+        await first.heard()
+        await second.heard()
+        session.others.append({"reconsidered": {"state": "included"}})
+        await asyncio.to_thread(session.wake)
+        assert (await first.heard())["reconsidered"]["state"] == "included"
+        assert (await second.heard())["reconsidered"]["state"] == "included"
 
     _run(talk)

@@ -6,6 +6,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from support.online_answers import last_answer
 
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
@@ -42,7 +43,7 @@ def played() -> tuple[SimulatedSession, Measuring, list[tuple[str, str, tuple[fl
         if photo == last and shown[point] >= 3 and len(kept) < 3:
             kept.append((photo, point, xy))
         else:
-            measuring.measure((photo, point, xy))
+            last_answer(measuring, (photo, point, xy))
     return session, measuring, kept
 
 
@@ -87,7 +88,7 @@ def test_a_photo_that_waits_is_told_where_known_points_are(played) -> None:
     for photo, point, xy in session.measurements:
         if photo == last and point not in list(there)[:3]:
             continue
-        answer = measuring.measure((photo, point, xy))
+        answer = last_answer(measuring, (photo, point, xy))
     assert answer is not None
     assert answer.state == "waiting"
     assert answer.next

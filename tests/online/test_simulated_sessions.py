@@ -8,6 +8,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 from scipy.stats import poisson
+from support.online_answers import last_answer
 
 from orip.online.measurements import Measurement
 from orip.online.measuring import ALPHA, Measuring
@@ -29,7 +30,7 @@ def _played(session: SimulatedSession) -> Measuring:
     measured: list[tuple[str, str]] = []
     wrong = {(blunder.photo, blunder.point) for blunder in session.blunders}
     for measurement in session.measurements:
-        answer = measuring.measure(measurement)
+        answer = last_answer(measuring, measurement)
         measured.append(measurement[:2])
         named = {other for suspect in measuring.suspects.values() for other in (suspect.key, *suspect.alike)}
         for photo, point in wrong.intersection(measured):
@@ -68,7 +69,7 @@ def test_the_first_model_of_a_block_like_the_simplon_has_its_published_redundanc
     """31 observations of 30 unknowns: seven elements of orientation, six points in two photos, and no control."""
     session = simplon_like_session(0)
     measuring = Measuring(OnlineBlock(session.inputs))
-    states = [measuring.measure(measurement).state for measurement in session.measurements[:12]]
+    states = [last_answer(measuring, measurement).state for measurement in session.measurements[:12]]
     assert set(states[:-2]) == {"waiting"}
     equations = measuring.block.equations
     assert sum(len(rows.right) for rows in equations.included.values()) == 31
@@ -110,10 +111,10 @@ def test_everything_waits_until_a_photo_has_enough_known_points() -> None:
     session = simulated_session(2, 3, 0)
     measuring = Measuring(OnlineBlock(session.inputs))
     first, second = session.measurements[:2]
-    answer = measuring.measure(first)
+    answer = last_answer(measuring, first)
     assert (answer.state, answer.sigma0) == ("waiting", None)
     assert "waits" in answer.text
-    measuring.measure(second)
+    last_answer(measuring, second)
     assert set(measuring.waiting()) == {f"photo {first[0]}"}
 
 
@@ -133,9 +134,9 @@ def test_a_measurement_taken_back_leaves_no_trace(clean) -> None:
     assert not measuring.suspects
     before, redundancy = measuring.block.equations.square_sum, measuring.block.equations.redundancy
     photo, point, (x, y) = _checked(measuring, session)
-    wrong = measuring.measure((photo, point, (x + 0.2, y + 0.2)))
+    wrong = last_answer(measuring, (photo, point, (x + 0.2, y + 0.2)))
     assert wrong.state == "suspect" or any(point == suspect.key.point for suspect in wrong.suspects)
-    right = measuring.measure((photo, point, (x, y)))
+    right = last_answer(measuring, (photo, point, (x, y)))
     assert right.state == "included"
     assert measuring.block.equations.redundancy == redundancy
     # linearised at values that moved by less than the thousandth that a wrong ray may move them

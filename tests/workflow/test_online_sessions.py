@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from support.sample_projects import sample
 from threadpoolctl import threadpool_limits
+from workflow.online_points import typed_points
 from workflow.quiet import run_quietly
 from workflow.small_projects import Point, first_project, replace_in, without_points
 
@@ -86,26 +87,6 @@ def test_points_typed_in_random_order_end_as_orip_run_does(project, tmp_path: Pa
     assert _figures(folder) == _figures(other)
 
 
-def _typed(folder: Path) -> list[Point]:
-    """Take the photo points out of the measurement files of a project, and return those that count."""
-    session = OnlineSession(folder, None)
-    rays = session.measuring.block.measurements.observations
-    found = [
-        (photo, point, *session.to_log(photo, (float(x), float(y))))
-        for photo, point, (x, y) in zip(rays.photos, rays.points, rays.measured, strict=True)
-    ]
-    for log in folder.glob("*.MEA"):
-        kept, is_of_points = [], False
-        for line in log.read_text(encoding="utf-8").splitlines():
-            words = line.split("!")[0].split()
-            if words[:1] in (["POINTS"], ["PHOTO"], ["TEMPLATE"]):
-                is_of_points = words[0] == "POINTS"
-            if not (is_of_points and words):
-                kept.append(line)
-        log.write_text("\n".join([*kept, ""]), encoding="utf-8")
-    return found
-
-
 WRONG = {
     "small_frame_block": {"1213 in 203", "1307 in 104"},
     "zurich_city_hall": {f"control point {name}" for name in (201, 202, 211, 212, 311, 312)},
@@ -120,7 +101,7 @@ WRONG = {
 def test_a_sample_typed_in_random_order_ends_with_the_figures_of_solve(tmp_path: Path, seed: int, name: str) -> None:
     folder, other = sample(tmp_path, name), sample(tmp_path / "other", name)
     commit(initialise(read_project(folder, "definitions")))
-    points = _typed(folder)
+    points = typed_points(folder)
     random.Random(seed).shuffle(points)
     session = OnlineSession(folder, None)
     for point in points:
@@ -161,6 +142,16 @@ def test_photos_points_cameras_residuals_and_statistics_are_those_of_the_adjustm
     assert of_photos <= statistics["square sum"] * (1.0 + 1e-9) + 1e-12
     assert len(shown["residuals"]) == len(points)
     assert all(one["w"] <= one["limit"] for one in shown["residuals"])
+    photo, name = points[0][:2]
+    for asked in ({"photo": photo}, {"point": name}, {"photo": photo, "point": name}):
+        of_it = _reply(session, folder, do="show", what="residuals", **asked)["residuals"]
+        expected = [one for one in shown["residuals"] if one.items() >= asked.items()]
+        assert [one["point"] for one in of_it] == [one["point"] for one in expected]
+        # by substitution of few, and by the inverse for many
+        assert all(
+            one["w"] == pytest.approx(other["w"], rel=1e-6, abs=1e-9)
+            for one, other in zip(of_it, expected, strict=True)
+        )
     assert {one["photo"] for one in shown["photos"]} == {point[0] for point in points}
     assert {one["point"] for one in shown["points"]} == {point[1] for point in points}
     assert shown["cameras"][0]["C"] > 0.0
@@ -304,6 +295,7 @@ def test_lines_that_others_append_are_answered(project) -> None:
         ('{"do": "measure", "photo": "P1", "point": "1", "x": NaN, "y": 1}', "a number"),
         ('{"do": "measure", "photo": "P1", "point": 1, "x": 1, "y": 1}', "in quotes"),
         ('{"do": "show", "what": "all"}', "it is one of summary"),
+        ('{"do": "show", "what": "points", "photo": "P1"}', 'for "what": "residuals" alone'),
         ('{"do": "solve", "now": true}', "does not have"),
         ('{"do": "solve", "prune": "yes"}', "true or false"),
     ],

@@ -161,11 +161,12 @@ def _edited(
 def _tell_next(invocation: Invocation, bundle: str | None) -> None:
     """Tell what is worth measuring next, the most profitable first."""
     from orip.workflow.online.replies import shown
+    from orip.workflow.online.requests import Request
     from orip.workflow.online.session import OnlineSession
 
     session = OnlineSession(invocation.folder, bundle)
     invocation.terminal.warn(session.warnings)
-    advised = shown(session, "todo")["todo"]
+    advised = shown(session, Request("show", what="todo"))["todo"]
     if invocation.terminal.json:
         document = {"command": "observations todo", "bundle": session.bundle.name, "next": advised}
         invocation.terminal.document("todo-next", document)

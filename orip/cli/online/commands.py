@@ -7,6 +7,7 @@ import queue
 import sys
 import threading
 from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -61,10 +62,10 @@ def register(app: typer.Typer) -> None:
         address = None if listen is None else listening_address(listen, ", which is where programs can measure")
         from orip.workflow.online.replies import shown
         from orip.workflow.online.served import ServedSession
-        from orip.workflow.online.session import OnlineSession
+        from orip.workflow.online.session import ANSWERED_WITHIN_S, OnlineSession
 
         with limited_threads(invocation.terminal.threads):
-            session = OnlineSession(invocation.folder, bundle)
+            session = OnlineSession(invocation.folder, bundle, ANSWERED_WITHIN_S)
             invocation.terminal.warn(session.warnings)
             served = ServedSession(session, invocation.folder)
             with _shown(invocation, served) if page else nullcontext():
@@ -73,7 +74,7 @@ def register(app: typer.Typer) -> None:
 
                     serve_programs(invocation, served, address)
                     return
-                _put(invocation, shown(session, "summary"))
+                _put(invocation, shown(session))
                 _serve(invocation, served)
 
 
@@ -87,21 +88,22 @@ def _shown(invocation: Invocation, session: ServedSession) -> AbstractContextMan
 def _serve(invocation: Invocation, session: ServedSession) -> None:
     """Answer until stdin ends or the session is asked to."""
     lines: queue.Queue[str | None] = queue.Queue()
+    session.on_news(partial(lines.put, ""))
     threading.Thread(target=_read, args=(lines,), daemon=True).start()
     while True:
         try:
             line = lines.get(timeout=_LOOKS_EVERY)
         except queue.Empty:
             line = ""
-        for reply in session.appended():
+        for reply in session.news():
             _put(invocation, reply)
-        if line is None:
-            return
-        if line.strip():
-            answer = session.reply(line)
-            if answer is None:
-                return
+        answer = None if line is None else session.reply(line) if line.strip() else {}
+        if answer is None:
+            break
+        if answer:
             _put(invocation, answer)
+    for reply in session.ended():
+        _put(invocation, reply)
 
 
 def _read(lines: queue.Queue[str | None]) -> None:
@@ -139,6 +141,7 @@ def _play(invocation: Invocation) -> None:
         measuring = Measuring(OnlineBlock(session.inputs))
         for number, measurement in enumerate(session.measurements, start=1):
             answer = measuring.measure(measurement)
+            answer = measuring.reconsider() or answer
             at = f"{number:>4} {measurement[1]} in {measurement[0]}:"
             for photo in answer.oriented:
                 say(f"{at} photo {photo} is oriented")

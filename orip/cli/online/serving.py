@@ -6,7 +6,7 @@ import asyncio
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from orip.errors import OripError
 
 if TYPE_CHECKING:
     from orip.cli.options import Invocation
+    from orip.workflow.online.replies import Reply
     from orip.workflow.online.served import ServedSession
 
 
@@ -38,21 +39,27 @@ def answered_online(invocation: Invocation, bundle: str | None) -> Iterator[Call
     """Answer what is digitised meanwhile: each point that is written is handed to the function that is yielded."""
     from orip.threads import limited_threads
     from orip.workflow.online.served import ServedSession
-    from orip.workflow.online.session import OnlineSession
+    from orip.workflow.online.session import ANSWERED_WITHIN_S, OnlineSession
 
     with limited_threads(invocation.terminal.threads):
-        session = ServedSession(OnlineSession(invocation.folder, bundle), invocation.folder)
+        session = ServedSession(OnlineSession(invocation.folder, bundle, ANSWERED_WITHIN_S), invocation.folder)
+
+        def say(replies: Iterable[Reply]) -> None:
+            for reply in replies:
+                answer = reply.get("reconsidered", reply)
+                invocation.terminal.say(answer.get("error") or answer["text"])
+                for suspect in answer.get("suspects", ()):
+                    if (suspect["photo"], suspect["point"]) != (answer["photo"], answer["point"]):
+                        invocation.terminal.say(f"{suspect['observation']} does not fit: measure it again")
 
         def written(photo: str, point: str, xy: tuple[float, float] | None) -> None:
-            reply = session.written(photo, point, xy)
-            if reply is not None:
-                invocation.terminal.say(reply["text"])
-                for suspect in reply["suspects"]:
-                    if (suspect["photo"], suspect["point"]) != (photo, point):
-                        invocation.terminal.say(f"{suspect['observation']} does not fit: measure it again")
+            answer = session.written(photo, point, xy)
+            say([] if answer is None else [answer])
+            say(session.news())
 
         with page_of(invocation, session):
             yield written
+        say(session.ended())
 
 
 def serve_programs(invocation: Invocation, session: ServedSession, address: tuple[str, int]) -> None:
@@ -65,7 +72,7 @@ def serve_programs(invocation: Invocation, session: ServedSession, address: tupl
     """
     from orip.link.online_server import Answering, OnlineServer
 
-    server = OnlineServer(Answering(session.greeting, session.reply, session.appended))
+    server = OnlineServer(Answering(session.greeting, session.reply, session.news, session.on_news))
 
     def listening(host: str, port: int) -> None:
         at = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"

@@ -14,6 +14,7 @@ from orip.online.answers import words_of
 from orip.online.measuring import Measuring
 from orip.online.ray_states import ray_states
 from orip.records.names import record_key
+from orip.workflow.online.session import OnlineSession
 
 _LONGEST_HISTORY = 2000
 """Values of sigma0 that are drawn."""
@@ -27,22 +28,21 @@ class OnlinePage:
 
     Parameters
     ----------
-    measuring : function
-        Returns the session's measuring, which is another one after the project has changed.
+    session : OnlineSession
     lock : lock
         Held while a request is answered.
     """
 
     page = "online.html"
 
-    def __init__(self, project: str, measuring: Callable[[], Measuring], lock: threading.Lock) -> None:
-        self.scene: Document = {"project": project}
+    def __init__(self, session: OnlineSession, lock: threading.Lock) -> None:
+        self.scene: Document = {"project": session.bundle.name}
         self.commands: Mapping[str, Callable[[Document], Document]] = {}
-        self._measuring, self._lock = measuring, lock
+        self._session, self._lock = session, lock
         self._serial, self._is_old = 0, True
         self._answer: Document = {}
         self._history: list[float] = []
-        self._state: Document = {}
+        self._state: Document = {"photos": [], "suspects": [], "waiting": []}
 
     def answered(self, reply: Document) -> None:
         """Keep what was answered last; the lock is held."""
@@ -54,16 +54,20 @@ class OnlinePage:
         self._is_old = True
 
     def state(self) -> Document:
-        """Return all photos with their points, mm, the last answer, what waits and sigma0 over time."""
+        """Return all photos with their points, mm, the last answer, what waits and sigma0 over time.
+
+        While something is reconsidered, the photos are those of before.
+        """
         with self._lock:
             if self._is_old:
                 self._serial += 1
-                self._state = {"serial": self._serial, **self._document()}
-                self._is_old = False
+                is_busy = self._session.is_busy
+                photos = {} if is_busy else self._photos(self._session.measuring)
+                self._state = {**self._state, **photos, **self._answered(), "serial": self._serial}
+                self._is_old = is_busy
             return self._state
 
-    def _document(self) -> Document:
-        measuring = self._measuring()
+    def _photos(self, measuring: Measuring) -> Document:
         records, interior = measuring.block.measurements.inputs.records, measuring.block.measurements.inputs.interior
         photos: list[Document] = []
         for name, group in groupby(ray_states(measuring), key=lambda ray: ray.photo):
@@ -80,8 +84,9 @@ class OnlinePage:
             )
         return {
             "photos": photos,
-            "answer": self._answer,
             "suspects": [words_of(key) for key in measuring.suspects],
             "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
-            "history": self._history,
         }
+
+    def _answered(self) -> Document:
+        return {"answer": self._answer, "history": self._history}

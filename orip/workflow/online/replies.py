@@ -8,11 +8,14 @@ from typing import Any
 from orip.errors import OripError, UsageError
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.summary import summary
-from orip.workflow.online.requests import Request, Shown, read_request
+from orip.workflow.online.requests import Request, read_request
 from orip.workflow.online.session import OnlineSession
 from orip.workflow.online.showing import cameras_of, photos_of, points_of, residuals_of, statistics_of
 
 Reply = dict[str, Any]
+
+SUMMARY = Request("show")
+"""What is told first."""
 
 _MOST_ADVISED = 20
 """What to measure next that is shown."""
@@ -50,7 +53,7 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
         case "solve":
             return _solved(session, folder, prune=request.prune)
         case _:
-            return shown(session, request.what)
+            return shown(session, request)
 
 
 def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
@@ -76,10 +79,10 @@ def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
     }
 
 
-def shown(session: OnlineSession, what: Shown) -> Reply:
-    """Return what a session has."""
+def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:
+    """Return what a session has, and is asked to show."""
     measuring = session.measuring
-    match what:
+    match request.what:
         case "waiting":
             return {"waiting": list(measuring.waiting().values())}
         case "suspects":
@@ -95,7 +98,8 @@ def shown(session: OnlineSession, what: Shown) -> Reply:
         case "cameras":
             return {"cameras": cameras_of(measuring)}
         case "residuals":
-            return {"residuals": residuals_of(measuring)}
+            photo = session.name_of(request.photo) if request.photo else ""
+            return {"residuals": residuals_of(measuring, photo, request.point)}
         case "statistics":
             return {"statistics": statistics_of(measuring)}
         case _:
@@ -119,7 +123,16 @@ def reply_of(session: OnlineSession, answer: Answer) -> Reply:
         "oriented": list(answer.oriented),
         "placed": list(answer.placed),
         "next": [_candidate(session, one) for one in answer.next],
+        "pending": answer.is_pending,
     }
+
+
+def reconsidered_of(session: OnlineSession, answer: Answer) -> Reply:
+    """Return what is told of an answer that has changed, or that took longer than was waited for."""
+    # takes its time to import
+    from orip.schemas.catalogue import identifier
+
+    return {"schema": identifier("online-reconsidered"), "command": "online", "reconsidered": reply_of(session, answer)}
 
 
 def _candidate(session: OnlineSession, candidate: Candidate) -> Reply:

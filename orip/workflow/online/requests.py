@@ -18,7 +18,7 @@ _OF_POINT = frozenset({"measure", "remove", "exclude", "include"})
 _ALLOWED = {
     **dict.fromkeys(_OF_POINT, frozenset({"photo", "point"})),
     "measure": frozenset({"photo", "point", "x", "y"}),
-    "show": frozenset({"what"}),
+    "show": frozenset({"what", "photo", "point"}),
     "solve": frozenset({"prune"}),
 }
 """The keys of a request beside `do`."""
@@ -34,7 +34,7 @@ class Request(Struct, frozen=True):
     ----------
     do : Do
     photo, point : str
-        Of `measure`, `remove`, `exclude` and `include`.
+        Of `measure`, `remove`, `exclude` and `include`; of `show` for residuals: of these alone, empty for all.
     xy : tuple of float
         Of `measure`: as in a measurement file, plate millimetres or pixels.
     what : Shown
@@ -72,7 +72,12 @@ def read_request(line: str) -> Request:
         )
         raise UsageError(message)
     if do == "show":
-        return Request("show", what=_what(given.get("what", "summary")))
+        what = _what(given.get("what", "summary"))
+        if what != "residuals" and given.keys() & {"photo", "point"}:
+            message = f'"show" has a photo or point for "what": "residuals" alone, not for {_shown(what)}'
+            raise UsageError(message)
+        photo, point = (_name(given, key) if key in given else "" for key in ("photo", "point"))
+        return Request("show", photo, point, what=what)
     if do == "solve":
         return Request("solve", prune=_flag(given, "prune"))
     if do not in _OF_POINT:

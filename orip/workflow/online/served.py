@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from orip.errors import OripError
 from orip.workflow.online.page import OnlinePage
-from orip.workflow.online.replies import Reply, reply_of, reply_to, shown
+from orip.workflow.online.replies import Reply, reconsidered_of, reply_of, reply_to, shown
 from orip.workflow.online.session import OnlineSession
 
 
@@ -24,12 +24,12 @@ class ServedSession:
     def __init__(self, session: OnlineSession, folder: Path) -> None:
         self._session, self._folder = session, folder
         self._lock = threading.Lock()
-        self.page = OnlinePage(session.bundle.name, lambda: session.measuring, self._lock)
+        self.page = OnlinePage(session, self._lock)
 
     def greeting(self) -> Reply:
         """Return what a program is told first."""
         with self._lock:
-            return shown(self._session, "summary")
+            return shown(self._session)
 
     def reply(self, line: str) -> Reply | None:
         """Return the reply to a line; None: who has sent it wants to leave."""
@@ -49,13 +49,40 @@ class ServedSession:
             self.page.answered(reply)
             return reply
 
-    def appended(self) -> Iterator[Reply]:
-        """Yield replies to what others have written to measurement files since."""
+    def on_news(self, wake: Callable[[], None]) -> None:
+        """Have a function called, in any thread, when `news` may have something to say."""
+        self._session.on_news(wake)
+
+    def news(self) -> Iterator[Reply]:
+        """Yield what has been reconsidered since, and replies to what others have written to measurement files."""
         with self._lock:
-            try:
-                replies = [reply_of(self._session, answer) for answer in self._session.appended()]
-            except OripError as error:
-                replies = [{"error": str(error)}]
-            for reply in replies:
-                self.page.answered(reply)
+            replies = [*self._said_by(self._reconsidered()), *self._said_by(self._appended())]
         yield from replies
+
+    def ended(self) -> Iterator[Reply]:
+        """Yield what is still to be reconsidered, when it is."""
+        with self._lock:
+            assert self._session.measuring, "waited for"
+            replies = list(self._said_by(self._reconsidered()))
+        yield from replies
+
+    def _reconsidered(self) -> Iterator[Reply]:
+        for answer in self._session.reconsidered():
+            reply = reconsidered_of(self._session, answer)
+            self.page.answered(reply["reconsidered"])
+            yield reply
+
+    def _appended(self) -> Iterator[Reply]:
+        for answer in self._session.appended():
+            reply = reply_of(self._session, answer)
+            self.page.answered(reply)
+            yield reply
+
+    def _said_by(self, replies: Iterator[Reply]) -> Iterator[Reply]:
+        """Yield replies, the last one being what is wrong where something is."""
+        try:
+            yield from replies
+        except OripError as error:
+            reply = {"error": str(error)}
+            self.page.answered(reply)
+            yield reply

@@ -2,11 +2,14 @@
 
 The log is authoritative, as everywhere: what a session knows follows from the measurement files, and a session that is
 started again after a crash is where it was. Lines that others append to measurement files are taken as measurements.
+
+An answer is waited for as long as agreed; what takes longer, or follows from it, is told later.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -26,6 +29,7 @@ from orip.records.observations.measurement import EditRecord, PhotoObservations,
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
+from orip.workflow.online.background import Background, Operation
 from orip.workflow.online.stored_solution import solution_of_what_is_measured
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.leftovers import remove_leftovers_of_kills
@@ -33,6 +37,9 @@ from orip.workflow.project.texts import EDITS_FILE
 
 LOG = Path(EDITS_FILE)
 """Where measurements are written: it is replayed after all other measurement files."""
+
+ANSWERED_WITHIN_S = 0.05
+"""Seconds that an answer is waited for where somebody measures."""
 
 _DECIMALS = 9
 """Decimals of what is typed in that count: a millionth of a millimetre shows in the last digits of what is printed."""
@@ -54,6 +61,8 @@ class OnlineSession:
     folder : Path
     bundle : str or None
         None: the project's only one.
+    seconds : float or None
+        How long an answer is waited for; None: as long as it takes.
 
     Raises
     ------
@@ -61,8 +70,8 @@ class OnlineSession:
         If the project cannot be read, its measurement files hold faults, or the bundle keeps repeated measurements.
     """
 
-    def __init__(self, folder: Path, bundle: str | None) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, bundle: str | None, seconds: float | None = None) -> None:
+        self._folder, self._seconds = folder, seconds
         self._films = mounted_films(folder, LOG, "heads")
         self.warnings = self._films.warnings
         self.bundle = self._films.bundle(bundle)
@@ -79,8 +88,27 @@ class OnlineSession:
         self._file.chapter("orip online")
         self._blocks: dict[str, dict[str, str]] = {}
         self._undo: list[_Undo] = []
+        self._wake: Callable[[], None] = lambda: None
         self._seen = self._files_now()
-        self.measuring = self._begun()
+        self._begin()
+
+    @property
+    def measuring(self) -> Measuring:
+        """Return what is measured, when nothing is under way any more."""
+        return self._background.measuring()
+
+    @property
+    def is_busy(self) -> bool:
+        """Return whether something is still being reconsidered."""
+        return self._background.is_busy
+
+    def on_news(self, wake: Callable[[], None]) -> None:
+        """Have a function called, in any thread, when `reconsidered` may have something to say."""
+        self._wake = self._background.wake = wake
+
+    def reconsidered(self) -> Iterator[Answer]:
+        """Yield the answers that have changed since they were given, and those that took longer than was waited for."""
+        return self._background.reconsidered()
 
     def measure(self, photo: str, point: str, xy: tuple[float, float]) -> Answer:
         """Write a measurement to the log, then answer it.
@@ -108,7 +136,7 @@ class OnlineSession:
         before = self._measured(record.name, point)
         self._undo.append(_Undo(record.name, point, None if before is None else self.to_log(record.name, before)))
         self._write(record.name, point, xy, again=before is not None)
-        return self.measuring.measure((record.name, point, stored))
+        return self._measure(record.name, point, stored)
 
     def written(self, photo: str, point: str, xy: tuple[float, float] | None) -> Answer | None:
         """Answer a measurement that this program has written to a measurement file itself.
@@ -123,9 +151,9 @@ class OnlineSession:
         self._seen = self._files_now()
         if xy is not None:
             as_written = round(xy[0], DECIMALS), round(xy[1], DECIMALS)
-            return self.measuring.measure((name, point, self._to_stored(name, as_written)))
+            return self._measure(name, point, self._to_stored(name, as_written))
         if self._measured(name, point) is not None:
-            self.measuring.remove(name, point)
+            self._remove(name, point)
         return None
 
     def remove(self, photo: str, point: str) -> None:
@@ -133,19 +161,19 @@ class OnlineSession:
         name, before = self._required(photo, point)
         self._undo.append(_Undo(name, point, self.to_log(name, before)))
         self._edit("KILL", name, point)
-        self.measuring.remove(name, point)
+        self._remove(name, point)
 
     def exclude(self, photo: str, point: str) -> Answer:
         """Leave a photo point out."""
         name, _ = self._required(photo, point)
         self._edit("DISREGARD", name, point)
-        return self.measuring.exclude(name, point)
+        return self._answered(name, point, partial(Measuring.exclude, photo=name, point=point))
 
     def include(self, photo: str, point: str) -> Answer:
         """Take a photo point in again."""
         name, _ = self._required(photo, point)
         self._edit("INCLUDE", name, point)
-        return self.measuring.include(name, point)
+        return self._answered(name, point, partial(Measuring.include, photo=name, point=point))
 
     def undo(self) -> Answer | None:
         """Undo the last measurement or removal; None: the point is not measured any more.
@@ -182,7 +210,7 @@ class OnlineSession:
         films = mounted_films(self._folder, LOG, "heads")
         if films.state.records != self._films.state.records:
             self._films = films
-            self.measuring = self._begun()
+            self._begin()
             return
         self._films = films
         yield from self._taken(films.measured.observations.get(record_key(self.bundle.name)))
@@ -190,26 +218,43 @@ class OnlineSession:
     def _taken(self, found: PhotoObservations | None) -> Iterator[Answer]:
         """Yield answers to the differences between what is measured and what the session has."""
         after = _places(found or no_observations(self.bundle.name))
-        excluded = {(record_key(key.photo), key.point) for key in self.measuring.excluded}
+        measuring = self.measuring
+        excluded = {(record_key(key.photo), key.point) for key in measuring.excluded}
         before = {
             (photo, point): (xy, (record_key(photo), point) in excluded)
-            for (photo, point), (xy, _) in _places(self.measuring.block.measurements.observations).items()
+            for (photo, point), (xy, _) in _places(measuring.block.measurements.observations).items()
         }
-        for photo, point in before.keys() - after.keys():
-            self.measuring.remove(photo, point)
+        for photo, point in sorted(before.keys() - after.keys()):
+            self._remove(photo, point)
         for (photo, point), (xy, is_disregarded) in after.items():
             known, was_disregarded = before.get((photo, point), (None, False))
             if known != xy:
-                yield self.measuring.measure((photo, point, xy))
+                yield self._measure(photo, point, xy)
             if is_disregarded and not was_disregarded:
-                yield self.measuring.exclude(photo, point)
+                yield self._answered(photo, point, partial(Measuring.exclude, photo=photo, point=point))
             if was_disregarded and not is_disregarded:
-                yield self.measuring.include(photo, point)
+                yield self._answered(photo, point, partial(Measuring.include, photo=photo, point=point))
 
-    def _begun(self) -> Measuring:
+    def _begin(self) -> None:
         state = BundleState(self._films.state, self.bundle.name)
         first = replace(THOROUGH, solution=solution_of_what_is_measured(state))
-        return Measuring(OnlineBlock(block_input_so_far(state)), first)
+        measuring = Measuring(OnlineBlock(block_input_so_far(state)), first)
+        self._places = {place: xy for place, (xy, _) in _places(measuring.block.measurements.observations).items()}
+        self._background = Background(measuring, self._seconds)
+        self._background.wake = self._wake
+
+    def _measure(self, photo: str, point: str, xy: tuple[float, float]) -> Answer:
+        self._places[photo, point] = xy
+        return self._answered(photo, point, partial(Measuring.measure, measurement=(photo, point, xy)))
+
+    def _remove(self, photo: str, point: str) -> None:
+        del self._places[photo, point]
+        self._background.ask(partial(Measuring.remove, photo=photo, point=point))
+
+    def _answered(self, photo: str, point: str, request: Operation) -> Answer:
+        """Return the answer to a request about a photo point, or that it follows."""
+        text = f"{point} in {photo} is kept; its test follows when what came before it has been reconsidered"
+        return self._background.ask(request) or Answer(photo, point, "unchecked", text, is_pending=True)
 
     def _files_now(self) -> tuple[tuple[str, int, int], ...]:
         """Return name, time and size of the measurement files."""
@@ -221,7 +266,7 @@ class OnlineSession:
         return tuple(found)
 
     def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
-        return self.measuring.block.measurements.at(photo, point)
+        return self._places.get((photo, point))
 
     def _required(self, photo: str, point: str) -> tuple[str, tuple[float, float]]:
         record = self._films.photo(photo)
@@ -240,6 +285,10 @@ class OnlineSession:
             raise UsageError(message)
         x, y = to_log.inverse().apply(np.array([xy]))[0]
         return float(x), float(y)
+
+    def name_of(self, photo: str) -> str:
+        """Return the name of a photo as it is defined; raise UsageError, with names like it, if it is not."""
+        return self._films.photo(photo).name
 
     def to_photo(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
         """Return the photo coordinates, mm, of stored ones."""

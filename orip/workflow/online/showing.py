@@ -10,7 +10,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.measuring import Measuring
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.sequential.standing import falls
+from orip.sequential.standing import falls, redundancies
 
 Shown = dict[str, Any]
 
@@ -70,13 +70,24 @@ def cameras_of(measuring: Measuring) -> list[Shown]:
     ]
 
 
-def residuals_of(measuring: Measuring) -> list[Shown]:
+def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list[Shown]:
     """Return the photo points that are in: residuals and redundancy numbers of x and y, w and its limit, largest first.
 
     Residuals are computed minus observed, divided by the a-priori errors.
+
+    Parameters
+    ----------
+    measuring : Measuring
+    photo, point : str
+        Those of this photo alone, as it is defined, and of this point; empty: of all.
     """
     equations = measuring.block.equations
-    keys = [key for key in equations.included if key.kind == "photo"]
+    of_both = measuring.block.included_of([photo] if photo else (), [point] if point else ())
+    keys = [
+        key
+        for key in (of_both if photo or point else equations.included)
+        if key.kind == "photo" and photo in ("", key.photo) and point in ("", key.point)
+    ]
     standings = equations.standings(keys)
     squares, checked = falls(standings)
     limits = {count: measuring.limit(max(count, 1)) for count in np.unique(checked).tolist()}
@@ -85,11 +96,13 @@ def residuals_of(measuring: Measuring) -> list[Shown]:
             "photo": key.photo,
             "point": key.point,
             "v": standing.residual.tolist(),
-            "redundancy": standing.redundancy.tolist(),
+            "redundancy": redundancy,
             "w": w,
             "limit": limits[count],
         }
-        for key, standing, w, count in zip(keys, standings, np.sqrt(squares).tolist(), checked.tolist(), strict=True)
+        for key, standing, redundancy, w, count in zip(
+            keys, standings, redundancies(standings), np.sqrt(squares).tolist(), checked.tolist(), strict=True
+        )
     ]
     return sorted(found, key=lambda one: -one["w"] / one["limit"])
 
