@@ -153,10 +153,13 @@ def exchanges_to_try(
     related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
-    right = equations.design.T @ (np.where(equations.active, weights, 0.0) * equations.residual)
-    residual = equations.residual[rows] - equations.design[rows] @ normals.solve(right[:, None])[:, 0]
+    weighted = np.where(equations.active, weights, 0.0) * equations.residual
+    right = equations.design.T @ weighted
+    correction = normals.solve(right[:, None])[:, 0]
+    residual = equations.residual[rows] - equations.design[rows] @ correction
+    square_sum = float(weighted @ np.where(equations.active, equations.residual, 0.0) - right @ correction)
     weight = weights[rows]
-    start = LinearAdjustment(cofactor, residual, weight, float(np.sum(weight * residual**2)))
+    start = LinearAdjustment(cofactor, residual, weight, square_sum)
     ends = weights_of_lower_cost(start, limit)
     return tuple(_exchange(weight, end, rows, equations, normals) for end in ends)
 

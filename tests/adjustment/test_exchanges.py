@@ -20,6 +20,7 @@ from adjustment.factorisation.linear_systems import (
 from orip.adjustment.exchanges import exchanges_to_try, lost_control, wrong_by_themselves, wrong_one_by_one
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
+from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
 from orip.structs import replace
 
 COUNT, LIMIT = 12, 5.0
@@ -188,3 +189,17 @@ def test_an_observation_just_below_the_limit_is_exchanged_in_a_large_problem() -
         problem.linearise(state), weights, normals, problem.layout, LIMIT, np.ones(count, dtype=bool)
     )
     assert [count - 1] in [exchange.no_weight.tolist() for exchange in found]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_small_errors_of_the_cofactors_take_no_gross_error_back(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    design, observed = random.normal(size=(60, 20)), random.normal(size=60)
+    observed[0] += 3000.0
+    weights = np.ones(60)
+    weights[0] = 1e-10
+    cofactor = design @ np.linalg.inv(design.T @ (weights[:, None] * design)) @ design.T
+    residual = observed - cofactor @ (weights * observed)
+    # as where the last correction has changed the design matrix by a ten-thousandth; 9e6 times that is 1800
+    start = LinearAdjustment((1.0 + 2e-4) * cofactor, residual, weights, float(weights @ residual**2))
+    assert all(end[0] < 1.0 for end in weights_of_lower_cost(start, LIMIT))
