@@ -79,6 +79,11 @@ def test_small_blocks_reach_the_true_minimum_from_nothing(family):
     assert not failed
 
 
+@pytest.mark.parametrize("run", [1380, 1668], ids=["close to the limit", "a control point without its rays"])
+def test_one_of_many_that_have_lost_weight_is_given_back(run):
+    assert outcome(run).end in SUCCESS
+
+
 @pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 def test_2000_blocks_reach_the_true_minimum_from_nothing():
