@@ -36,7 +36,8 @@ class SolvedNormals(Struct, frozen=True):
     coupling : Coupling
     removed : array (m + 3 b,) of bool
         Unknowns that the observations do not determine.
-    lost_digits : array (m + 3 b,)
+    lost_before : array (m + 3 b,) or None
+        Digits lost by the unknowns that were removed before, and are held here; NaN for all others.
     constraints : ExactConstraints or None
         Those that bind the cofactors; None: there are none, or they have their finite weights.
     """
@@ -48,8 +49,14 @@ class SolvedNormals(Struct, frozen=True):
     blocks: BlockFactors
     coupling: Coupling
     removed: NDArray[np.bool_]
-    lost_digits: FloatArray
+    lost_before: FloatArray | None = None
     constraints: ExactConstraints | None = None
+
+    @property
+    def lost_digits(self) -> FloatArray:
+        """Return the digits (m + 3 b,) that each unknown lost; computed when they are asked for, mostly of none."""
+        found = np.concatenate([self.factor.lost_digits, self.blocks.lost_digits.ravel()])
+        return found if self.lost_before is None else np.where(np.isnan(self.lost_before), found, self.lost_before)
 
     def solve(self, right: FloatArray) -> FloatArray:
         """Return N^-1 right for right-hand sides (m + 3 b, k); zero for fixed and removed unknowns.
@@ -141,7 +148,6 @@ def solve_normals(
         blocks=normals.blocks,
         coupling=normals.coupling,
         removed=np.concatenate([factor.removed & ~held, normals.blocks.removed.ravel()]),
-        lost_digits=np.concatenate([factor.lost_digits, normals.blocks.lost_digits.ravel()]),
     )
 
 

@@ -40,7 +40,7 @@ class LinearAdjustment(Struct, frozen=True):
         H.
     residual, weight : arrays (c,)
     square_sum : float
-        Weighted square sum of all observations, up to a constant.
+        Weighted square sum of all observations of the adjustment, these and others.
     """
 
     cofactor: FloatArray
@@ -112,12 +112,18 @@ class _Ways(Struct, frozen=True):
         )
 
     def costs(self, limit: float) -> FloatArray:
-        """Return the robust costs (s,), up to a constant: half the square sum where observations fit."""
+        """Return the robust costs (s,): half the square sum where observations fit.
+
+        Infinite where the square sum has come to less than the part of some observations. The cofactors are those of
+        the iteration before: their small errors count more than all else where a residual of thousands of a-priori
+        errors is taken back.
+        """
         above = (self.weight < 1.0) | (np.abs(self.residual) > limit)
         ways, _ = np.nonzero(above)
         residual = self.residual[above]
-        more = danish_costs(np.abs(residual), limit) - self.weight[above] * residual**2 / 2.0
-        return self.square_sum / 2.0 + np.bincount(ways, more, len(self.square_sum))
+        of_others = self.square_sum - np.bincount(ways, self.weight[above] * residual**2, len(self.square_sum))
+        costs = of_others / 2.0 + np.bincount(ways, danish_costs(np.abs(residual), limit), len(self.square_sum))
+        return np.where(of_others >= -_LEAST_GAIN * limit**2, costs, np.inf)
 
     def gains(self, limit: float) -> tuple[FloatArray, FloatArray]:
         """Return the change (s, c) of the cost by changing each observation, and the weights (s, c) that it has then.

@@ -142,7 +142,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         photo_camera=camera_of,
         photo_orientation=orientation,
         point_names=point_names,
-        point_start=np.full((len(point_names), 3), np.nan),
+        point_start=np.broadcast_to(np.nan, (len(point_names), 3)),
         photo_points=photo_points,
         constant_points=_constant_points(point_names, ground, inputs.definition),
         control_points=ground.points,

@@ -137,6 +137,10 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         remedy = "measure them in photos taken from elsewhere, or check their names"
         yield Diagnosis("undetermined", f"point {together[0]}", text, remedy)
 
+    if not columns:
+        return
+    lost_digits = normals.lost_digits
+
     def record(column: int) -> tuple[str, str]:
         name = names[column]
         assert name is not None
@@ -146,7 +150,7 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         listed = list(members)
         of_record = [found.kind for column in listed if (found := names[column]) is not None]
         kinds = ", ".join(of_record)
-        digits = max(float(normals.lost_digits[column]) for column in listed)
+        digits = float(lost_digits[listed].max())
         cause, remedy = cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name)
         text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)

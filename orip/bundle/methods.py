@@ -132,4 +132,6 @@ def _grouped(solved: SolvedBlock, solution: Solution, blunders: Sequence[Blunder
     if not solved.converged:
         return GroupVerdict((), ())
     left_out = {blunder.point for blunder in blunders}
-    return group_verdict(solved, {point.name for point in solution.check_points} - left_out)
+    return group_verdict(
+        solved, solution.residuals.a_priori, {point.name for point in solution.check_points} - left_out
+    )

@@ -112,7 +112,7 @@ def _with_removed_unknowns(normals: SolvedNormals, before: SolvedNormals) -> Sol
     return replace(
         normals,
         removed=normals.removed | before.removed,
-        lost_digits=np.where(before.removed, before.lost_digits, normals.lost_digits),
+        lost_before=np.where(before.removed, before.lost_digits, np.nan),
     )
 
 

@@ -23,9 +23,10 @@ _FAR_OFF = 1e6
 
 def doubted_photo_points(block: Block, solution: Solution) -> IntArray:
     """Return the rows (k,) of `Block.photo_points` that an adjustment doubts, or could not compute."""
-    weights = solution.residuals.weight_factor[coded(solution.residuals.kind).where("photo".__eq__)].reshape(-1, 2)
-    lost = block.photo_points.in_use & np.isnan(weights).any(axis=1)
-    return np.flatnonzero((weights < _DOUBTED).any(axis=1) | lost)
+    weights = solution.residuals.weight_factor[coded(solution.residuals.kind).where("photo".__eq__)]
+    of_x, of_y = weights[::2], weights[1::2]
+    lost = block.photo_points.in_use & (np.isnan(of_x) | np.isnan(of_y))
+    return np.flatnonzero((of_x < _DOUBTED) | (of_y < _DOUBTED) | lost)
 
 
 def doubted_control(solution: Solution) -> set[str]:

@@ -6,8 +6,9 @@ different names, and the answers are taken by their numbers.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, compress, repeat
+from itertools import chain, compress, count, repeat
 from typing import Any, TypeVar, final, overload
 
 import numpy as np
@@ -121,11 +122,9 @@ def coded(names: Sequence[str]) -> CodedNames:
     """Return names as `CodedNames`, the different ones in the order in which they come first."""
     if isinstance(names, CodedNames):
         return names
-    distinct = tuple(dict.fromkeys(names))
-    if len(distinct) == len(names):  # the points of a block
-        return CodedNames(distinct, np.arange(len(names)))
-    number = dict(zip(distinct, range(len(distinct)), strict=True))
-    return CodedNames(distinct, np.fromiter(map(number.__getitem__, names), np.int32, len(names)))
+    number: defaultdict[str, int] = defaultdict(count().__next__)
+    codes = np.fromiter(map(number.__getitem__, names), np.int64, len(names))
+    return CodedNames(tuple(number), codes)
 
 
 def joined(parts: Iterable[Sequence[str]]) -> CodedNames:

@@ -73,7 +73,7 @@ class ReportInput(Struct, frozen=True, dict=True):
             along = (points[seen] - values[row, :3]) @ self.axes[row]
             along = along[np.isfinite(along)]
             if along.size:
-                depth[row] = np.median(along)
+                depth[row] = _median(along)
         depth[~(depth > 0.0)] = np.nan
         return depth
 
@@ -92,3 +92,11 @@ class ReportInput(Struct, frozen=True, dict=True):
         both = both[np.diff(both, prepend=-1) > 0]
         photo, point = np.divmod(both, max(len(points), 1))
         return tuple(np.split(point, np.searchsorted(photo, np.arange(1, len(photos))))) if photos else ()
+
+
+def _median(values: FloatArray) -> float:
+    """Return the median of finite numbers; for the few of a photo, `np.median` takes several times as long."""
+    middle = len(values) // 2
+    upper = np.partition(values, middle)
+    below = upper[:middle].max() if len(values) % 2 == 0 else upper[middle]
+    return float((below + upper[middle]) / 2.0)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
@@ -152,10 +152,11 @@ class Spot(NamedTuple):
 
 def weak_spots(solution: Solution) -> list[Spot]:
     """Return what would go unnoticed or is much worse than the rest: few rays, unchecked observations, large sd."""
-    return [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
+    rays = np.array(solution.point_rays, dtype=np.int64)
+    return [*_few_rays(solution, rays), *_unchecked(solution, rays), *_imprecise(solution)]
 
 
-def _few_rays(solution: Solution) -> Iterator[Spot]:
+def _few_rays(solution: Solution, rays: IntArray) -> Iterator[Spot]:
     """Return the points with one ray and those with two, which nothing checks along their epipolar lines."""
     for number, what, by_hand, matched in (
         (
@@ -171,27 +172,22 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
             "match between more photos, or have more overlap; what has to be sure is measured in three photos by hand",
         ),
     ):
-        names = _with_rays(solution, number)
+        names = [solution.points.names[row] for row in _open_rows(solution, rays == number)]
         if names:
             remedy = by_hand if len(names) <= _MOST_BY_HAND else matched
             yield Spot(counted(len(names), "point"), what, remedy, first_names(names, _NAMED))
 
 
-def _with_rays(solution: Solution, number: int) -> list[str]:
-    names, kinds = solution.points.names, solution.point_kinds
-    return [names[row] for row in _rows_with_rays(solution, number) if kinds[row] != "control"]
+def _open_rows(solution: Solution, chosen: BoolArray) -> list[int]:
+    """Return the rows of the chosen points (n,) that are no control points."""
+    return [row for row in np.flatnonzero(chosen).tolist() if solution.point_kinds[row] != "control"]
 
 
-def _rows_with_rays(solution: Solution, *numbers: int) -> list[int]:
-    rays = np.array(solution.point_rays, dtype=np.int64)
-    return np.flatnonzero(np.isin(rays, numbers)).tolist()
-
-
-def _unchecked(solution: Solution) -> list[Spot]:
+def _unchecked(solution: Solution, rays: IntArray) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
     residuals, names = solution.residuals, solution.points.names
     has_few = np.zeros(len(names) + 1, dtype=bool)  # the last one: of what is no point of the solution
-    has_few[[row for row in _rows_with_rays(solution, 1, 2) if solution.point_kinds[row] != "control"]] = True
+    has_few[_open_rows(solution, (rays == 1) | (rays == 2))] = True
     open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
     open_rows &= (residuals.redundancy_number < UNCHECKED) & ~np.isnan(residuals.weight_factor)
     rows = np.flatnonzero(open_rows)

@@ -13,8 +13,9 @@ from command_tree import SHARED, commands, is_group, options_of
 from documentation.pages import pages, shown
 
 from orip.files.control.forms import FORMS
-from orip.files.project.tables import TABLE_OF_KIND
 from orip.files.project.tables import keys_of as keys_of_table
+from orip.files.project.tables import table_of
+from orip.records.project.definition import RECORD_TYPES
 
 INLINE = re.compile(r"`(orip\b[^`]*)`")
 """May go over the end of a line."""
@@ -76,7 +77,7 @@ def keys_of(name: str) -> list[str]:
     kind, _, rest = name.partition(" ")
     if kind == "control" and rest:
         return list(FORMS[rest.partition(" ")[0]].keys)  # type: ignore[index]
-    return keys_of_table(TABLE_OF_KIND[kind]) if kind in TABLE_OF_KIND else []
+    return keys_of_table(table_of(RECORD_TYPES[kind])) if kind in RECORD_TYPES else []
 
 
 @pytest.mark.parametrize("page", pages(), ids=shown)

@@ -20,17 +20,18 @@ from orip.files.project import tables as project_tables
 from orip.files.result.json_text import result_document
 from orip.files.result.residuals_csv import HEADER
 from orip.records.observations.control import DistanceCode
+from orip.records.project.definition import RECORD_TYPES
 
 TABLES = {
     "[project]": project_tables.ProjectTable,
     "[check]": project_tables.CheckTable,
     "[report]": project_tables.ReportTable,
-    "[[camera]]": project_tables.TABLE_OF_KIND["camera"],
-    "[[temtick]]": project_tables.TABLE_OF_KIND["temtick"],
-    "[[template]]": project_tables.TABLE_OF_KIND["template"],
-    "[[photo]]": project_tables.TABLE_OF_KIND["photo"],
-    "[[bundle]]": project_tables.TABLE_OF_KIND["bundle"],
-    "[[bundle.model]]": project_tables.TABLE_OF_KIND["model"],
+    "[[camera]]": project_tables.table_of(RECORD_TYPES["camera"]),
+    "[[temtick]]": project_tables.table_of(RECORD_TYPES["temtick"]),
+    "[[template]]": project_tables.table_of(RECORD_TYPES["template"]),
+    "[[photo]]": project_tables.table_of(RECORD_TYPES["photo"]),
+    "[[bundle]]": project_tables.table_of(RECORD_TYPES["bundle"]),
+    "[[bundle.model]]": project_tables.table_of(RECORD_TYPES["model"]),
 }
 
 

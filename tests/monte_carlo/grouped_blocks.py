@@ -84,7 +84,8 @@ def grouped_block(planted: Planted, run: int) -> Grouped:
 def verdict_of(block: Block) -> tuple[SolvedBlock, GroupVerdict]:
     found = solved(block)
     names = {point.name for point in block.control_points if point.kind == "check"}
-    return found, group_verdict(found, names)
+    errors = np.concatenate([kind.rows.error for kind in found.problem.observations])
+    return found, group_verdict(found, errors, names)
 
 
 def _known(name: str, at: np.ndarray, sd: float, sign: float, kind: Planted, error) -> ControlPoint:

@@ -79,7 +79,7 @@ class Pattern(Struct, frozen=True):
 
 
 def pattern_of_loop(
-    photo: NDArray[np.int64], block: NDArray[np.int64], coordinates: FloatArray, camera_of_photo: IntArray, cameras: int
+    photo: NDArray[np.int64], block: NDArray[np.int32], coordinates: FloatArray, camera_of_photo: IntArray, cameras: int
 ) -> Pattern:
     """Return the pattern of photo points in photos (n,) of points of block numbers (n,), negative: not eliminated.
 

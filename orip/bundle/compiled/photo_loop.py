@@ -83,7 +83,7 @@ class PhotoPointLoop(Struct, frozen=True):
     cameras: Cameras
     photo_columns: IntArray
     pattern: Pattern
-    block: NDArray[np.int64]
+    block: NDArray[np.int32]
     layout: object
 
     @property
@@ -267,7 +267,7 @@ class StreamedCoupling(Struct, frozen=True):
 
 def rows_of_blocks(
     points: PhotoPointObservations,
-    block: NDArray[np.int64],
+    block: NDArray[np.int64] | NDArray[np.int32],
     state: BlockState,
     factor: FloatArray,
     half: FloatArray,
@@ -331,7 +331,7 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
     coordinates : array (number of points, 3)
         From which neighbours are known; rough ones will do.
     """
-    of_point = blocks_of_points(unknowns)
+    of_point = blocks_of_points(unknowns).astype(np.int32)  # a number for each of millions of rays follows from it
     block = of_point[points.point]
     of_block = np.zeros((unknowns.layout.blocks, 3))
     of_block[of_point[of_point >= 0]] = coordinates[of_point >= 0]

@@ -77,8 +77,8 @@ class GroupFigures(Struct, frozen=True):
     photo_variance: float
 
     @classmethod
-    def of(cls, solved: SolvedBlock) -> GroupFigures:
-        """Return the figures of an adjusted block."""
+    def of(cls, solved: SolvedBlock, errors: FloatArray) -> GroupFigures:
+        """Return the figures of an adjusted block, whose observations have these a-priori errors (n,)."""
         rows = [kind.rows for kind in solved.problem.observations]
         equations, numbers = solved.equations, solved.variance.redundancy_numbers
         active, weight = equations.active, solved.weight_factors
@@ -92,7 +92,7 @@ class GroupFigures(Struct, frozen=True):
         variance = square_sum / redundancy if redundancy > TESTABLE else 1.0
         return cls(
             equations.residual,
-            np.concatenate([part.error for part in rows]),
+            errors,
             weight,
             solved.cofactors.leverage,
             numbers,
@@ -291,13 +291,12 @@ def _tested(
     log_p: Mapping[TestName, float], *, mean: float = np.nan, mean_sd: float = np.nan, worst: str = "",
     worst_size: float = np.nan,
 ) -> JudgedGroup:  # fmt: skip
-    weight = figures.weight[group.rows]
     test = GroupTest(
         kind=group.kind,
         of=group.of,
         component=group.component,
         number=len(group.rows),
-        down_weighted=0 if group.kind == "check" else int(np.count_nonzero(weight < 1.0)),
+        down_weighted=0 if group.kind == "check" else int(np.count_nonzero((figures.weight < 1.0)[group.rows])),
         redundancy=redundancy,
         sigma0=sigma0,
         p_sigma0=_probability(log_p, "scatter"),
@@ -311,7 +310,7 @@ def _tested(
         p_worst=_probability(log_p, "point"),
         doubted=False,
     )
-    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows])))
+    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows], overwrite_input=True)))
 
 
 def _thinned(rows: IntArray, most: int) -> IntArray:

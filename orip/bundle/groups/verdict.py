@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from orip.arrays import FloatArray
 from orip.bundle.groups.figures import (
     GroundGroups,
     GroupFigures,
@@ -67,18 +68,20 @@ class _Candidate(NamedTuple):
     extent: CommonExtent = "strip"
 
 
-def group_verdict(solved: SolvedBlock, check_points: Collection[str]) -> GroupVerdict:
+def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collection[str]) -> GroupVerdict:
     """Test all groups of observations of an adjusted block.
 
     Parameters
     ----------
     solved : SolvedBlock
+    errors : array (n,)
+        A-priori errors of all observations.
     check_points : collection of str
         Names of the points whose given coordinates are compared. Those of a free network are not tested: its
         coordinates are arbitrary by a movement of the whole block.
     """
     groups = observation_groups(solved, () if solved.problem.datum is not None else check_points)
-    figures = GroupFigures.of(solved)
+    figures = GroupFigures.of(solved, errors)
     of_photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
     ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
     tested = [*of_photos, *ground_tests(ground, figures)]

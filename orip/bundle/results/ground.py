@@ -97,12 +97,15 @@ def rotation_partials(solved: SolvedBlock) -> tuple[FloatArray, BoolArray]:
 
 def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     """Return standard deviations of unknowns: NaN for constants, infinite for removed ones."""
-    blocks = np.einsum("bii->bi", solved.cofactors.blocks).ravel()
-    diagonal = np.concatenate([solved.cofactors.reduced.diagonal(), blocks])
-    deviation = solved.deviation_scale * np.sqrt(np.maximum(diagonal, 0.0))
-    deviation[solved.normals.removed] = UNDETERMINED
-    padded = np.append(deviation, np.nan)
-    return np.asarray(padded[np.where(columns == CONSTANT, len(deviation), columns)])
+    reduced = solved.problem.layout.reduced
+    unknown, of_blocks = columns != CONSTANT, columns >= reduced
+    block, place = np.divmod(columns[of_blocks] - reduced, 3)
+    cofactor = np.full(columns.shape, np.nan)
+    cofactor[unknown & ~of_blocks] = solved.cofactors.reduced.diagonal()[columns[unknown & ~of_blocks]]
+    cofactor[of_blocks] = solved.cofactors.blocks[block, place, place]
+    deviation = solved.deviation_scale * np.sqrt(np.maximum(cofactor, 0.0))
+    deviation[unknown & solved.normals.removed[columns]] = UNDETERMINED
+    return np.asarray(deviation)
 
 
 def _rotation_deviations(solved: SolvedBlock, photos: IntArray, shown: FloatArray) -> FloatArray:

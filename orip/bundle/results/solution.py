@@ -230,11 +230,13 @@ def _zero_directions(solved: SolvedBlock) -> tuple[ZeroDirection, ...]:
 def _singular(solved: SolvedBlock) -> tuple[SingularUnknown, ...]:
     normals = solved.normals
     names = solved.problem.unknowns.names
-    found = []
+    if not normals.removed.any():
+        return ()
+    found, lost_digits = [], normals.lost_digits
     for column in np.flatnonzero(normals.removed):
         name = names[column]
         if name is not None:
-            found.append(SingularUnknown(name.group, name.name, name.kind, float(normals.lost_digits[column])))
+            found.append(SingularUnknown(name.group, name.name, name.kind, float(lost_digits[column])))
     return tuple(found)
 
 

@@ -15,9 +15,10 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from pydantic import BaseModel
 
 from orip.files.project.record_values import TomlTable
-from orip.files.project.tables import TABLE_OF_KIND, CheckedTable, keys_of
+from orip.files.project.tables import CheckedTable, keys_of, table_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
+from orip.records.project.definition import RECORD_TYPES
 
 
 def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple[TomlTable, tuple[str, ...]]:
@@ -30,7 +31,7 @@ def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple
         key, equals, text = word.partition("=")
         fault = _word_fault(kind, key.strip(), equals)
         if fault is None:
-            fault = _assign(TABLE_OF_KIND[kind], changed, key.strip().split("."), text.strip())
+            fault = _assign(table_of(RECORD_TYPES[kind]), changed, key.strip().split("."), text.strip())
         if fault is not None:
             faults.append(printable(f"{shown_token(word)}: {fault}"))
     return changed, tuple(faults)

@@ -48,7 +48,7 @@ def _value(record_field: RecordField, value: Any) -> Any:
 
 
 def _converted(kind: Any, value: Any) -> Any:
-    """Return a checked value as records hold it: tuples in place of lists, dataclasses in place of tables."""
+    """Return a checked value as records hold it: tuples in place of lists, structures in place of tables."""
     if isinstance(value, CheckedTable):
         return record_of(kind, value)
     if isinstance(value, list):

@@ -6,7 +6,7 @@ show it. What concerns several records together is looked at in `checks`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import date, datetime
 from functools import cache
 from typing import Annotated, Any, TypeAlias, get_args, get_origin
@@ -17,7 +17,7 @@ from pydantic import Field as Limits
 
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
-from orip.records.project.definition import RECORD_TYPES, Precision
+from orip.records.project.definition import Precision
 from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
 
 ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
@@ -30,7 +30,7 @@ SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "phot
 class CheckedTable(BaseModel):
     """A TOML table: no unknown keys, no conversion of types, no NaN."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True, defer_build=True)
 
 
 class ProjectTable(CheckedTable):
@@ -207,7 +207,3 @@ def _limited(kind: Any, above: float | None = None, least: float | None = None, 
     if above is None and least is None and most is None:
         return kind
     return Annotated[kind, Limits(gt=above, ge=least, le=most)]
-
-
-TABLE_OF_KIND: Mapping[str, type[CheckedTable]] = {kind: table_of(record) for kind, record in RECORD_TYPES.items()}
-"""The table of orip.toml by kind of record."""

@@ -24,7 +24,7 @@ _LEVEL = 1
 _SAMPLE = 1 << 12
 """Bytes by which it is judged whether a part compresses."""
 
-_GAIN = 0.7
+_GAIN = 0.5
 _AT_A_TIME = 4096
 """Numbers whose places are taken apart at once."""
 

@@ -18,7 +18,7 @@ from orip.errors import InputError
 from orip.files.stores.checksum import CHECKSUM, ContentSums, RunningSum, Sum, part_of
 from orip.files.stores.packed_columns import packed_column, unpacked_column
 from orip.files.stores.table import StoreColumn, StoreTable, quoted
-from orip.records.coded_names import CodedNames, joined
+from orip.records.coded_names import CodedNames, coded, joined, repeated
 from orip.records.names import record_key
 
 Row = tuple[Any, ...]
@@ -30,8 +30,9 @@ NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
-ROWS_OF_PART = 1 << 21
-"""Rows of a packed list in one row of the file: SQLite has no row of more than a gigabyte."""
+CELLS_OF_PART = 10 << 20
+"""Values of a packed list, in all its columns, in one row of the file: SQLite copies a row as a whole, and has none of
+more than a gigabyte."""
 
 
 def damage(path: Path, finding: str) -> InputError:
@@ -121,9 +122,12 @@ class Store(Struct, frozen=True):
     def columns(self, table: StoreTable, owner: str | None = None) -> tuple[ColumnValues, ...]:
         """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
         if table.packed:
-            of_owners = list(self._unpacked(table, owner))
-            chunks = [[columns[place] for columns in of_owners] for place in range(len(table.columns))]
-            return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
+            chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
+            for of_row in self._unpacked(table, owner):
+                for values, parts in zip(of_row, chunks, strict=True):
+                    parts.append(values)
+            # the parts of a column go as soon as it is whole
+            return tuple(_joined(column, chunks.pop(0)) for column in table.columns)
         chunks = [[] for _ in table.columns]
         # A block has far more observations than names: each name is kept once, not once a row.
         known: dict[str, str] = {}
@@ -138,6 +142,27 @@ class Store(Struct, frozen=True):
             running.add([parts[-1] for parts in chunks])
         self._require_sum(table, owner, running.value())
         return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
+
+    def holds(self, table: StoreTable, owner: str, columns: Sequence[ColumnValues]) -> bool:
+        """Tell whether a packed list of an owner has these columns, without owner and position.
+
+        No more of it is read at once than a column of one row of the file.
+
+        Raises
+        ------
+        InputError
+            If the store is damaged.
+        """
+        self._require_sum(table, owner, self._sum_of(table, owner))
+        length, place = len(columns[0]), 0
+        for _name, first, count, *blobs in self._cursor(table, owner):
+            is_whole = count == length
+            for column, blob, values in zip(table.packed_columns, blobs, columns, strict=True):
+                wanted = values if is_whole else _part_of(values, first, count)
+                if first != place or not _same_column(self._unpacked_column(table, column, blob, count), wanted):
+                    return False
+            place += count
+        return place == length
 
     def lists(self, table: StoreTable) -> dict[str, list[Row]]:
         """Return the items of a list table, without owner and position, by the `record_key` of their owner."""
@@ -197,7 +222,7 @@ class Store(Struct, frozen=True):
     def _sum_of(self, table: StoreTable, owner: str | None) -> Sum | None:
         running = RunningSum(table)
         cursor = self._cursor(table, owner)
-        while rows := cursor.fetchmany(ROWS_AT_A_TIME):
+        while rows := cursor.fetchmany(1 if table.packed else ROWS_AT_A_TIME):
             running.add(list(zip(*rows, strict=True)))
         return running.value()
 
@@ -241,9 +266,10 @@ class Store(Struct, frozen=True):
         if len({len(column) for column in columns}) > 1:
             message = f"table {table.name}: a column is shorter than another one"
             raise ValueError(message)
-        for first in range(0, len(owner), ROWS_OF_PART):
+        most = max(CELLS_OF_PART // len(table.packed_columns), 1)
+        for first in range(0, len(owner), most):
             # a list in one row keeps all its names, in the order in which the points of a block are known
-            parts = rest if len(owner) <= ROWS_OF_PART else [_part_of(values, first) for values in rest]
+            parts = rest if len(owner) <= most else [_part_of(values, first, most) for values in rest]
             try:
                 blobs = [packed_column(column, part) for column, part in zip(table.packed_columns, parts, strict=True)]
             except UnicodeEncodeError as error:
@@ -252,31 +278,36 @@ class Store(Struct, frozen=True):
 
     def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
-        running = RunningSum(table)
-        rows = list(self._checked(table.in_file, self._cursor(table, owner)))
-        if rows:
-            running.add(list(zip(*rows, strict=True)))
         if owner is not None or not table.by_owner:
-            self._require_sum(table, owner, running.value())
-        for name, first, count, *blobs in rows:
-            values: list[ColumnValues] = []
-            for column, blob in zip(table.packed_columns, blobs, strict=True):
-                try:
-                    values.append(unpacked_column(column, blob, count))
-                    if column.type == "REAL":
-                        _require_numbers(column, np.asarray(values[-1]))
-                except (ValueError, OverflowError, MemoryError) as error:
-                    raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
-            yield ((name,) * count, np.arange(first, first + count), *values)
+            self._require_sum(table, owner, self._sum_of(table, owner))
+        for name, first, count, *blobs in self._checked(table.in_file, self._cursor(table, owner)):
+            columns = zip(table.packed_columns, blobs, strict=True)
+            values = [self._unpacked_column(table, column, blob, count) for column, blob in columns]
+            yield (repeated(name, count), np.arange(first, first + count), *values)
+
+    def _unpacked_column(self, table: StoreTable, column: StoreColumn, blob: bytes, count: int) -> ColumnValues:
+        try:
+            values: ColumnValues = unpacked_column(column, blob, count)
+            if column.type == "REAL":
+                _require_numbers(column, np.asarray(values))
+        except (ValueError, OverflowError, MemoryError) as error:
+            raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
+        return values
 
     def _not_text(self, error: UnicodeEncodeError) -> InputError:
         message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
         return InputError.single(message, str(self.path))
 
 
-def _part_of(values: ColumnValues, first: int) -> ColumnValues:
-    """Return the values of a packed list, from the first one on, that go into one row of the file."""
-    part = values[first : first + ROWS_OF_PART]
+def _same_column(one: ColumnValues, other: ColumnValues) -> bool:
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return one == coded(other)
+
+
+def _part_of(values: ColumnValues, first: int, count: int) -> ColumnValues:
+    """Return some values of a packed list, which are in one row of the file."""
+    part = values[first : first + count]
     return part.without_unused() if isinstance(part, CodedNames) else part
 
 

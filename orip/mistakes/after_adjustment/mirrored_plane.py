@@ -34,10 +34,12 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
     if np.count_nonzero(known) < _FEWEST or len(points) <= _FEWEST + 1:
         return []
     centroid = points.mean(axis=0)
-    _, extents, axes = np.linalg.svd(points - centroid, full_matrices=False)
-    if extents[2] > _FLAT * extents[1]:
+    away = points - centroid
+    squares, axes = np.linalg.eigh(away.T @ away)  # ascending
+    if squares[0] > _FLAT**2 * squares[1]:
         return []
-    sides = (given[known] - centroid) @ axes[2] * ((solution.photos.values[known, :3] - centroid) @ axes[2])
+    normal = axes[:, 0]
+    sides = (given[known] - centroid) @ normal * ((solution.photos.values[known, :3] - centroid) @ normal)
     if not (sides < 0.0).all():
         return []
     text = (

@@ -93,7 +93,7 @@ RECORD_TYPES: Mapping[str, type] = {
     "bundle": BundleDefinition,
     "model": StereoModel,
 }
-"""The dataclass of each kind of record; the models of a bundle are part of it."""
+"""The class of each kind of record; the models of a bundle are part of it."""
 
 
 class ProjectDefinition(Struct, frozen=True):

@@ -283,8 +283,8 @@ def photos_over(places: FloatArray, frames: FloatArray) -> IntArray:
     for corners in frames:
         (left, lower), (right, upper) = corners.min(axis=0), corners.max(axis=0)
         near = np.flatnonzero((x >= left) & (x <= right) & (y >= lower) & (y <= upper))
-        side = np.roll(corners, -1, axis=0) - corners
-        to_place = places[near][:, None, :] - corners[None]
-        turn = side[None, :, 0] * to_place[..., 1] - side[None, :, 1] * to_place[..., 0]
-        count[near] += (turn >= 0.0).all(axis=1) | (turn <= 0.0).all(axis=1)
+        side_x, side_y = (np.roll(corners, -1, axis=0) - corners).T[:, :, None]
+        # a row for each side: reductions are quick along the long axis
+        turn = side_x * (y[near] - corners[:, 1:]) - side_y * (x[near] - corners[:, :1])
+        count[near] += (turn >= 0.0).all(axis=0) | (turn <= 0.0).all(axis=0)
     return count

@@ -41,8 +41,12 @@ _OWN_CLUSTER = {
 }
 """Settings of a cluster on this machine."""
 
-_SILENT = {"distributed.admin.large-graph-warning-threshold": "1 TB"}
-"""Values that tasks are computed from are sent with them, so that these can be repeated."""
+_WITH_VALUES = {
+    "distributed.admin.large-graph-warning-threshold": "1 TB",
+    # Dask's developers read the last thousand messages: whoever sends keeps them, with their values
+    "distributed.admin.low-level-log-length": 1,
+}
+"""Settings for tasks that have the values with them which they are computed from, so that they can be repeated."""
 
 
 class LostClusterError(OripError):
@@ -84,7 +88,7 @@ def connected(address: str | None, workers: int | None, memory: int = 0) -> Iter
     logging.disable(logging.CRITICAL)  # what matters is told by the program itself
     try:
         cluster = _own_cluster(workers, memory) if address is None else _scheduler(address)
-        with dask.config.set(_SILENT), cluster as client:
+        with dask.config.set(_WITH_VALUES), cluster as client:
             yield client
     finally:
         logging.disable(logging.NOTSET)

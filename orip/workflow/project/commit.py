@@ -12,7 +12,6 @@ from msgspec import Struct
 from orip.errors import LockedError
 from orip.files.stores.contents import solutions
 from orip.files.stores.contents.solution_tables import read_head
-from orip.files.stores.digest import same_record
 from orip.files.stores.provenance import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
@@ -242,4 +241,4 @@ def _is_stored(store: Store, solution: Solution) -> bool:
     head = read_head(store, solution.bundle)
     if head is None or head.run != solution.run:  # then the old one need not be read as a whole
         return False
-    return same_record(solutions.read(store, solution.bundle), solution)
+    return solutions.is_stored(store, solution)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any, NamedTuple
 
-from orip.files.project.tables import TABLE_OF_KIND, keys_of
+from orip.files.project.tables import keys_of, table_of
 from orip.files.project.toml_text import toml_value
 from orip.records.project.definition import RECORD_TYPES
 from orip.records.project.fields import GROUND_UNIT, units_of
@@ -39,7 +39,7 @@ def values_of(kind: RecordKind, table: Mapping[str, Any], ground_unit: str) -> l
     """Return all values of a record except its name; nested tables are flattened, and what is not given is None."""
     units = _units(kind)
     values = []
-    for key in keys_of(TABLE_OF_KIND[kind]):
+    for key in keys_of(table_of(RECORD_TYPES[kind])):
         if key != "name":
             flat = dict(_flat(key, table.get(key)))
             values += [RecordValue(path, value, _unit(units, path, value, ground_unit)) for path, value in flat.items()]

@@ -6,10 +6,12 @@ import tempfile
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 import store_samples as samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from orip.errors import InputError, UsageError
 from orip.files.stores import provenance, store
@@ -21,6 +23,7 @@ from orip.files.stores.schema import DUMP_VERSION
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Temtick
+from orip.records.results.solution import Residuals
 
 KINDS = ["C.CAM", "T.TIK", "Z.PHO", "Z.TEM", "Z.EXT", "MAIN.EXO"]
 
@@ -277,7 +280,7 @@ def test_a_dump_reads_as_json_line_by_line_and_tells_its_columns(tmp_path):
 def test_a_long_list_may_be_several_rows_of_the_file(tmp_path, monkeypatch, name):
     whole = list(dump(make(tmp_path / name)))
     (tmp_path / "parts").mkdir()
-    monkeypatch.setattr(store, "ROWS_OF_PART", 2)
+    monkeypatch.setattr(store, "CELLS_OF_PART", 22)  # two residuals, or two observations
     path = make(tmp_path / "parts" / name)
     table = {"Z.EXT": "residual", "MAIN.EXO": "observation"}[name]
     with closing(sqlite3.connect(path)) as connection:
@@ -290,3 +293,25 @@ def test_a_long_list_may_be_several_rows_of_the_file(tmp_path, monkeypatch, name
         stores[path].verify()
         if name == "Z.EXT":
             assert samples.same(solutions.read(stores[path], "MAIN"), samples.rich_solution())
+
+
+@pytest.mark.parametrize("cells", [22, 10 << 20])
+def test_a_solution_is_known_again_and_so_is_any_change_of_it(tmp_path, monkeypatch, cells):
+    monkeypatch.setattr(store, "CELLS_OF_PART", cells)
+    path, solution = make(tmp_path / "Z.EXT"), samples.rich_solution()
+    residuals = solution.residuals
+    columns = {name: getattr(residuals, name) for name in residuals.__struct_fields__}
+    with reading([path]) as stores:
+        assert solutions.is_stored(stores[path], solution)
+        assert not solutions.is_stored(stores[path], replace(solution, bundle="OTHER"))
+        assert not solutions.is_stored(stores[path], replace(solution, sigma0=solution.sigma0 + 1.0))
+        shorter = {name: values[:-1] for name, values in columns.items()}
+        assert not solutions.is_stored(stores[path], replace(solution, residuals=Residuals(**shorter)))
+        for name, values in columns.items():
+            last = values[-1]
+            other = "other" if isinstance(last, str) else np.nan_to_num(last) + 1
+            changed = [*list(values)[:-1], other]
+            column = tuple(changed) if isinstance(last, str) else np.array(changed, dtype=values.dtype)
+            assert not solutions.is_stored(
+                stores[path], replace(solution, residuals=replace(residuals, **{name: column}))
+            ), name

@@ -33,7 +33,7 @@ class StoredRecord(Struct, Generic[T_co], frozen=True):
 
     Parameters
     ----------
-    record : a frozen dataclass of `orip.records`
+    record : a frozen structure of `orip.records`
     text_digest : str or None
         `record_digest` of the record in the text that this one came from; None if it came from no text.
     origin : str or None

@@ -42,12 +42,15 @@ def read(store: Store) -> PhotoObservations | None:
         return None
     columns: tuple[Any, ...] = store.columns(OBSERVATION)
     _bundle, _position, photos, points, _measurement, x, y, error_x, error_y, disregarded = columns
+    errors = np.column_stack([error_x, error_y])
+    if np.isnan(errors).all():  # mostly; a block has millions of them
+        errors = np.broadcast_to(np.nan, errors.shape)
     return PhotoObservations(
         bundle=bundle[1],
         photos=photos,
         points=points,
         measured=np.column_stack([x, y]),
-        errors=np.column_stack([error_x, error_y]),
+        errors=errors,
         disregarded=disregarded,
     )
 

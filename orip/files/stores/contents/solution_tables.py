@@ -126,7 +126,7 @@ ITEM_LISTS: dict[str, StoreTable] = {
         integer("redundancy"),
     ),
 }
-"""Lists whose items are dataclasses of single values: the columns are named as their fields."""
+"""Lists whose items are structures of single values: the columns are named as their fields."""
 
 TUPLE_LISTS: dict[str, StoreTable] = {
     "inputs": _list_of_solution("solution_input", *_texts("file", "sha256")),

@@ -20,8 +20,10 @@ from orip.files.stores.contents.solution_tables import (
     TUPLE_LISTS,
     items,
 )
+from orip.files.stores.digest import same_record
 from orip.files.stores.store import ColumnValues, Store
 from orip.files.stores.table import StoreTable
+from orip.records.coded_names import repeated
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupTest
@@ -62,7 +64,7 @@ ITEMS: dict[str, type[Any]] = {
     "variance_components": VarianceComponent,
     "interior": InteriorSummary,
 }
-"""The dataclass of the items of each of `ITEM_LISTS`."""
+"""The class of the items of each of `ITEM_LISTS`."""
 
 
 def read(store: Store, bundle: str) -> Solution | None:
@@ -70,6 +72,18 @@ def read(store: Store, bundle: str) -> Solution | None:
     name = store.spelling(SOLUTION, bundle)
     if name is None:
         return None
+    return _read(store, name, Residuals(*store.columns(RESIDUALS, name)[2:]))  # type: ignore[arg-type]
+
+
+def is_stored(store: Store, solution: Solution) -> bool:
+    """Tell whether a solution is what the store has; its residuals are read column by column."""
+    name = store.spelling(SOLUTION, solution.bundle)
+    if name is None or not store.holds(RESIDUALS, name, astuple(solution.residuals)):
+        return False
+    return same_record(_read(store, name, solution.residuals), solution)
+
+
+def _read(store: Store, name: str, residuals: Residuals) -> Solution:
     head = dict(zip(SOLUTION.column_names, next(store.rows(SOLUTION, name)), strict=True))
     cameras, (projections,) = _read_estimates(store, CAMERAS, name, len(CAMERA_PARAMETERS))
     photos, (about_axes,) = _read_estimates(store, PHOTOS, name, len(PHOTO_PARAMETERS))
@@ -85,7 +99,7 @@ def read(store: Store, bundle: str) -> Solution | None:
         points=points,
         point_rays=tuple(rays.tolist()),
         point_kinds=tuple(kinds),
-        residuals=Residuals(*store.columns(RESIDUALS, name)[2:]),  # type: ignore[arg-type]
+        residuals=residuals,
         photo_rotation_sd_about_axes=tuple(about_axes.tolist()),
         photo_correlations=np.column_stack(store.columns(PHOTO_CORRELATIONS, name)[2:]),
         point_correlations=np.column_stack(store.columns(POINT_CORRELATIONS, name)[2:]),
@@ -130,7 +144,7 @@ def delete(store: Store, bundle: str) -> None:
 
 def _insert(store: Store, table: StoreTable, bundle: str, *columns: ColumnValues) -> None:
     count = len(columns[0])
-    store.insert_columns(table, (bundle,) * count, np.arange(count), *columns)
+    store.insert_columns(table, repeated(bundle, count), np.arange(count), *columns)
 
 
 def _write_estimates(
