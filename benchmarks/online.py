@@ -5,7 +5,7 @@
 **Answers**: a session is begun with all photos of a simulated block except the last three (5 x 10 photos and 2000 rays,
 20 x 25 and 20 000), whose points are then measured. Each answer has what `orip online` computes for it: preliminary
 values, equations, tests, and what to measure next. Percentiles of the clock and of the processor's time, which differ
-on a machine that is used otherwise; the file of the measurements is not written. What is reconsidered after an answer is
+on a machine that is used otherwise; the file of the measurements is not written. What is reconsidered afterwards is
 timed alone. Then what `show` takes.
 
 **Equations**: blocks of `aerial_blocks.py` with 40 points a photo, linearised at the values that they were made from.
