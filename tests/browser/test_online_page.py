@@ -42,7 +42,7 @@ def session(tmp_path: Path):
         line = json.dumps({"do": "measure", "photo": photo, "point": point, "x": x, "y": y})
         reply = served.reply(line)
         assert reply is not None
-        return reply
+        return [reply, *(later["reconsidered"] for later in served.ended())][-1]
 
     with WatchServer(served.page) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
