@@ -5,7 +5,8 @@
 **Answers**: a session is begun with all photos of a simulated block except the last three (5 x 10 photos and 2000 rays,
 20 x 25 and 20 000), whose points are then measured. Each answer has what `orip online` computes for it: preliminary
 values, equations, tests, and what to measure next. Percentiles of the clock and of the processor's time, which differ
-on a machine that is used otherwise; the file of the measurements is not written. Then what `show` takes.
+on a machine that is used otherwise; the file of the measurements is not written. What is reconsidered afterwards is
+timed alone. Then what `show` takes.
 
 **Equations**: blocks of `aerial_blocks.py` with 40 points a photo, linearised at the values that they were made from.
 Rays are taken out and in again: those of the last two strips, as at an instrument, and then any of the block.
@@ -93,24 +94,29 @@ def _answer(photos: int) -> None:
     measuring = Measuring(OnlineBlock(replace(session.inputs, measured=measured)))
     print(f"{len(names)} photos, {len(session.measurements)} rays")
     print(f"  begun with {count} rays in {time.perf_counter() - start:.2f} s")
-    clock, processor = [], []
+    clock, processor, later = [], [], []
     for measurement in rest:
         began = time.process_time()
         clock.append(_timed(lambda measurement=measurement: measuring.measure(measurement)))
         processor.append(1000.0 * (time.process_time() - began))
+        began = time.process_time()
+        measuring.reconsider()
+        later.append(1000.0 * (time.process_time() - began))
     _percentiles("answer", clock)
     _percentiles("answer, processor's time", processor)
+    _percentiles("after the answer, processor's time", later)
     shown: dict[str, Callable[[], object]] = {
         "photos": lambda: photos_of(measuring),
         "points": lambda: points_of(measuring),
         "statistics": lambda: statistics_of(measuring),
         "todo": lambda: measuring.next(measuring.block.measurements.photos, TODO),
         "residuals": lambda: residuals_of(measuring),
+        "residuals of a photo": lambda: residuals_of(measuring, names[-1]),
     }
     for name, show in shown.items():
         began = time.process_time()
         show()
-        print(f"  {f'show {name}, processor':<34} {1000.0 * (time.process_time() - began):8.0f} ms")
+        print(f"  {f'show {name}, processor':<36} {1000.0 * (time.process_time() - began):8.0f} ms")
 
 
 if __name__ == "__main__":

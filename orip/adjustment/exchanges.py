@@ -25,6 +25,10 @@ only some could be taken back, and which of them would depend on the start."""
 _NEAR = 0.7
 """Part of the limit above which a residual puts its point in doubt: without weight it would be larger."""
 
+_CLOSE = 2.0
+"""Part of the limit up to which a residual may be that of an observation that fits with full weight: of many that have
+lost weight these are tried."""
+
 _FEW, _MOST_PART = 12, 0.1
 """Observations that may have lost weight, and their part of all: more are not wrong one by one, but with a photo."""
 
@@ -83,15 +87,38 @@ def are_few(equations: Equations, weights: FloatArray) -> bool:
     return _are_few(weights[equations.active & ~equations.exact])
 
 
-def wrong_one_by_one(equations: Equations, weights: FloatArray) -> BoolArray:
-    """Return the observations (n,) among which few have lost weight: all, or those of no wider group, or none.
+def wrong_one_by_one(equations: Equations, weights: FloatArray, limit: float) -> BoolArray:
+    """Return the observations (n,) among which few have lost weight: all, or those close to the limit, or none.
+
+    What has lost weight with a residual of many times the limit is wrong, however many there are.
+    """
+    judged = equations.active & ~equations.exact
+    if not _are_few(weights[judged]):
+        judged &= np.abs(equations.residual) < _CLOSE * limit
+    return judged if _are_few(weights[judged]) else np.zeros_like(judged)
+
+
+def wrong_by_themselves(equations: Equations, weights: FloatArray) -> BoolArray:
+    """Return the observations (n,) of no wider group, as those of control points, if few of them have lost weight.
 
     Where many photo points do not fit, a control point may be wrong by itself.
     """
     judged = equations.active & ~equations.exact
-    if not _are_few(weights[judged]) and (groups := equations.wider_groups()) is not None:
+    if (groups := equations.wider_groups()) is not None:
         judged &= groups < 0
     return judged if _are_few(weights[judged]) else np.zeros_like(judged)
+
+
+def lost_control(equations: Equations, weights: FloatArray, layout: Layout, among: BoolArray) -> IntArray:
+    """Return the observations that have lost weight and are `among` some (n,), or concern no eliminated point.
+
+    These are photo points of control points without errors, which lose their weight with the control point. None where
+    there are many of them.
+    """
+    lost = np.flatnonzero(equations.active & ~equations.exact & (weights < 1.0))
+    of_no_point = np.diff(equations.rows.some(lost)[:, layout.reduced :].indptr) == 0
+    found = lost[among[lost] | of_no_point]
+    return np.asarray(found if len(found) <= _MOST_REDUCED else found[:0])
 
 
 def _are_few(weights: FloatArray) -> bool:

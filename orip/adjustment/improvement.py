@@ -16,7 +16,14 @@ import numpy as np
 from orip.adjustment.acceleration import Acceleration
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.equations import Equations, Linearised, OtherPlace, Problem, StateT
-from orip.adjustment.exchanges import Exchange, are_few, exchanges_to_try, wrong_one_by_one
+from orip.adjustment.exchanges import (
+    Exchange,
+    are_few,
+    exchanges_to_try,
+    lost_control,
+    wrong_by_themselves,
+    wrong_one_by_one,
+)
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.relocation import changed_weights, relocations
@@ -97,21 +104,24 @@ def _candidates(
     max_lost_digits: float,
 ) -> tuple[Candidate[StateT], ...]:
     """Return where exchanges and relocations lead that lower the robust cost, or may lower it, the lowest first."""
-    singly = wrong_one_by_one(now.current.equations, weights)
-    lost = np.flatnonzero(singly & (weights < 1.0))
-    places = _places(problem, now, weights)
-    if not places and not len(lost):
-        return ()
+    limit = now.weighing.final_limit
     # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
+    singly = wrong_by_themselves(equations, weights)
+    lost = lost_control(equations, weights, problem.layout, singly)
+    if not now.weighing.of_tracks:
+        singly |= wrong_one_by_one(equations, weights, limit)
+    may_be_exchanged = bool((singly & (weights < 1.0)).any())
+    places = _places(problem, now, weights)
+    if not places and not may_be_exchanged and not len(lost):
+        return ()
     bound = normals.with_constraints(equations)
     found = []
-    if len(lost):
-        limit = now.weighing.final_limit
+    if may_be_exchanged:
         for exchange in exchanges_to_try(equations, weights, bound, problem.layout, limit, singly):
             found += _where_it_leads(problem, now, exchange, equations, weights, bound)
-        if not are_few(equations, weights):
-            found += _taken_back(problem, now, lost, equations, weights, max_lost_digits)
+    if len(lost) and not are_few(equations, weights):
+        found += _taken_back(problem, now, lost, equations, weights, max_lost_digits)
     if places:
         found += _relocated(problem, now, weights, equations, bound, places)
     return tuple(candidate for _, candidate in sorted(found, key=itemgetter(0))[:_MOST_EXCHANGES])

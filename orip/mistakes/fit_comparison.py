@@ -7,8 +7,6 @@ size or the distribution of residuals that are far too large.
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from msgspec import Struct
 
@@ -47,7 +45,7 @@ _WRONG_MATCHES = 0.5
 """Largest part of the coordinates of a photo that may be wrong matches: a photo that fits less is out of place."""
 
 
-class Fit(Struct, frozen=True, dict=True):
+class Fit(Struct, frozen=True):
     """How the observations of an adjustment fit.
 
     Parameters
@@ -56,24 +54,22 @@ class Fit(Struct, frozen=True, dict=True):
         Kind, photo, point and component of the observations.
     standard : array (n,)
         Standard residuals; infinite for what could not be computed, such as a point behind its photo.
+    scale : float
+        Standard error of unit weight, from the median of the standard residuals; at least 1.
     sigma0 : float
         Of the observations with full weight; NaN without redundancy.
     """
 
     columns: tuple[CodedNames, CodedNames, CodedNames, CodedNames]
     standard: FloatArray
-    sigma0: float = np.nan
+    scale: float
+    sigma0: float
 
     @property
     def observations(self) -> tuple[tuple[str, str, str, str], ...]:
         """Return the names of the observations."""
         # not stored: in a large block the names take more memory than all figures
         return tuple(zip(*self.columns, strict=True))
-
-    @cached_property
-    def scale(self) -> float:
-        """Return the standard error of unit weight, from the median; at least 1."""
-        return max(1.0, float(np.median(self.standard)) / MEDIAN_OF_NORMAL)
 
     def of(self, observations: tuple[tuple[str, str, str, str], ...]) -> FloatArray:
         """Return the standard residuals of some observations; infinite for those that are not in this fit."""
@@ -86,20 +82,22 @@ class Fit(Struct, frozen=True, dict=True):
 def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment; disregarded ones, such as check points, are not among them."""
     rows = [observations.rows for observations in solved.problem.observations]
+    equations = solved.equations
+    standard = np.abs(equations.residual)
+    standard[~(equations.active & np.isfinite(standard))] = np.inf
     used = np.concatenate([observations.used for observations in rows])
+    standard = standard if used.all() else standard[used]
+    scale = max(1.0, float(np.median(standard)) / MEDIAN_OF_NORMAL)
     columns = (
         joined(repeated(observations.kind.name, len(observations.photo)) for observations in rows),
         joined(observations.photo for observations in rows),
         joined(observations.point for observations in rows),
         joined(observations.component for observations in rows),
     )
-    equations = solved.equations
-    standard = np.abs(equations.residual)
-    standard[~(equations.active & np.isfinite(standard))] = np.inf
-    if used.all():
-        return Fit(columns, standard, solved.variance.sigma0)
-    kind, photo, point, component = (names[used] for names in columns)
-    return Fit((kind, photo, point, component), standard[used], solved.variance.sigma0)
+    if not used.all():
+        kind, photo, point, component = (names[used] for names in columns)
+        columns = kind, photo, point, component
+    return Fit(columns, standard, scale, solved.variance.sigma0)
 
 
 def explains(other: Fit, given: Fit) -> bool:

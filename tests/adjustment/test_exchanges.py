@@ -17,7 +17,7 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment.exchanges import exchanges_to_try, wrong_one_by_one
+from orip.adjustment.exchanges import exchanges_to_try, lost_control, wrong_by_themselves, wrong_one_by_one
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
@@ -138,16 +138,38 @@ def test_cofactors_of_weighted_observations() -> None:
     assert np.allclose(found, expected[np.ix_(rows, rows)], atol=1e-8)
 
 
-def test_where_much_is_wrong_only_what_is_in_no_group_may_be_wrong_by_itself() -> None:
+def test_where_much_is_wrong_what_is_in_no_group_may_be_wrong_by_itself() -> None:
     count = 400
     groups = np.r_[np.arange(count - 8) // 2, np.full(8, -1)]
     equations = replace(equations_of(np.ones((count, 1)), np.zeros(count)), wider_groups=lambda: groups)
+    many = np.ones(count)
+    many[:100] = many[count - 1] = 0.1
+    assert np.flatnonzero(wrong_by_themselves(equations, many)).tolist() == list(range(count - 8, count))
+    many[count - 8 :] = 0.1
+    assert wrong_by_themselves(equations, many)[count - 8 :].all()
+
+
+def test_where_much_is_wrong_what_is_close_to_the_limit_may_be_wrong_one_by_one() -> None:
+    count = 400
+    residual = np.zeros(count)
     few, many = np.ones(count), np.ones(count)
-    few[[0, 1, count - 1]] = 0.1
-    many[:100] = 0.1
-    many[count - 1] = 0.1
-    assert wrong_one_by_one(equations, few).all()
-    assert np.flatnonzero(wrong_one_by_one(equations, many)).tolist() == list(range(count - 8, count))
+    few[:3], many[:100] = 0.1, 0.1
+    assert wrong_one_by_one(equations_of(np.ones((count, 1)), residual), few, LIMIT).all()
+    assert not wrong_one_by_one(equations_of(np.ones((count, 1)), residual), many, LIMIT).any()
+    residual[:95] = -30.0 * LIMIT
+    found = wrong_one_by_one(equations_of(np.ones((count, 1)), residual), many, LIMIT)
+    assert np.flatnonzero(found).tolist() == list(range(95, count))
+
+
+def test_observations_of_no_eliminated_point_that_have_lost_weight_are_lost_control() -> None:
+    equations, layout = random_equations(5)
+    count, of_points = len(equations.residual), 12 * 6
+    weights, nothing = np.ones(count), np.zeros(count, dtype=bool)
+    weights[[3, 40, of_points + 2, count - 1]] = 0.1
+    assert lost_control(equations, weights, layout, nothing).tolist() == [of_points + 2, count - 1]
+    among = nothing.copy()
+    among[[40, 41]] = True
+    assert lost_control(equations, weights, layout, among).tolist() == [40, of_points + 2, count - 1]
 
 
 def test_an_observation_just_below_the_limit_is_exchanged_in_a_large_problem() -> None:

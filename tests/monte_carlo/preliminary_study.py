@@ -24,8 +24,7 @@ import numpy as np
 from monte_carlo.preliminary_blocks import FAMILIES, simulated_records
 from monte_carlo.preliminary_records import SimulatedRecords, gathered, photo_deviations, started_at, true_minimum
 from monte_carlo.simulated_blocks import solved
-from msgspec import Struct
-from msgspec.structs import asdict
+from msgspec import Struct, to_builtins
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
@@ -347,7 +346,7 @@ def main() -> None:
     wanted = [run for run in range(arguments.first, arguments.first + arguments.runs) if run not in done]
     with arguments.outcomes.open("a", encoding="utf-8") as file:
         for found in outcomes(wanted, arguments.processes, arguments.largest):
-            file.write(json.dumps(asdict(found)) + "\n")
+            file.write(json.dumps(to_builtins(found)) + "\n")
             file.flush()
     text = tables(read_outcomes(arguments.outcomes))
     print(text)  # noqa: T201

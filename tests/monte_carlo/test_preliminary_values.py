@@ -25,7 +25,7 @@ from monte_carlo.preliminary_study import (
     write_tables,
 )
 from monte_carlo.weakly_joined_blocks import WEAK_FAMILIES, weakly_joined_records
-from msgspec.structs import asdict
+from msgspec import to_builtins
 from scipy.integrate import quad
 
 from orip.adjustment.convergence import TerminationReason
@@ -62,7 +62,7 @@ def test_loss_is_the_integral_of_residual_times_weight(u):
 
 
 def test_tables_take_the_place_of_those_in_a_document(tmp_path):
-    found = [asdict(outcome(run, "convergent", largest=6)) for run in range(2)]
+    found = [to_builtins(outcome(run, "convergent", largest=6)) for run in range(2)]
     document = tmp_path / "study.md"
     document.write_text("before\n<!-- tables -->\nold\n<!-- end of tables -->\nafter\n", encoding="utf-8")
     write_tables(document, tables(found))
@@ -79,10 +79,16 @@ def test_small_blocks_reach_the_true_minimum_from_nothing(family):
     assert not failed
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("run", [1380, 1668], ids=["close to the limit", "a control point without its rays"])
+def test_one_of_many_that_have_lost_weight_is_given_back(run):
+    assert outcome(run).end in SUCCESS
+
+
 @pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 def test_2000_blocks_reach_the_true_minimum_from_nothing():
-    found = [asdict(outcome) for outcome in outcomes(range(2000), 2)]
+    found = [to_builtins(outcome) for outcome in outcomes(range(2000), 2)]
     LOG.info("%s", tables(found))
     assert success(found) >= 0.995
     assert all(outcome["reason"] for outcome in found if outcome["end"] not in SUCCESS)
@@ -102,7 +108,7 @@ def test_blocks_that_hang_together_weakly_reach_the_true_minimum_from_nothing(fa
 @pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 def test_600_weakly_joined_blocks_reach_the_true_minimum_from_nothing():
-    found = [asdict(outcome_of(weakly_joined_records(run))) for run in range(600)]
+    found = [to_builtins(outcome_of(weakly_joined_records(run))) for run in range(600)]
     for family in WEAK_FAMILIES:
         LOG.info("%s: %.2f %%", family, 100.0 * success([outcome for outcome in found if outcome["family"] == family]))
     assert success(found) >= 0.995
@@ -118,7 +124,7 @@ def test_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_nothin
 @pytest.mark.long
 @pytest.mark.timeout(6 * 3600)
 def test_400_blocks_with_outliers_in_their_tracks_reach_the_true_minimum_from_nothing():
-    found = [asdict(outcome_of(outlier_records(run))) for run in range(400)]
+    found = [to_builtins(outcome_of(outlier_records(run))) for run in range(400)]
     for family in OUTLIER_FAMILIES:
         LOG.info("%s: %.2f %%", family, 100.0 * success([outcome for outcome in found if outcome["family"] == family]))
     # 190 of 200 near the line and all gross ones that were run were right; the aim is 99.5 %

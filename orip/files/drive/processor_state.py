@@ -66,7 +66,7 @@ def read_processor_state(path: Path, shown: str) -> SavedProcessorState | None:
         return None
     try:
         return msgspec.json.decode(data, type=SavedProcessorState)
-    except (ValueError, RecursionError) as fault:
+    except (msgspec.MsgspecError, ValueError, RecursionError) as fault:
         raise_no_state(shown, str(fault))
 
 

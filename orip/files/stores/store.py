@@ -30,8 +30,9 @@ NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
 
-ROWS_OF_PART = 5 << 18
-"""Rows of a packed list in one row of the file: SQLite has no row of more than a gigabyte."""
+CELLS_OF_PART = 10 << 20
+"""Values of a packed list, in all its columns, in one row of the file: SQLite copies a row as a whole, and has none of
+more than a gigabyte."""
 
 
 def damage(path: Path, finding: str) -> InputError:
@@ -157,7 +158,7 @@ class Store(Struct, frozen=True):
         for _name, first, count, *blobs in self._cursor(table, owner):
             is_whole = count == length
             for column, blob, values in zip(table.packed_columns, blobs, columns, strict=True):
-                wanted = values if is_whole else _part_of(values, first)
+                wanted = values if is_whole else _part_of(values, first, count)
                 if first != place or not _same_column(self._unpacked_column(table, column, blob, count), wanted):
                     return False
             place += count
@@ -265,9 +266,10 @@ class Store(Struct, frozen=True):
         if len({len(column) for column in columns}) > 1:
             message = f"table {table.name}: a column is shorter than another one"
             raise ValueError(message)
-        for first in range(0, len(owner), ROWS_OF_PART):
+        most = max(CELLS_OF_PART // len(table.packed_columns), 1)
+        for first in range(0, len(owner), most):
             # a list in one row keeps all its names, in the order in which the points of a block are known
-            parts = rest if len(owner) <= ROWS_OF_PART else [_part_of(values, first) for values in rest]
+            parts = rest if len(owner) <= most else [_part_of(values, first, most) for values in rest]
             try:
                 blobs = [packed_column(column, part) for column, part in zip(table.packed_columns, parts, strict=True)]
             except UnicodeEncodeError as error:
@@ -303,9 +305,9 @@ def _same_column(one: ColumnValues, other: ColumnValues) -> bool:
     return one == coded(other)
 
 
-def _part_of(values: ColumnValues, first: int) -> ColumnValues:
-    """Return the values of a packed list, from the first one on, that go into one row of the file."""
-    part = values[first : first + ROWS_OF_PART]
+def _part_of(values: ColumnValues, first: int, count: int) -> ColumnValues:
+    """Return some values of a packed list, which are in one row of the file."""
+    part = values[first : first + count]
     return part.without_unused() if isinstance(part, CodedNames) else part
 
 

@@ -280,7 +280,7 @@ def test_a_dump_reads_as_json_line_by_line_and_tells_its_columns(tmp_path):
 def test_a_long_list_may_be_several_rows_of_the_file(tmp_path, monkeypatch, name):
     whole = list(dump(make(tmp_path / name)))
     (tmp_path / "parts").mkdir()
-    monkeypatch.setattr(store, "ROWS_OF_PART", 2)
+    monkeypatch.setattr(store, "CELLS_OF_PART", 22)  # two residuals, or two observations
     path = make(tmp_path / "parts" / name)
     table = {"Z.EXT": "residual", "MAIN.EXO": "observation"}[name]
     with closing(sqlite3.connect(path)) as connection:
@@ -295,9 +295,9 @@ def test_a_long_list_may_be_several_rows_of_the_file(tmp_path, monkeypatch, name
             assert samples.same(solutions.read(stores[path], "MAIN"), samples.rich_solution())
 
 
-@pytest.mark.parametrize("rows", [2, 1 << 21])
-def test_a_solution_is_known_again_and_so_is_any_change_of_it(tmp_path, monkeypatch, rows):
-    monkeypatch.setattr(store, "ROWS_OF_PART", rows)
+@pytest.mark.parametrize("cells", [22, 10 << 20])
+def test_a_solution_is_known_again_and_so_is_any_change_of_it(tmp_path, monkeypatch, cells):
+    monkeypatch.setattr(store, "CELLS_OF_PART", cells)
     path, solution = make(tmp_path / "Z.EXT"), samples.rich_solution()
     residuals = solution.residuals
     columns = {name: getattr(residuals, name) for name in residuals.__struct_fields__}
