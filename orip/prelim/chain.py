@@ -218,8 +218,11 @@ def _end(measured: MeasuredBlock, outcome: Outcome, lengths: FloatArray, misfit:
 
 
 def _control_fits(absolute: SimilarityStep | None) -> bool:
-    """Tell whether an absolute orientation down-weights no more control points than may be wrong by themselves."""
-    if absolute is None:
+    """Tell whether an absolute orientation down-weights no more control points than may be wrong by themselves.
+
+    Measuring errors that add up bend a long block, too, but by little: `s0` tells.
+    """
+    if absolute is None or absolute.s0 < _GOOD:
         return True
     unfit = np.count_nonzero((absolute.weight_factor < 1.0).any(axis=1))
     return bool(unfit < max(_MANY_UNFIT, _UNFIT_PART * len(absolute.points)))
