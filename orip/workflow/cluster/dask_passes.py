@@ -36,9 +36,6 @@ _PIECES = 40
 _PROCESS_BYTES, _COPIES = 250_000_000, 6
 """What a worker needs: for its programs and photo points, and squares of the largest front while that is computed."""
 
-_GATHERED_AT_ONCE = 4
-"""Values of groups that come at once: they are in memory twice until they are unpacked."""
-
 _AGAIN = "it begins from the start"
 
 
@@ -237,11 +234,9 @@ class DaskPasses(Struct, frozen=True):
 
     def gathered(self, handles: Spot) -> list[Any]:
         """Return the values of handles, in the order of the nodes."""
-        found: list[Values] = []
         with self._told():
             self._wait_for(handles)
-            for first in range(0, len(handles.futures), _GATHERED_AT_ONCE):
-                found += self.client.gather(list(handles.futures[first : first + _GATHERED_AT_ONCE]))
+            found = self.client.gather(list(handles.futures))
         self.sent.back += sum(map(array_bytes, found))
         values = {
             node: value
