@@ -107,7 +107,7 @@ def test_workers_that_die_as_soon_as_they_are_there_are_told(tmp_path, monkeypat
     ended = threading.Event()
 
     def kill_all(blocks: DividedBlocks) -> None:
-        while not ended.wait(2.0):
+        while not ended.wait(0.2):
             with suppress(AttributeError):  # the client is being closed
                 for worker in blocks.client.run(os.getpid, on_error="ignore").values():
                     os.kill(worker, signal.SIGKILL)
