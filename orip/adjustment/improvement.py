@@ -173,6 +173,8 @@ def _taken_back(
         correction = -normals.solve((equations.design.T @ weighted)[:, None])[:, 0]
         state = problem.update(moved.state, correction)
         moved = Linearised(state, problem.linearise(state))
+        if not moved.equations.active[equations.active].all():
+            break  # points have come behind photos: the corrections diverge
         cost = now.weighing.cost(moved.equations)
         if cost < known:
             is_lower = cost < known - _CLEARLY * limit**2
