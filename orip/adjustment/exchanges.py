@@ -109,11 +109,11 @@ def wrong_by_themselves(equations: Equations, weights: FloatArray) -> BoolArray:
     return judged if _are_few(weights[judged]) else np.zeros_like(judged)
 
 
-def lost_control(equations: Equations, weights: FloatArray, layout: Layout, among: BoolArray) -> IntArray:
-    """Return the observations that have lost weight and are `among` some (n,), or concern no eliminated point.
+def lost_by_themselves(equations: Equations, weights: FloatArray, layout: Layout, among: BoolArray) -> IntArray:
+    """Return the observations (k,) that have lost weight and are `among` some (n,), or concern no eliminated point.
 
-    These are photo points of control points without errors, which lose their weight with the control point. None where
-    there are many of them.
+    The latter are photo points of control points without errors: where all of them have lost weight, the control point
+    has, though no observation is its own. None are returned where there are many.
     """
     lost = np.flatnonzero(equations.active & ~equations.exact & (weights < 1.0))
     of_no_point = np.diff(equations.rows.some(lost)[:, layout.reduced :].indptr) == 0

@@ -20,7 +20,7 @@ from orip.adjustment.exchanges import (
     Exchange,
     are_few,
     exchanges_to_try,
-    lost_control,
+    lost_by_themselves,
     wrong_by_themselves,
     wrong_one_by_one,
 )
@@ -108,7 +108,7 @@ def _candidates(
     # the same design matrix serves all of them
     equations = replace(now.current.equations, rows=SparseRows(now.current.equations.design))
     singly = wrong_by_themselves(equations, weights)
-    lost = lost_control(equations, weights, problem.layout, singly)
+    lost = lost_by_themselves(equations, weights, problem.layout, singly)
     if not now.weighing.of_tracks:
         singly |= wrong_one_by_one(equations, weights, limit)
     may_be_exchanged = bool((singly & (weights < 1.0)).any())

@@ -17,7 +17,7 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment.exchanges import exchanges_to_try, lost_control, wrong_by_themselves, wrong_one_by_one
+from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
 from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
@@ -166,10 +166,10 @@ def test_observations_of_no_eliminated_point_that_have_lost_weight_are_lost_cont
     count, of_points = len(equations.residual), 12 * 6
     weights, nothing = np.ones(count), np.zeros(count, dtype=bool)
     weights[[3, 40, of_points + 2, count - 1]] = 0.1
-    assert lost_control(equations, weights, layout, nothing).tolist() == [of_points + 2, count - 1]
+    assert lost_by_themselves(equations, weights, layout, nothing).tolist() == [of_points + 2, count - 1]
     among = nothing.copy()
     among[[40, 41]] = True
-    assert lost_control(equations, weights, layout, among).tolist() == [40, of_points + 2, count - 1]
+    assert lost_by_themselves(equations, weights, layout, among).tolist() == [40, of_points + 2, count - 1]
 
 
 def test_an_observation_just_below_the_limit_is_exchanged_in_a_large_problem() -> None:
