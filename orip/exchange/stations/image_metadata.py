@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 import re
 import struct
 from collections.abc import Mapping
+from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from msgspec import Struct
@@ -126,9 +128,21 @@ def image_tags(path: Path) -> ImageTags:
     # what it logs of damaged files is said in a complaint
     logging.getLogger("exifread").setLevel(logging.CRITICAL)
     with open_regular(path) as file:
-        tags: Mapping[str, Any] = exifread.process_file(file, details=False)
+        tags: Mapping[str, Any] = exifread.process_file(cast(BinaryIO, _UpToTheEnd(file)), details=False)
         file.seek(0)
         return ImageTags(tags, _xmp(file.read(_SEARCHED)))
+
+
+class _UpToTheEnd:
+    """A file of which no more is asked than it has: Python takes the memory for all that is asked before it reads."""
+
+    def __init__(self, file: BufferedReader) -> None:
+        self._file, self._size = file, os.fstat(file.fileno()).st_size
+        self.seek, self.tell = file.seek, file.tell
+
+    def read(self, size: int = -1) -> bytes:
+        left = max(self._size - self._file.tell(), 0)
+        return self._file.read(left if size < 0 else min(size, left))
 
 
 def exposure_of(found: ImageTags) -> Exposure:
