@@ -91,7 +91,7 @@ class PlanView(Struct, frozen=True, eq=False):
 
 def plan_view(block: OrientedBlock, points: BlockPoints) -> PlanView:
     """Project a block on the plane that suits it."""
-    finite = np.isfinite(points.xyz).all(axis=1).tolist()
+    finite: list[bool] = np.isfinite(points.xyz).all(axis=1).tolist()
     known = BlockPoints(
         tuple(compress(points.names, finite)),
         tuple(compress(points.kinds, finite)),
