@@ -69,7 +69,7 @@ static const int32_t photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO +
 
 /* Length of a photo point's row of partials: by the unknowns of the photo, padded to whole lanes, then of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
-#define CAMERA_ROW (PADDED(CAMERA_PARAMETERS + MOST_PRODUCTS) + 2 * LANES)
+#define CAMERA_ROW (PADDED(CAMERA_PARAMETERS + MOST_PRODUCTS) + PADDED(1))
 #define ROW (PHOTO_ROW + CAMERA_ROW)
 
 /* Load photo, ground point and measured coordinates of the photo point in each lane. */
@@ -161,13 +161,13 @@ INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray,
 
 /* Photo points that were linearised before they are needed, as many as there are lanes, and their rows of partials. */
 typedef struct {
-    int64_t begin, end;
     Ray ray;
-    int32_t cameras[LANES];
     Linearised found;
     Lanes of_point[2][3];
     double row[LANES][2][ROW];
-} Ahead;
+    int64_t begin, end;
+    int32_t cameras[LANES];
+} IN_LINES Ahead;
 
 INLINE void begin_ahead(Ahead *a)
 {
@@ -190,25 +190,38 @@ INLINE void spread_partials(const Lanes *partials, Lanes f, const int32_t *eleme
     }
 }
 
+/* Write the products of a set to the row of each lane, multiplied by f, and zeros behind them, to end the padding. */
+INLINE void spread_products(const Lanes *products, Lanes f, int32_t count, double *const *rows)
+{
+    for (int32_t k = 0; k < count + PADDED(1); k += LANES) {
+        Lanes scaled[LANES];
+        double *to[LANES];
+        for (int32_t lane = 0; lane < LANES; lane++) {
+            scaled[lane] = k < count ? f * products[k + lane] : ALL(0.0);
+            to[lane] = rows[lane] + k;
+        }
+        spread(scaled, to);
+    }
+}
+
 /* Write partials of x (c = 0) or y by the columns of a camera: the products in dx and the elements, or the elements and
  * the products in dy. */
 INLINE void spread_camera(const Pattern *p, int32_t camera, const Linearised *found, Lanes f, int c, double *const *rows)
 {
     const int32_t own = p->camera_own[camera], products = p->camera_products[camera];
+    const int32_t *elements = p->camera_elements + CAMERA_PARAMETERS * camera;
+    if (!products) {
+        spread_partials(found->partials[c], f, elements, own, rows);
+        return;
+    }
     double *of_own[LANES], *of_products[LANES];
     for (int lane = 0; lane < LANES; lane++)
         of_own[lane] = rows[lane] + (c ? 0 : products), of_products[lane] = rows[lane] + (c ? own : 0);
-    spread_partials(found->partials[c], f, p->camera_elements + CAMERA_PARAMETERS * camera, own, of_own);
-    for (int32_t k = 0; k < products; k += LANES) {
-        Lanes scaled[LANES];
-        double *to[LANES];
-        for (int lane = 0; lane < LANES; lane++)
-            scaled[lane] = f * found->product[1 + k + lane], to[lane] = of_products[lane] + k;
-        spread(scaled, to);
-    }
-    for (int lane = 0; products && lane < LANES; lane++)
-        for (int k = 0; k < 2 * LANES; k += LANES)
-            AT(rows[lane] + own + products + k) = ALL(0.0);
+    if (c)
+        spread_partials(found->partials[c], f, elements, own, of_own);
+    spread_products(found->product + 1, f, products, of_products);
+    if (!c)
+        spread_partials(found->partials[c], f, elements, own, of_own);
 }
 
 /* The same for the cameras of all lanes, which mostly are the same one. */

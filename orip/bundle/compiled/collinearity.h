@@ -31,13 +31,13 @@ typedef struct {
 
 typedef struct {
     Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2];
-} Ray;
+} IN_LINES Ray;
 
 /* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */
 typedef struct {
     Lanes residual[2], partials[2][ELEMENTS], product[PRODUCTS];
     int in_front[LANES];
-} Linearised;
+} IN_LINES Linearised;
 
 typedef struct {
     Lanes value[2], by_xy[2][2], by_coefficients[2][COEFFICIENT_COUNT];

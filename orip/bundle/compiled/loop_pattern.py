@@ -156,7 +156,7 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
 
 def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
     """Return the constants of the cameras of a block."""
-    count, additional = unknowns.additional.shape
+    count = len(unknowns.cameras)
     form = np.zeros(count, dtype=np.uint8)
     form[points.camera] = points.at_measured + 2 * points.is_equidistant.astype(np.uint8)
     kind = form.astype(np.int32)

@@ -185,11 +185,11 @@ INLINE void add_squares(double *sums, const double *of_x, const double *of_y, in
         AT(sums + k) += AT(of_x + k) * AT(of_x + k) + AT(of_y + k) * AT(of_y + k);
 }
 
-/* Add a photo point's rows by the columns of its camera, times x and y. */
-INLINE void add_to_camera(double *sums, const Places *at, double x, double y, const double (*row)[ROW])
+/* Add a photo point's rows by the columns of its camera, times x and y; common: whether both have the same columns. */
+INLINE void add_to_camera(double *sums, const Places *at, int common, double x, double y, const double (*row)[ROW])
 {
     const double *of_x = row[0] + PHOTO_ROW, *of_y = row[1] + PHOTO_ROW;
-    if (has_common_columns(at))
+    if (common)
         add_to(sums + at->camera[0], x, of_x, y, of_y, at->camera_columns);
     else {
         add_multiple(sums + at->camera[0], x, of_x, at->camera_columns);
@@ -198,22 +198,22 @@ INLINE void add_to_camera(double *sums, const Places *at, double x, double y, co
 }
 
 /* Add the coupling of a photo point with its ground point, of partials px, py. */
-INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, const double (*row)[ROW], const double *px,
-                         const double *py)
+INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, int common, const double (*row)[ROW],
+                         const double *px, const double *py)
 {
     for (int i = 0; i < 3; i++) {
         double *w = coupling + i * stride;
-        add_to_camera(w, at, px[i], py[i], row);
+        add_to_camera(w, at, common, px[i], py[i], row);
         add_to(w + at->photo, px[i], row[0], py[i], row[1], PHOTO_UNKNOWNS);
     }
 }
 
 /* Add what a photo point contributes to the equations of its photo, and to those of its photo and its camera. */
-INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+INLINE void add_photo_point(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y)
 {
     const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
     double *of_x = s->matrix + at->camera[0] * s->stride + at->photo, *of_y = s->matrix + at->camera[1] * s->stride + at->photo;
-    if (has_common_columns(at))
+    if (common)
         for (int64_t u = 0; u < at->camera_columns; u++)
             add_to(of_x + u * s->stride, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
     else
@@ -276,13 +276,14 @@ static void add_camera_rows(const Sums *s, CameraRows *kept)
 }
 
 /* Keep the rows of a photo point by the columns of its camera, those of y apart where they have columns of their own. */
-INLINE void keep_camera_rows(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, CameraRows *kept)
+INLINE void keep_camera_rows(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y,
+                             CameraRows *kept)
 {
     if (!at->camera_columns)
         return;
     const int64_t width = PADDED(at->camera_columns);
     for (int c = 0; c < 2; c++) {
-        CameraRows *k = kept + !has_common_columns(at) * c;
+        CameraRows *k = kept + !common * c;
         if (k->count == KEPT_ROWS || at->camera[c] != k->first || at->camera_columns != k->columns) {
             add_camera_rows(s, k);
             k->first = at->camera[c], k->columns = at->camera_columns;
@@ -292,6 +293,15 @@ INLINE void keep_camera_rows(const Sums *s, const Places *at, const double (*row
             AT(to + i) = AT(row[c] + PHOTO_ROW + i);
         k->misclosure[k->count++] = y[c];
     }
+}
+
+/* Add what a photo point contributes to the sums of its group. */
+INLINE void add_ray(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y, const double *px,
+                    const double *py, CameraRows *kept)
+{
+    add_coupling(s->coupling, s->stride, at, common, row, px, py);
+    add_photo_point(s, at, common, row, y);
+    keep_camera_rows(s, at, common, row, y, kept);
 }
 
 /* Eliminate a point: subtract what its three unknowns explain; the coupling is replaced by H times the coupling. */
@@ -396,9 +406,10 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                     for (int j = 0; j < 3; j++)
                         V[3 * i + j] += px[i] * px[j] + py[i] * py[j];
                 }
-                add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
-                add_photo_point(&s, &at, a.row[lane], y);
-                keep_camera_rows(&s, &at, a.row[lane], y, kept);
+                if (has_common_columns(&at))
+                    add_ray(&s, &at, 1, a.row[lane], y, px, py, kept);
+                else
+                    add_ray(&s, &at, 0, a.row[lane], y, px, py, kept);
             }
             /* every ray counts for all three coordinates, other observations for their own */
             const double of_rays = V[0] + V[4] + V[8];

@@ -216,7 +216,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                 const Places at = places_of(b, p, &local, p->order[k], a.cameras[lane], last);
                 for (int i = 0; i < 3; i++)
                     px[i] = LANE(a.of_point[0][i], lane), py[i] = LANE(a.of_point[1][i], lane);
-                add_coupling(part.coupling, part.stride, &at, a.row[lane], px, py);
+                add_coupling(part.coupling, part.stride, &at, has_common_columns(&at), a.row[lane], px, py);
             }
             with_inverse(&part, local.size, H, inner);
             for (int i = 0; i < 3; i++)

@@ -66,7 +66,7 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
                             : sum_of(products(mine + at.photo, row[i], PHOTO_UNKNOWNS)
                                      + products(mine + at.camera[i], row[i] + PHOTO_ROW, at.camera_columns));
                     if (transposed) {
-                        add_to_camera(mine, &at, along[0], along[1], row);
+                        add_to_camera(mine, &at, has_common_columns(&at), along[0], along[1], row);
                         add_to(mine + at.photo, along[0], row[0], along[1], row[1], PHOTO_UNKNOWNS);
                     } else
                         for (int i = 0; i < 3; i++)
