@@ -10,7 +10,6 @@ coordinate of the points nearest to it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -91,11 +90,10 @@ class PlanView(Struct, frozen=True, eq=False):
 
 def plan_view(block: OrientedBlock, points: BlockPoints) -> PlanView:
     """Project a block on the plane that suits it."""
-    finite: list[bool] = np.isfinite(points.xyz).all(axis=1).tolist()
+    finite = np.flatnonzero(np.isfinite(points.xyz).all(axis=1))
+    rows = finite.tolist()
     known = BlockPoints(
-        tuple(compress(points.names, finite)),
-        tuple(compress(points.kinds, finite)),
-        points.xyz[finite],
+        tuple(points.names[row] for row in rows), tuple(points.kinds[row] for row in rows), points.xyz[finite]
     )
     viewing = -np.mean([photo.rotation[2::3] for photo in block.photos], axis=0)
     plane = _plane(known.xyz, viewing)
