@@ -36,7 +36,7 @@ INLINE void take_stretch(const Reduced *inverse, const Local *local, int64_t own
                 column[i + k] = *element_at(inverse, own, place + k);
 }
 
-INLINE void take_part(const Reduced *inverse, const Local *local, int32_t *stretch, double *room, Part *part)
+INLINE void take_part(const Pattern *p, const Reduced *inverse, const Local *local, int32_t *stretch, double *room, Part *part)
 {
     const int64_t size = local->size;
     part->stride = stride_of(size);
@@ -51,6 +51,7 @@ INLINE void take_part(const Reduced *inverse, const Local *local, int32_t *stret
             if (local->place[i] >= 0)
                 take_stretch(inverse, local, local->place[j], i, stretch[i], column);
     }
+    matrix_to_columns(p, local, part->inverse, part->stride);
 }
 
 #define MOST_COLUMNS 2
@@ -134,44 +135,57 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
     return sum;
 }
 
-/* Add a Q b^T, for each coordinate's rows a and b of partials, with a part of the inverse Q, to what is found. */
-INLINE void add_quadratic(const double *inverse, int64_t stride, const double *const *a, int64_t count,
+/* Add a Q b^T, for the rows a and b of partials of some coordinates, with a part of the inverse Q, to what is found. */
+INLINE void add_quadratic(const double *inverse, int64_t stride, int coordinates, const double *const *a, int64_t count,
                           const double *const *b, int64_t width, double times, double *found)
 {
     for (int64_t k = 0; k < width; k += 2 * LANES) {
         Lanes sums[2][2] = {{ALL(0.0), ALL(0.0)}, {ALL(0.0), ALL(0.0)}};
         for (int64_t u = 0; u < count; u++) {
             const Lanes one = AT(inverse + u * stride + k), other = AT(inverse + u * stride + k + LANES);
-            for (int c = 0; c < 2; c++)
+            for (int c = 0; c < coordinates; c++)
                 sums[c][0] += a[c][u] * one, sums[c][1] += a[c][u] * other;
         }
-        for (int c = 0; c < 2; c++)
+        for (int c = 0; c < coordinates; c++)
             found[c] += times * sum_of(sums[c][0] * AT(b[c] + k) + sums[c][1] * AT(b[c] + k + LANES));
     }
+}
+
+/* Add to a Q a^T what the columns of the camera contribute, for rows a with the same ones, from the first one on. */
+INLINE void add_of_camera(const Part *part, const Places *at, int64_t first, int coordinates, const double *const *camera,
+                          const double *const *photo, double *found)
+{
+    const double *inverse = part->inverse + first * part->stride;
+    const int64_t count = at->camera_columns;
+    add_quadratic(inverse + first, part->stride, coordinates, camera, count, camera, PADDED(count), 1.0, found);
+    add_quadratic(inverse + at->photo, part->stride, coordinates, camera, count, photo, PHOTO_ROW, 2.0, found);
 }
 
 /* Find a Q a^T for both rows a of a photo point. */
 INLINE void of_unknowns(const Part *part, const Places *at, const double (*row)[ROW], double *found)
 {
     const double *photo[2] = {row[0], row[1]}, *camera[2] = {row[0] + PHOTO_ROW, row[1] + PHOTO_ROW};
-    const double *of_camera = part->inverse + at->camera * part->stride, *of_photo = part->inverse + at->photo * part->stride;
-    const int64_t unknowns = at->camera_unknowns;
+    const double *of_photo = part->inverse + at->photo * part->stride;
     found[0] = found[1] = 0.0;
-    add_quadratic(of_camera + at->camera, part->stride, camera, unknowns, camera, PADDED(unknowns), 1.0, found);
-    add_quadratic(of_camera + at->photo, part->stride, camera, unknowns, photo, PHOTO_ROW, 2.0, found);
-    add_quadratic(of_photo + at->photo, part->stride, photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW, 1.0, found);
+    if (has_common_columns(at))
+        add_of_camera(part, at, at->camera[0], 2, camera, photo, found);
+    else
+        for (int c = 0; c < 2; c++)
+            add_of_camera(part, at, at->camera[c], 1, camera + c, photo + c, found + c);
+    add_quadratic(of_photo + at->photo, part->stride, 2, photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW, 1.0, found);
 }
 
-/* Return - 2 a (Q B^T) t + t (I + B Q B^T) t with t = H p, for a row a, p of a photo point. */
-INLINE double of_point(const Part *part, const Places *at, const double *row, const double *p, const double *H,
-                       const double *inner)
+/* Return - 2 a (Q B^T) t + t (I + B Q B^T) t with t = H p, for a row a, p of a photo point, whose columns of the camera
+ * are from the first one on. */
+INLINE double of_point(const Part *part, const Places *at, int64_t first, const double *row, const double *p,
+                       const double *H, const double *inner)
 {
     double t[3], with_inner[3], sum = 0.0;
     multiply(H, p, t);
     multiply(inner, t, with_inner);
     for (int k = 0; k < 3; k++) {
         const double *q = part->product + k * part->stride;
-        const Lanes of_row = products(q + at->camera, row + PHOTO_ROW, at->camera_unknowns)
+        const Lanes of_row = products(q + first, row + PHOTO_ROW, at->camera_columns)
             + products(q + at->photo, row, PHOTO_UNKNOWNS);
         sum += t[k] * (with_inner[k] - 2.0 * sum_of(of_row));
     }
@@ -188,7 +202,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
     for (int64_t group = share.first; group < share.end; group++) {
         Part part;
         local_unknowns(b, p, group, &local);
-        take_part(&c->inverse, &local, numbers + 2 * p->longest, room, &part);
+        take_part(p, &c->inverse, &local, numbers + 2 * p->longest, room, &part);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
             double *cofactors = c->cofactors + 9 * p->block[place], inner[9];
@@ -202,7 +216,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                 const Places at = places_of(b, p, &local, p->order[k], a.cameras[lane], last);
                 for (int i = 0; i < 3; i++)
                     px[i] = LANE(a.of_point[0][i], lane), py[i] = LANE(a.of_point[1][i], lane);
-                add_coupling(part.coupling, part.stride, &at, a.row[lane], px, py);
+                add_coupling(part.coupling, part.stride, &at, has_common_columns(&at), a.row[lane], px, py);
             }
             with_inverse(&part, local.size, H, inner);
             for (int i = 0; i < 3; i++)
@@ -224,7 +238,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                     double partials[3];
                     for (int axis = 0; axis < 3; axis++)
                         partials[axis] = LANE(again.of_point[i][axis], lane);
-                    leverage[i] += of_point(&part, &at, again.row[lane][i], partials, H, inner);
+                    leverage[i] += of_point(&part, &at, at.camera[i], again.row[lane][i], partials, H, inner);
                 }
             }
         }
