@@ -42,7 +42,8 @@ typedef struct {
     const int32_t *camera_products, *camera_own, *camera_elements, *camera_unknowns, *camera_terms;
     const double *term_factors;
     const int32_t *camera_places, *photo_places;
-    int64_t groups, blocks, longest;
+    /* longest, most_camera_columns: of the columns of a group */
+    int64_t groups, blocks, longest, most_camera_columns;
     /* groups that a thread takes at a time: share_start[s] ...; room: numbers that the largest share needs */
     const int32_t *share_start;
     int64_t shares, room;
@@ -303,6 +304,12 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
             local->place[local->size++] = u < unknowns ? places[u] : -1;
     }
     local->photo_runs = count - local->camera_runs;
+}
+
+/* How many of a group's columns are those of cameras. */
+INLINE int64_t camera_columns(const Local *local)
+{
+    return local->photo_runs ? local->first[local->camera_runs] : local->size;
 }
 
 /* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */

@@ -98,17 +98,17 @@ static void matrix_to_unknowns(const Pattern *p, const Local *local, double *mat
     }
 }
 
-/* Replace both triangles of a symmetric matrix by unknowns by those by columns. */
-static void matrix_to_columns(const Pattern *p, const Local *local, double *matrix, int64_t stride)
+/* Replace both triangles of a symmetric matrix, of the cameras of a group, by unknowns by those by columns. */
+static void matrix_to_columns(const Pattern *p, const Local *local, int64_t size, double *matrix, int64_t stride)
 {
     for (int32_t r = 0; r < local->camera_runs; r++) {
         const int64_t first = local->first[r];
         Terms t;
         if (!has_terms(p, local->runs[r], &t))
             continue;
-        for (int64_t j = 0; j < local->size; j++)
+        for (int64_t j = 0; j < size; j++)
             to_columns(&t, matrix + j * stride + first);
-        for (int64_t i = 0; i < local->size; i += LANES)
+        for (int64_t i = 0; i < size; i += LANES)
             lanes_to_columns(&t, matrix + first * stride + i, stride);
     }
 }

@@ -143,30 +143,33 @@ static int is_pattern_sound(const Block *b, const Pattern *p)
     return sound;
 }
 
-/* The columns of a group. A run of constants alone has a place among the first ones, too. */
-static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group)
+/* The columns of a group, or those of its cameras. A run of constants alone has a place among the first ones, too. */
+static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group, int only_cameras)
 {
     const int64_t runs = p->runs_start[group + 1] - p->runs_start[group];
     int64_t size = 0;
     for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
-        size += p->runs[r] < b->camera_count ? columns_of(p, p->runs[r]) : PHOTO_UNKNOWNS;
+        if (p->runs[r] < b->camera_count)
+            size += columns_of(p, p->runs[r]);
+        else if (!only_cameras)
+            size += PHOTO_UNKNOWNS;
     return size > runs ? size : runs;
 }
 
-static int64_t longest_group(const Block *b, const Pattern *p)
+static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
 {
-    int64_t longest = 0;
+    int64_t most = 0;
     for (int64_t group = 0; group < p->groups; group++) {
-        const int64_t size = size_of_group(b, p, group);
-        longest = size > longest ? size : longest;
+        const int64_t size = size_of_group(b, p, group, only_cameras);
+        most = size > most ? size : most;
     }
-    return longest;
+    return most;
 }
 
 /* Numbers that the sums of a group need, or the part of the inverse, or vectors. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group)
 {
-    const int64_t size = size_of_group(b, p, group), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
+    const int64_t size = size_of_group(b, p, group, 0), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
     return rows * stride_of(size);
 }
 
@@ -185,6 +188,8 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
         p->room = numbers > p->room ? numbers : p->room;
     }
     share_start[p->shares] = (int32_t)p->groups;
+    const int64_t of_part = numbers_of_part(p->longest, p->most_camera_columns);
+    p->room = of_part > p->room ? of_part : p->room;
 }
 
 /* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
@@ -194,7 +199,8 @@ static int is_layout_sound(const Arguments *a, Layout *l)
         return 0;
     for (int64_t k = 0; k < l->block.count; k++)
         l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
-    l->pattern.longest = longest_group(&l->block, &l->pattern);
+    l->pattern.longest = most_columns(&l->block, &l->pattern, 0);
+    l->pattern.most_camera_columns = most_columns(&l->block, &l->pattern, 1);
     if (l->pattern.longest > LARGEST_SYSTEM)
         return 0;
     cut_into_shares(&l->block, &l->pattern, l->share_start);
