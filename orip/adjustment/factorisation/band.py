@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from orip.adjustment.factorisation.band_panels import add_product, times
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -184,6 +183,8 @@ def arranged(groups: IntArray, touched: csr_array, central: BoolArray | None = N
         return None
     graph = pattern[inner][:, inner]
     sizes = np.bincount(groups, minlength=count)
+    from scipy.sparse.csgraph import reverse_cuthill_mckee  # takes its time to import; small blocks do without
+
     orders = [inner, inner[reverse_cuthill_mckee(graph, symmetric_mode=True)]]
     widths = [_width(graph.tocoo(), inner, order, sizes) for order in orders]
     best = orders[int(np.argmin(widths))]
