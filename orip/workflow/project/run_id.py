@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from orip.files.stores.digest import record_digest
 from orip.records.observations.measurement import PhotoObservations
@@ -20,15 +20,25 @@ def run_id(*parts: object) -> str:
 
 def digest_of_records(records: Iterable[object]) -> str:
     """Return the SHA-256 (hex) of records in their order."""
-    return hashlib.sha256("\n".join(map(record_digest, records)).encode()).hexdigest()
+    return digest_of_digests(map(record_digest, records))
+
+
+def digest_of_digests(digests: Iterable[str]) -> str:
+    """Return the SHA-256 (hex) of records from their own digests."""
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
 
 def digest_of_observations(observations: PhotoObservations) -> str:
     """Return the SHA-256 (hex) of photo observations; fast for millions."""
+    numbers = (observations.measured, observations.errors, observations.disregarded)
+    return digest_of_columns((observations.photos, observations.points), (array.tobytes() for array in numbers))
+
+
+def digest_of_columns(names: Iterable[Iterable[str]], numbers: Iterable[bytes]) -> str:
+    """Return the SHA-256 (hex) of columns of names and of numbers."""
     digest = hashlib.sha256()
-    names: Sequence[Sequence[str]] = (observations.photos, observations.points)
-    for name in names:
-        digest.update("\n".join(name).encode())
-    for array in (observations.measured, observations.errors, observations.disregarded):
-        digest.update(array.tobytes())
+    for column in names:
+        digest.update("\n".join(column).encode())
+    for column_bytes in numbers:
+        digest.update(column_bytes)
     return digest.hexdigest()
