@@ -47,6 +47,7 @@ from orip.bundle.state import BlockState, antenna_parameters, camera_parameters,
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 
@@ -168,9 +169,9 @@ class BlockProblem(Struct, frozen=True):
         rows = np.concatenate([staying, len(of_photos) + np.arange(len(rest.residual) - stay)])
         return Equations(
             StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
-            np.concatenate([of_photos, rest.residual[stay:]]),
-            np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]]),
-            np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]]),
+            set_aside(np.concatenate([of_photos, rest.residual[stay:]])),
+            set_aside(np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]])),
+            set_aside(np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]])),
         )
 
     def update(self, state: BlockState, correction: FloatArray) -> BlockState:

@@ -20,6 +20,7 @@ from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.observations.repeated import measured_before, measurement_name
 from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.set_aside import set_aside
 
 _CAMERA = len(CAMERA_PARAMETERS)
 _ROTATION, POINT_PARTIALS = slice(_CAMERA + 3, _CAMERA + 6), slice(_CAMERA + 6, _CAMERA + 9)
@@ -139,7 +140,7 @@ def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
 def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservations:
     """Return the photo points of a block as observations."""
     points = block.photo_points
-    camera = block.photo_camera[points.photo]
+    camera = set_aside(block.photo_camera[points.photo])
     sets = tuple(
         (row, record.additional_set, base_of_camera(record))
         for row, record in enumerate(block.cameras)
@@ -149,7 +150,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         kind=PHOTO_POINT,
         photo=_twice(CodedNames([photo.name for photo in block.photos], points.photo)),
         point=_twice(names_of_photo_points(block)),
-        component=CodedNames(("x", "y"), np.tile(np.arange(2, dtype=np.uint8), len(points.photo))),
+        component=CodedNames(("x", "y"), set_aside(np.tile(np.arange(2, dtype=np.uint8), len(points.photo)))),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),
@@ -158,8 +159,9 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)
     is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
     return PhotoPointObservations(
-        rows, points.photo, points.point, camera, points.xy, at_measured[camera], is_equidistant[camera], sets, unknowns
-    )
+        rows, points.photo, points.point, camera, points.xy, set_aside(at_measured[camera]),
+        set_aside(is_equidistant[camera]), sets, unknowns,
+    )  # fmt: skip
 
 
 def names_of_photo_points(block: Block) -> CodedNames:
@@ -173,7 +175,7 @@ def names_of_photo_points(block: Block) -> CodedNames:
 
 def _twice(names: CodedNames) -> CodedNames:
     """Return each name once for x and once for y."""
-    return CodedNames(names.distinct, np.repeat(names.codes, 2))
+    return CodedNames(names.distinct, set_aside(np.repeat(names.codes, 2)))
 
 
 KINDS = (KindEquations(PHOTO_POINT, observe_photo_points),)

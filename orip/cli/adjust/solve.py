@@ -39,7 +39,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         method, terminal = options.method(), invocation.terminal
-        with limited_threads(terminal.threads):
+        with limited_threads(terminal.threads), cluster.columns_set_aside(invocation.folder):
             given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
             with cluster.posing(terminal, given.project.folder) as (pose, watcher):
                 solved = commit(solve(given, watcher, method, options.check or (), pose))

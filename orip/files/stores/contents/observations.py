@@ -8,8 +8,10 @@ import numpy as np
 
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
+from orip.records.coded_names import CodedNames
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.observations.repeated import observed_before
+from orip.set_aside import set_aside
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
@@ -47,12 +49,16 @@ def read(store: Store) -> PhotoObservations | None:
         errors = np.broadcast_to(np.nan, errors.shape)
     return PhotoObservations(
         bundle=bundle[1],
-        photos=photos,
-        points=points,
-        measured=np.column_stack([x, y]),
-        errors=errors,
-        disregarded=disregarded,
+        photos=_set_aside(photos),
+        points=_set_aside(points),
+        measured=set_aside(np.column_stack([x, y])),
+        errors=set_aside(errors),
+        disregarded=set_aside(disregarded),
     )
+
+
+def _set_aside(names: CodedNames) -> CodedNames:
+    return CodedNames(names.distinct, set_aside(names.codes))
 
 
 def write(store: Store, observations: PhotoObservations) -> None:
