@@ -2,17 +2,20 @@
 
 A column has a number or a few for every photo point, and a block may have more photo points than there is memory for.
 What is set aside within `columns_in_files` is written to a file without a name, which goes with the array, and mapped:
-it takes memory only while it is looked at. Elsewhere arrays stay as they are.
+it takes memory while it is looked at. Elsewhere arrays stay as they are.
 """
 
 from __future__ import annotations
 
+import ctypes
 import mmap
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
+from threading import Event, Thread
 from typing import TypeVar
 from weakref import WeakSet
 
@@ -26,25 +29,39 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 _LEAST_BYTES = 1 << 18
 """A shorter array stays in memory: a file takes longer, and there are many more short ones."""
 
+_LOOKED_AT_SECONDS = 0.02
+"""For so long at most memory is taken by what was looked at."""
+
+_M_MMAP_THRESHOLD = -3
+"""Of glibc's mallopt: larger arrays have pages of their own, which the system gets back as soon as they are freed."""
+
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 _mappings: WeakSet[mmap.mmap] = WeakSet()
 
 
 @contextmanager
 def columns_in_files(folder: Path) -> Iterator[None]:
-    """Keep in files of a folder what is set aside within the block."""
+    """Keep in files of a folder, which is made where it is missing, what is set aside within the block.
+
+    Memory that is freed goes back to the system at once.
+    """
+    _give_back_what_is_freed()
+    ends = Event()
+    releasing = Thread(target=_release_until, args=(ends,), daemon=True)
+    releasing.start()
     token = _folder.set(folder)
     try:
         yield
     finally:
         _folder.reset(token)
+        ends.set()
+        releasing.join()
 
 
 def set_aside(values: NDArray[ScalarT]) -> NDArray[ScalarT]:
     """Return an array that is no longer changed, and that is next looked at after other work.
 
-    Within `columns_in_files` it is a copy that cannot be changed, in a file; all arrays that were set aside before
-    give up the memory that they took since. Else it is the array itself.
+    Within `columns_in_files` it is a copy in a file, which cannot be changed; else it is the array itself.
 
     Raises
     ------
@@ -62,13 +79,22 @@ def set_aside(values: NDArray[ScalarT]) -> NDArray[ScalarT]:
     except OSError as error:
         message = f"{folder} has no room for the columns of the block ({error.strerror or error}); make room there"
         raise OripError(message) from error
-    release()
     _mappings.add(mapping)
     return np.frombuffer(mapping, dtype=values.dtype).reshape(values.shape)
 
 
-def release() -> None:
-    """Give back the memory of all that was set aside; it is read again when it is next looked at."""
-    if hasattr(mmap, "MADV_DONTNEED"):
+def _release_until(ends: Event) -> None:
+    """Give back the memory of all that is set aside, again and again; it is read again when it is next looked at.
+
+    The system does the same where it lacks memory, but counts until then all that was ever looked at.
+    """
+    while not ends.wait(_LOOKED_AT_SECONDS):
         for mapping in list(_mappings):
-            mapping.madvise(mmap.MADV_DONTNEED)
+            with suppress(AttributeError, OSError):  # some systems have no such advice
+                mapping.madvise(mmap.MADV_DONTNEED)
+
+
+def _give_back_what_is_freed() -> None:
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library
+            ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, _LEAST_BYTES)

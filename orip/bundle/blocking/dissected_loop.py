@@ -84,9 +84,9 @@ class DissectedLoop(Struct, frozen=True):
         del layout
         handles = self.passes.each(
             node_tasks.points_alone, self.sources, self._state(state),
-            self._of_nodes(lambda of_node: root_weights[of_node.rows]),
-            self._of_nodes(lambda of_node: misclosure[of_node.rows]),
-            self._of_nodes(
+            self.of_nodes(lambda of_node: root_weights[of_node.rows]),
+            self.of_nodes(lambda of_node: misclosure[of_node.rows]),
+            self.of_nodes(
                 lambda of_node: BlockNormals(
                     others.matrices[of_node.blocks], others.right[of_node.block_rows],
                     others.square_sums[of_node.blocks],
@@ -126,7 +126,7 @@ class DissectedLoop(Struct, frozen=True):
 
         accuracy = [Accuracy(max_lost_digits, damping)] * len(self.tree)
         normals = self.passes.each(
-            node_tasks.eliminate, self.sources, self._state(state), _OfNodes(len(self.tree), given), accuracy
+            node_tasks.eliminate, self.sources, self._state(state), OfNodes(len(self.tree), given), accuracy
         )
         parts = self.passes.each(node_tasks.matrix_of, normals)
         couplings = self.passes.each(node_tasks.coupling_of, normals)
@@ -180,16 +180,16 @@ class DissectedLoop(Struct, frozen=True):
     def _state(self, state: BlockState) -> Handles:
         """Return handles of the parts of a state; those of the last one are kept where they were sent to."""
         if self.sent.state is not state:
-            self.sent.parts = self.passes.kept(self._of_nodes(lambda of_node: of_node.state(state)))
+            self.sent.parts = self.passes.kept(self.of_nodes(lambda of_node: of_node.state(state)))
             self.sent.state = state
         return self.sent.parts
 
-    def _of_nodes(self, value: Callable[[Members], Any]) -> _OfNodes:
+    def of_nodes(self, value: Callable[[Members], Any]) -> OfNodes:
         """Return a value for each node, from its members."""
-        return _OfNodes(len(self.members), lambda number: value(self.members[number]))
+        return OfNodes(len(self.members), lambda number: value(self.members[number]))
 
 
-class _OfNodes(Sequence[Any]):
+class OfNodes(Sequence[Any]):
     """Values of all nodes, each made when it is asked for: all at once would be as long as the block."""
 
     def __init__(self, count: int, value: Callable[[int], Any]) -> None:
@@ -238,7 +238,7 @@ class DissectedCoupling(Struct, frozen=True):
         """Return its transpose times vectors (3 b,) or (3 b, k)."""
         loop = self.loop
         handles = loop.passes.each(
-            node_tasks.forward, loop.sources, self.parts, loop._of_nodes(lambda of_node: points[of_node.block_rows])
+            node_tasks.forward, loop.sources, self.parts, loop.of_nodes(lambda of_node: points[of_node.block_rows])
         )
         found = np.zeros((len(loop.tree.place), *points.shape[1:]))
         for node, values in zip(loop.tree.nodes, loop.passes.gathered(handles), strict=True):

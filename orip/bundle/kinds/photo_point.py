@@ -63,9 +63,9 @@ class PhotoPointObservations(Observations, frozen=True):
         return np.repeat(np.concatenate(of_points, axis=1), 2, axis=0)
 
     def of(self, chosen: BoolArray) -> PhotoPointObservations:
-        """Return some of the photo points."""
-        twice = np.repeat(chosen, 2)
-        rows = self.rows
+        """Return some of the photo points, given as (n,)."""
+        rows, places = self.rows, np.flatnonzero(chosen)
+        twice = (2 * places[:, None] + np.arange(2)).ravel()
         some = Rows(
             kind=rows.kind,
             photo=coded(rows.photo)[twice],
@@ -77,8 +77,8 @@ class PhotoPointObservations(Observations, frozen=True):
             columns=None,
         )
         return PhotoPointObservations(
-            some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
-            self.at_measured[chosen], self.is_equidistant[chosen], self.sets, self.unknowns,
+            some, self.photo[places], self.point[places], self.camera[places], self.xy[places],
+            self.at_measured[places], self.is_equidistant[places], self.sets, self.unknowns,
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:

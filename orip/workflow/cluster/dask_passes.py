@@ -1,8 +1,8 @@
 """Passes over a dissection tree as graphs of Dask.
 
 The lower parts of the tree are one task each, and so is every node above them. What a task returns stays with the
-worker; where that dies, Dask computes it again from what it was computed from: files that the workers read. Nothing that
-grows with the block is kept by the scheduler, nor in a message to it.
+worker; where that dies, Dask computes it again from what it was computed from: files that the workers read. The
+scheduler keeps nothing that grows with the number of photo points.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from msgspec.structs import astuple
 from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
 from orip.errors import OripError
-from orip.set_aside import release
 from orip.structs import replace
 from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
@@ -288,7 +287,6 @@ class DaskPasses(Struct, frozen=True):
 
         A worker may die when its value is there: it is computed again then, and whether others do so is watched, too.
         """
-        release()  # what the client looked at before is not needed while it waits
         fetching = asyncio.run_coroutine_threadsafe(
             self.client.gather(future, asynchronous=True), self.client.loop.asyncio_loop
         )
