@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import mmap
+import os
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from threading import Event, Thread
-from typing import TypeVar
+from typing import Any, Generic, TypeVar
 from weakref import WeakSet
 
 import numpy as np
@@ -68,19 +69,58 @@ def set_aside(values: NDArray[ScalarT]) -> NDArray[ScalarT]:
     OripError
         If the file cannot be written.
     """
-    folder = _folder.get()
-    if folder is None or values.nbytes < _LEAST_BYTES or 0 in values.strides:
+    if _folder.get() is None or values.nbytes < _LEAST_BYTES or 0 in values.strides:
         return values
+    column = ColumnByParts(values.dtype)
+    column.append(values)
+    return column.whole().reshape(values.shape)
+
+
+class ColumnByParts(Generic[ScalarT]):
+    """A column (n,) that is made part after part, and set aside: no more than a part need be in memory.
+
+    Its methods raise OripError if the file cannot be written.
+
+    Parameters
+    ----------
+    dtype : data type
+    """
+
+    def __init__(self, dtype: np.dtype[ScalarT]) -> None:
+        self._dtype, self._folder, self._parts = dtype, _folder.get(), list[NDArray[Any]]()
+        if self._folder is not None:
+            with _told(self._folder):
+                self._folder.mkdir(exist_ok=True)
+                self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115  # until it is whole
+
+    def append(self, part: NDArray[Any]) -> None:
+        """Append elements; those of a table row by row."""
+        values = part.astype(self._dtype, copy=False)
+        if self._folder is None:
+            self._parts.append(values)
+            return
+        with _told(self._folder):
+            values.tofile(self._file)
+
+    def whole(self) -> NDArray[ScalarT]:
+        """Return the column; nothing can be appended any more."""
+        if self._folder is None:
+            return np.concatenate([np.zeros(0, dtype=self._dtype), *(part.ravel() for part in self._parts)])
+        with _told(self._folder), self._file:
+            if not os.fstat(self._file.fileno()).st_size:
+                return np.zeros(0, dtype=self._dtype)
+            mapping = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
+        _mappings.add(mapping)
+        return np.frombuffer(mapping, dtype=self._dtype)
+
+
+@contextmanager
+def _told(folder: Path) -> Iterator[None]:
     try:
-        folder.mkdir(exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder, buffering=0) as file:
-            values.tofile(file)
-            mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        yield
     except OSError as error:
         message = f"{folder} has no room for the columns of the block ({error.strerror or error}); make room there"
         raise OripError(message) from error
-    _mappings.add(mapping)
-    return np.frombuffer(mapping, dtype=values.dtype).reshape(values.shape)
 
 
 def _release_until(ends: Event) -> None:

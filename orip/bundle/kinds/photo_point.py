@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
@@ -64,16 +64,25 @@ class PhotoPointObservations(Observations, frozen=True):
 
     def of(self, chosen: BoolArray) -> PhotoPointObservations:
         """Return some of the photo points, given as (n,)."""
-        rows, places = self.rows, np.flatnonzero(chosen)
-        twice = (2 * places[:, None] + np.arange(2)).ravel()
+        places = np.flatnonzero(chosen)
+        return self._at(places, (2 * places[:, None] + np.arange(2)).ravel())
+
+    def in_parts(self) -> Iterator[PhotoPointObservations]:
+        """Yield the photo points some thousands at a time."""
+        for part in parts(len(self.xy)):
+            yield self._at(part, slice(2 * part.start, 2 * part.stop))
+
+    def _at(self, places: IntArray | slice, rows: IntArray | slice) -> PhotoPointObservations:
+        """Return the photo points at some places, with their equations."""
+        given = self.rows
         some = Rows(
-            kind=rows.kind,
-            photo=coded(rows.photo)[twice],
-            point=coded(rows.point)[twice],
-            component=coded(rows.component)[twice],
-            observed=rows.observed[twice],
-            error=rows.error[twice],
-            used=rows.used[twice],
+            kind=given.kind,
+            photo=coded(given.photo)[rows],
+            point=coded(given.point)[rows],
+            component=coded(given.component)[rows],
+            observed=given.observed[rows],
+            error=given.error[rows],
+            used=given.used[rows],
             columns=None,
         )
         return PhotoPointObservations(

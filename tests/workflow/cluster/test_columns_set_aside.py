@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import OripError
 from orip.files.stores.digest import same_record
-from orip.set_aside import columns_in_files, set_aside
+from orip.set_aside import ColumnByParts, columns_in_files, set_aside
 
-LARGEST_PART = 6
+LARGEST_PART = 4
 
 
 @pytest.fixture
@@ -56,6 +57,20 @@ def test_what_is_set_aside_has_the_same_values_and_cannot_be_changed(tmp_path, v
         assert list((tmp_path / "columns").iterdir()) == []
 
 
+def test_a_column_is_made_part_after_part(tmp_path):
+    made = []
+    for folder in (nullcontext(), columns_in_files(tmp_path)):
+        with folder:
+            column = ColumnByParts(np.dtype(np.float64))
+            for part in (np.arange(3), np.zeros((0, 2)), np.array([[0.5, 1.5], [2.5, 3.5]])[:, ::-1]):
+                column.append(part)
+            made.append(column.whole())
+            assert ColumnByParts(np.dtype(np.bool_)).whole().tolist() == []
+    assert made[0].flags.writeable
+    assert not made[1].flags.writeable
+    assert made[0].tolist() == made[1].tolist() == [0.0, 1.0, 2.0, 1.5, 0.5, 3.5, 2.5]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems show a process's memory elsewhere")
 def test_what_is_set_aside_takes_no_memory_once_it_is_not_looked_at(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_LOOKED_AT_SECONDS", 0.001)
@@ -84,7 +99,7 @@ def test_a_disk_without_room_is_told(tmp_path, monkeypatch):
 @pytest.mark.skipif(not is_compiled(), reason="sub-blocks need the compiled loop")
 def test_an_adjustment_with_columns_in_files_is_the_same_to_the_last_digit(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_LEAST_BYTES", 1000)
-    block = with_blunders(24)
+    block = with_blunders(9)
 
     def adjusted():
         return adjust_block(
