@@ -8,6 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.waiting_modules import let_wait
+
+let_wait(np, "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]

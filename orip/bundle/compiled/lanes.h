@@ -12,6 +12,8 @@
 #pragma GCC diagnostic ignored "-Wpsabi"
 /* aligned like a double, so that it can begin at any element of an array of doubles */
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+/* of structures of lanes, so that none of them crosses a line of the cache */
+#define IN_LINES __attribute__((aligned(64)))
 /* element k of the array of each lane */
 #define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
 /* four lanes chosen from those of a (0 to 3) and of b (4 to 7) */
@@ -23,6 +25,7 @@ typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #endif
 #else
 #define LANES 1
+#define IN_LINES
 #define INLINE static inline
 typedef double Lanes;
 #define GATHERED(arrays, k) ((arrays)[0][k])
