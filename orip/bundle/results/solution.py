@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import get_args
 
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray, parts
+from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -127,18 +128,20 @@ def _status(solved: SolvedBlock) -> Status:
     return "converged"
 
 
-def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
+def _rays_per_point(solved: SolvedBlock) -> IntArray:
     points = solved.block.photo_points
     used: BoolArray = points.in_use
-    return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
+    return photos_per_point(points.photo, points.point, used, len(solved.block.point_names))
 
 
-def _point_kinds(block: Block) -> tuple[PointKind, ...]:
-    kinds: list[PointKind] = ["tie"] * len(block.point_names)
-    place = block.point_index()
+def _point_kinds(block: Block) -> CodedNames:
+    kinds: tuple[PointKind, ...] = get_args(PointKind)
+    number, place = np.full(len(block.point_names), kinds.index("tie")), block.point_index()
     for point in block.control_points:
-        kinds[place[point.name]] = point.kind
-    return tuple(kinds)
+        number[place[point.name]] = kinds.index(point.kind)
+    found = CodedNames(kinds, number)
+    occurring = found.occurring()
+    return CodedNames(occurring, found.places({kind: place for place, kind in enumerate(occurring)}))
 
 
 def _residuals(solved: SolvedBlock) -> Residuals:
