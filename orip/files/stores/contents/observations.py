@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
-from orip.records.coded_names import CodedNames
+from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.observations.repeated import observed_before
 from orip.set_aside import set_aside
@@ -57,8 +58,9 @@ def read(store: Store) -> PhotoObservations | None:
     )
 
 
-def _set_aside(names: CodedNames) -> CodedNames:
-    return CodedNames(names.distinct, set_aside(names.codes))
+def _set_aside(names: Sequence[str]) -> CodedNames:
+    column = coded(names)
+    return CodedNames(column.distinct, set_aside(column.codes))
 
 
 def write(store: Store, observations: PhotoObservations) -> None:
