@@ -32,6 +32,14 @@ def parts(count: int) -> Iterator[slice]:
         yield slice(start, min(start + _AT_A_TIME, count))
 
 
+def distinct(numbers: IntArray) -> IntArray:
+    """Return the different ones of whole numbers, ascending; faster than `np.unique`, which fills a table first."""
+    ordered = np.sort(numbers)
+    is_new = np.ones(len(ordered), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=is_new[1:])
+    return np.asarray(ordered[is_new])
+
+
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:
     """Return for each of `count` groups the rows in it, ascending; `group` (n,) is that of each row, -1 for none.
 

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, distinct
 from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
@@ -113,10 +113,10 @@ def pattern_of_loop(
     `coordinates` (b, 3) are those of the eliminated points, roughly: see `groups_of_sets`.
     """
     order = np.flatnonzero(block >= 0)
-    order = order[np.lexsort((photo[order], block[order]))]
-    start = np.searchsorted(block[order], np.arange(len(coordinates) + 1))
-    of_point, sets = sets_of_photos(photo[order].astype(np.int32), start)
-    group_of_set = groups_of_sets(of_point, sets, coordinates)
+    order = order[np.argsort(block[order] * np.int64(len(camera_of_photo)) + photo[order], kind="stable")]
+    start = np.append(0, np.cumsum(np.bincount(block[order], minlength=len(coordinates))))
+    sets = sets_of_photos(photo[order].astype(np.int32), start)
+    of_point, group_of_set = sets.of_point, groups_of_sets(sets, coordinates)
     group = group_of_set[of_point]
     by_group = np.lexsort((of_point, group))
     counts = np.diff(start)[by_group]
@@ -124,10 +124,8 @@ def pattern_of_loop(
     order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
     group_start = np.searchsorted(group[by_group], np.arange(group.max(initial=-1) + 2))
 
-    of_set = np.repeat(np.arange(len(sets)), [len(photos) for photos in sets])
-    shown = np.array([photo for photos in sets for photo in photos], dtype=np.int64)
-    runs_start, runs = _runs(group_of_set[of_set], shown, camera_of_photo, cameras)
-    coupled = _runs(of_set, shown, camera_of_photo, cameras)
+    runs_start, runs = _runs(group_of_set[sets.number], sets.photo, camera_of_photo, cameras)
+    coupled = _runs(sets.number, sets.photo, camera_of_photo, cameras)
     small = (order, np.append(0, ends), by_group, group_start, runs_start, runs, *coupled)
     return Pattern(*(array.astype(np.int32) for array in small))
 
@@ -137,8 +135,9 @@ def _runs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where the runs of each number begin and the runs, cameras first, of pairs of a number and a photo."""
     every = cameras + len(camera_of_photo)
-    keys = np.unique(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
-    return np.searchsorted(keys // every, np.arange(number.max(initial=-1) + 2)), keys % every
+    keys = distinct(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
+    of_number, runs = np.divmod(keys, every)
+    return np.append(0, np.cumsum(np.bincount(of_number, minlength=int(number.max(initial=-1)) + 1))), runs
 
 
 def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Any
 
 from msgspec import Struct
@@ -50,7 +51,7 @@ def _canonical(value: Any) -> Any:
         return value
     if isinstance(value, int | float):
         return _number(value)
-    if isinstance(value, tuple | list):
+    if isinstance(value, Sequence) and not isinstance(value, bytes):  # also names that are kept by their numbers
         return [_canonical(item) for item in value]
     if hasattr(value, "tolist"):  # an array, or a number of one
         return _canonical(value.tolist())

@@ -45,6 +45,8 @@ def read(store: Store) -> PhotoObservations | None:
         return None
     import numpy as np
 
+    from orip.set_aside import set_aside
+
     columns: tuple[Any, ...] = store.columns(OBSERVATION)
     _bundle, _position, photos, points, _measurement, x, y, error_x, error_y, disregarded = columns
     errors = np.column_stack([error_x, error_y])
@@ -52,12 +54,20 @@ def read(store: Store) -> PhotoObservations | None:
         errors = np.broadcast_to(np.nan, errors.shape)
     return PhotoObservations(
         bundle=bundle[1],
-        photos=photos,
-        points=points,
-        measured=np.column_stack([x, y]),
-        errors=errors,
-        disregarded=disregarded,
+        photos=_set_aside(photos),
+        points=_set_aside(points),
+        measured=set_aside(np.column_stack([x, y])),
+        errors=set_aside(errors),
+        disregarded=set_aside(disregarded),
     )
+
+
+def _set_aside(names: Sequence[str]) -> Sequence[str]:
+    from orip.records.coded_names import CodedNames, coded
+    from orip.set_aside import set_aside
+
+    column = coded(names)
+    return CodedNames(column.distinct, set_aside(column.codes))
 
 
 class PlainObservations(Struct, frozen=True):
