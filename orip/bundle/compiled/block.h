@@ -166,7 +166,9 @@ INLINE void spread_partials(const Lanes *partials, Lanes f, const int32_t *eleme
         Lanes scaled[LANES];
         double *to[LANES];
         for (int32_t k = 0; k < LANES; k++) {
-            scaled[k] = u + k < count ? f * partials[elements[u + k]] : ALL(0.0);
+            scaled[k] = ALL(0.0);
+            if (u + k < count)
+                scaled[k] = f * partials[elements[u + k]];
             to[k] = rows[k] + u;
         }
         spread(scaled, to);
@@ -223,13 +225,41 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
     return (int)(k - a->begin);
 }
 
-/* The unknowns that the points of a group are coupled with: those of its cameras, then six of each photo. */
+/* The unknowns that the points of a group are coupled with: those of its cameras, then six of each photo, in the order
+ * of their places. first: of each run; sorted: the runs in the order of their unknowns. */
 typedef struct {
     int64_t size;
     const int32_t *runs;
     int32_t camera_runs, photo_runs;
-    int32_t *first, *place;
+    int32_t *first, *place, *sorted;
 } Local;
+
+/* Arrays of integers that a group needs, each as long as the longest group. */
+#define ARRAYS_OF_LOCAL 3
+
+INLINE Local local_in(const Pattern *p, int32_t *numbers)
+{
+    return (Local){.first = numbers, .place = numbers + p->longest, .sorted = numbers + 2 * p->longest};
+}
+
+/* Places of a run's unknowns; *unknowns: how many there are. */
+INLINE const int32_t *places_of_run(const Block *b, const Pattern *p, int32_t run, int32_t *unknowns)
+{
+    const int is_camera = run < b->camera_count;
+    *unknowns = is_camera ? p->camera_unknowns[run] : PHOTO_UNKNOWNS;
+    return is_camera ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)run
+                     : p->photo_places + PHOTO_UNKNOWNS * (run - b->camera_count);
+}
+
+/* Insert a photo's run into those that are sorted by their places; they mostly come in order. */
+INLINE void insert_run(const Block *b, const Pattern *p, Local *local, int32_t r)
+{
+    int32_t unknowns, at = r;
+    const int32_t place = *places_of_run(b, p, local->runs[r], &unknowns);
+    for (; at > local->camera_runs && *places_of_run(b, p, local->runs[local->sorted[at - 1]], &unknowns) > place; at--)
+        local->sorted[at] = local->sorted[at - 1];
+    local->sorted[at] = r;
+}
 
 INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
 {
@@ -239,17 +269,19 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
     local->size = 0;
     local->camera_runs = 0;
     for (int32_t r = 0; r < count; r++) {
-        const int is_camera = runs[r] < b->camera_count;
-        const int64_t photo = runs[r] - b->camera_count;
-        const int32_t unknowns = is_camera ? p->camera_unknowns[runs[r]] : PHOTO_UNKNOWNS;
-        const int32_t *places = is_camera ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)runs[r]
-                                          : p->photo_places + PHOTO_UNKNOWNS * photo;
-        local->camera_runs += is_camera;
-        local->first[r] = (int32_t)local->size;
+        local->camera_runs += runs[r] < b->camera_count;
+        local->sorted[r] = r;
+        if (runs[r] >= b->camera_count)
+            insert_run(b, p, local, r);
+    }
+    local->photo_runs = count - local->camera_runs;
+    for (int32_t s = 0; s < count; s++) {
+        int32_t unknowns;
+        const int32_t *places = places_of_run(b, p, runs[local->sorted[s]], &unknowns);
+        local->first[local->sorted[s]] = (int32_t)local->size;
         for (int32_t u = 0; u < unknowns; u++)
             local->place[local->size++] = places[u];
     }
-    local->photo_runs = count - local->camera_runs;
 }
 
 /* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */

@@ -182,13 +182,13 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                            double *room)
 {
     Ahead a, again;
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     begin_ahead(&a);
     begin_ahead(&again);
     for (int64_t group = share.first; group < share.end; group++) {
         Part part;
         local_unknowns(b, p, group, &local);
-        take_part(&c->inverse, &local, numbers + 2 * p->longest, room, &part);
+        take_part(&c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &part);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
             double *cofactors = c->cofactors + 9 * p->block[place], inner[9];
