@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
-from orip.adjustment.factorisation.envelope import effort_of, panels_of, reach_of_panels
+from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
@@ -120,8 +120,9 @@ class BandMatrix(Struct, frozen=True):
         padded = np.append(ordered[:banded], np.zeros(width))
         for start, part in parts_of(self.band, self.arrangement.reach):
             count, stored = part.shape
-            part *= np.lib.stride_tricks.sliding_window_view(padded[start : start + count + stored - 1], stored)
-            part *= ordered[start : start + count, None]
+            of_rows = np.lib.stride_tricks.sliding_window_view(padded[start : start + count + stored - 1], stored)
+            np.multiply(part, of_rows, out=part)
+            np.multiply(part, ordered[start : start + count, None], out=part)
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 
@@ -230,7 +231,7 @@ def _wide(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolAr
     efforts = [effort_of(reach) for reach in reaches]
     best = int(np.argmin(efforts))
     reach, banded = reaches[best], len(reaches[best])
-    width = max(panel.reach - panel.start for panel in panels_of(reach)) - 1
+    width = width_of(reach)
     if efforts[best] + banded * border * (2.0 * width + border) > _WIDE_GAIN * len(groups) ** 3 / 6:
         return None
     return Arrangement(_places(groups, sizes, inner[orders[best]], is_border), banded, width, reach)

@@ -121,11 +121,8 @@ def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, sh
     if shift:
         band = band.copy()
         band[:, 0] += shift
-    lower: TwoEndedFactor | EnvelopeFactor | None
-    if arrangement.reach is None:
-        lower = factorise_from_both_ends(band)
-    else:
-        lower = factorise_envelope(band, arrangement.reach)
+    reach = arrangement.reach
+    lower = factorise_from_both_ends(band) if reach is None else factorise_envelope(band, reach)
     if lower is None:
         return None
     at_border = banded + np.flatnonzero(~left_out[banded:])

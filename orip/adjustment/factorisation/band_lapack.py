@@ -98,8 +98,8 @@ def transposed_solve_panel(band: FloatArray, start: int, end: int, reach: int, v
     _solve_in_panel(band, start, end, vectors, "T")
 
 
-def symmetric_times(band: FloatArray, start: int, end: int, factor: FloatArray) -> FloatArray:
-    """Return a symmetric matrix, from rows and columns of a band, times a matrix (end - start, k)."""
+def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatArray:
+    """Return the symmetric matrix of n rows and columns of a band from a first one on times a matrix (n, k)."""
     result = np.zeros(factor.shape[::-1])
     if factor.size:
         size, columns = factor.shape

@@ -46,7 +46,7 @@ def add_product(band: FloatArray, left: FloatArray, right: FloatArray, reach: In
     left = np.vstack([left, np.zeros((band.shape[1] - 1, left.shape[1]))])
     for start, part in parts_of(band, reach):
         count, stored = part.shape
-        part += stored_part(right[start : start + count] @ left[start : start + count + stored - 1].T)
+        np.add(part, stored_part(right[start : start + count] @ left[start : start + count + stored - 1].T), out=part)
 
 
 def parts_of(band: FloatArray, reach: IntArray | None) -> Iterator[tuple[int, FloatArray]]:

@@ -36,7 +36,9 @@ class Panel(NamedTuple):
 def panels_of(reach: IntArray) -> list[Panel]:
     """Return the panels of columns that reach (n,) down to the place before a given one each."""
     starts = range(0, len(reach), COLUMNS)
-    return [Panel(start, end, int(reach[end - 1])) for start, end in zip(starts, _ends(starts, len(reach)), strict=True)]
+    return [
+        Panel(start, end, int(reach[end - 1])) for start, end in zip(starts, _ends(starts, len(reach)), strict=True)
+    ]
 
 
 def _ends(starts: range, count: int) -> Iterator[int]:
@@ -57,9 +59,18 @@ def reach_of_panels(last: IntArray) -> IntArray:
     return np.asarray(farthest[ends - 1])
 
 
+def width_of(reach: IntArray) -> int:
+    """Return the width of a band in whose storage the panels are matrices of LAPACK, with columns so far apart."""
+    return max(panel.reach - panel.start for panel in panels_of(reach))
+
+
 def effort_of(reach: IntArray) -> float:
     """Return the multiplications that the factorisation takes; a full matrix takes a sixth of its size cubed."""
-    return sum((reach - start) ** 2 * (end - start) / 2.0 for start, end, reach in panels_of(reach))
+    effort = 0.0
+    for start, end, last in panels_of(reach):
+        columns, below = end - start, last - end
+        effort += columns**3 / 6.0 + columns * below * (columns + below) / 2.0
+    return effort
 
 
 class EnvelopeFactor(Struct, frozen=True):
@@ -106,7 +117,7 @@ class EnvelopeFactor(Struct, frozen=True):
             inverse, _ = lapack.dtrtri(_rectangle(self.band, start, end, start, end).T, lower=1)
             inverse = np.tril(inverse)
             multiplier = -_rectangle(self.band, start, end, end, reach).T @ inverse
-            below = symmetric_times(result, end, reach, multiplier)
+            below = symmetric_times(result, end, multiplier)
             own = inverse.T @ inverse + multiplier.T @ below
             _rectangle(result, start, end, end, reach)[:] = below.T
             square = _rectangle(result, start, end, start, end)
@@ -120,6 +131,7 @@ def factorise_envelope(band: FloatArray, reach: IntArray) -> EnvelopeFactor | No
     Parameters
     ----------
     band : array (n, w + 1)
+        Its width is that of `width_of`, or larger.
     reach : array (n,) of int
         As `reach_of_panels` returns it.
     """
