@@ -250,9 +250,8 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
     placed |= {point.name for point in inputs.preliminary}
     ends = [name for distance in control.distances for name in (distance.start, distance.end)]
     ends += [name for direction in control.directions for name in (direction.station, direction.target)]
-    return tuple(
-        dict.fromkeys([*coded(inputs.observations.points).occurring(), *(name for name in ends if name in placed)])
-    )
+    measured, further = coded(inputs.observations.points).occurring(), [name for name in ends if name in placed]
+    return tuple(dict.fromkeys([*measured, *further])) if further else measured
 
 
 def _ground_observations(

@@ -14,6 +14,8 @@
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 /* the same number in all lanes */
 #define ALL(number) ((Lanes){(number), (number), (number), (number)})
+/* of structures of lanes, so that none of them crosses a line of the cache */
+#define IN_LINES __attribute__((aligned(64)))
 /* element k of the array of each lane */
 #define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
 /* four lanes chosen from those of a (0 to 3) and of b (4 to 7) */
@@ -25,6 +27,7 @@ typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #endif
 #else
 #define LANES 1
+#define IN_LINES
 #define INLINE static inline
 typedef double Lanes;
 #define ALL(number) (number)

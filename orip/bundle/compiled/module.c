@@ -10,7 +10,7 @@
 
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
-    CAMERAS, ADDITIONAL_VALUES, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, FACTORS, XY, ERROR, OBSERVATION_END,
+    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
 #define OBSERVATIONS "dddddd" "dddd"
@@ -42,18 +42,16 @@ static int take_block(Call *call)
     const Arguments *a = &call->a;
     const Py_buffer *v = a->views;
     Block *b = &call->block;
-    b->cameras = v[CAMERAS].buf, b->additional = v[ADDITIONAL_VALUES].buf, b->centres = v[CENTRES].buf;
+    b->cameras = v[CAMERAS].buf, b->deformation = v[DEFORMATION].buf, b->centres = v[CENTRES].buf;
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
-    b->polynomials = v[SET_POLYNOMIALS].buf, b->factors = v[FACTORS].buf;
+    b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->additional_count = b->camera_count ? length_of(a, ADDITIONAL_VALUES) / b->camera_count : 0;
     b->turned = v[BASES].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
-        && has(a, ADDITIONAL_VALUES, b->additional_count * b->camera_count) && b->additional_count <= MOST_ADDITIONAL
-        && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
+        && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
         && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
-        && has(a, FACTORS, 2 * MOST_ADDITIONAL * b->camera_count) && has(a, XY, 2 * b->count)
+        && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
         && has(a, ERROR, 2 * b->count);
 }
 

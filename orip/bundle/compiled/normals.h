@@ -6,7 +6,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "block.h"
+#include "columns.h"
 
 #define AS_LARGE 1e-9
 
@@ -173,29 +173,54 @@ INLINE void add_to(double *sums, double x, const double *of_x, double y, const d
         AT(sums + k) += x * AT(of_x + k) + y * AT(of_y + k);
 }
 
+INLINE void add_multiple(double *sums, double x, const double *of_x, int64_t count)
+{
+    for (int64_t k = 0; k < count; k += LANES)
+        AT(sums + k) += x * AT(of_x + k);
+}
+
 INLINE void add_squares(double *sums, const double *of_x, const double *of_y, int64_t count)
 {
     for (int64_t k = 0; k < count; k += LANES)
         AT(sums + k) += AT(of_x + k) * AT(of_x + k) + AT(of_y + k) * AT(of_y + k);
 }
 
+/* Add a photo point's rows by the columns of its camera, times x and y; common: whether both have the same columns. */
+INLINE void add_to_camera(double *sums, const Places *at, int common, double x, double y, const double (*row)[ROW])
+{
+    const double *of_x = row[0] + PHOTO_ROW, *of_y = row[1] + PHOTO_ROW;
+    if (common)
+        add_to(sums + at->camera[0], x, of_x, y, of_y, at->camera_columns);
+    else {
+        add_multiple(sums + at->camera[0], x, of_x, at->camera_columns);
+        add_multiple(sums + at->camera[1], y, of_y, at->camera_columns);
+    }
+}
+
 /* Add the coupling of a photo point with its ground point, of partials px, py. */
-INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, const double (*row)[ROW], const double *px,
-                         const double *py)
+INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, int common, const double (*row)[ROW],
+                         const double *px, const double *py)
 {
     for (int i = 0; i < 3; i++) {
         double *w = coupling + i * stride;
-        add_to(w + at->camera, px[i], row[0] + PHOTO_ROW, py[i], row[1] + PHOTO_ROW, at->camera_unknowns);
+        add_to_camera(w, at, common, px[i], py[i], row);
         add_to(w + at->photo, px[i], row[0], py[i], row[1], PHOTO_UNKNOWNS);
     }
 }
 
 /* Add what a photo point contributes to the equations of its photo, and to those of its photo and its camera. */
-INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)[ROW], const double *y)
+INLINE void add_photo_point(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y)
 {
     const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
-    for (int64_t u = 0; u < at->camera_unknowns; u++)
-        add_to(s->matrix + (at->camera + u) * s->stride + at->photo, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
+    double *of_x = s->matrix + at->camera[0] * s->stride + at->photo, *of_y = s->matrix + at->camera[1] * s->stride + at->photo;
+    if (common)
+        for (int64_t u = 0; u < at->camera_columns; u++)
+            add_to(of_x + u * s->stride, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
+    else
+        for (int64_t u = 0; u < at->camera_columns; u++) {
+            add_multiple(of_x + u * s->stride, x_camera[u], row[0], PHOTO_UNKNOWNS);
+            add_multiple(of_y + u * s->stride, y_camera[u], row[1], PHOTO_UNKNOWNS);
+        }
     for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
         add_to(s->matrix + (at->photo + u) * s->stride + at->photo, row[0][u], row[0], row[1][u], row[1], PHOTO_UNKNOWNS);
     add_to(s->right + at->photo, y[0], row[0], y[1], row[1], PHOTO_UNKNOWNS);
@@ -205,23 +230,23 @@ INLINE void add_photo_point(const Sums *s, const Places *at, const double (*row)
 #define KEPT_ROWS 32
 #define COLUMNS_AT_ONCE 4
 
-/* Rows of partials by the unknowns of one camera. Cameras have many unknowns, and many photo points that
- * follow each other have the same camera: the products of many rows are summed in registers. */
+/* Rows of partials by the same columns of a camera, from the first one on. Many photo points that follow each other have
+ * the same camera: the products of many rows are summed in registers. */
 typedef struct {
-    int32_t count, camera, unknowns;
-    double row[KEPT_ROWS][PADDED(MOST_CAMERA_UNKNOWNS)], misclosure[KEPT_ROWS];
+    int32_t count, first, columns;
+    double row[KEPT_ROWS][CAMERA_ROW], misclosure[KEPT_ROWS];
 } CameraRows;
 
 /* Add the products of the rows that are kept; none is kept then. Columns of the padding are of other unknowns: nothing is
  * added to them. */
 static void add_camera_rows(const Sums *s, CameraRows *kept)
 {
-    const int64_t width = PADDED(kept->unknowns);
-    double *right = s->right + kept->camera, *diagonal = s->diagonal + kept->camera;
-    for (int64_t u = 0; u < kept->unknowns; u += COLUMNS_AT_ONCE) {
+    const int64_t width = PADDED(kept->columns);
+    double *right = s->right + kept->first, *diagonal = s->diagonal + kept->first;
+    for (int64_t u = 0; u < kept->columns; u += COLUMNS_AT_ONCE) {
         double *column[COLUMNS_AT_ONCE];
         for (int c = 0; c < COLUMNS_AT_ONCE; c++)
-            column[c] = s->matrix + (kept->camera + u + c) * s->stride + kept->camera;
+            column[c] = s->matrix + (kept->first + u + c) * s->stride + kept->first;
         for (int64_t k = u / (2 * LANES) * (2 * LANES); k < width; k += 2 * LANES) {
             Lanes sums[COLUMNS_AT_ONCE][2];
             for (int c = 0; c < COLUMNS_AT_ONCE; c++)
@@ -250,22 +275,33 @@ static void add_camera_rows(const Sums *s, CameraRows *kept)
     kept->count = 0;
 }
 
-/* Keep the rows of a photo point by the unknowns of its camera, after adding those that have no room beside them. */
-INLINE void keep_camera_rows(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, CameraRows *kept)
+/* Keep the rows of a photo point by the columns of its camera, those of y apart where they have columns of their own. */
+INLINE void keep_camera_rows(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y,
+                             CameraRows *kept)
 {
-    if (!at->camera_unknowns)
+    if (!at->camera_columns)
         return;
-    if (kept->count == KEPT_ROWS || at->camera != kept->camera || at->camera_unknowns != kept->unknowns) {
-        add_camera_rows(s, kept);
-        kept->camera = at->camera, kept->unknowns = at->camera_unknowns;
-    }
-    const int64_t width = PADDED(at->camera_unknowns);
+    const int64_t width = PADDED(at->camera_columns);
     for (int c = 0; c < 2; c++) {
-        double *to = kept->row[kept->count];
-        for (int64_t k = 0; k < width; k += LANES)
-            AT(to + k) = AT(row[c] + PHOTO_ROW + k);
-        kept->misclosure[kept->count++] = y[c];
+        CameraRows *k = kept + !common * c;
+        if (k->count == KEPT_ROWS || at->camera[c] != k->first || at->camera_columns != k->columns) {
+            add_camera_rows(s, k);
+            k->first = at->camera[c], k->columns = at->camera_columns;
+        }
+        double *to = k->row[k->count];
+        for (int64_t i = 0; i < width; i += LANES)
+            AT(to + i) = AT(row[c] + PHOTO_ROW + i);
+        k->misclosure[k->count++] = y[c];
     }
+}
+
+/* Add what a photo point contributes to the sums of its group. */
+INLINE void add_ray(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y, const double *px,
+                    const double *py, CameraRows *kept)
+{
+    add_coupling(s->coupling, s->stride, at, common, row, px, py);
+    add_photo_point(s, at, common, row, y);
+    keep_camera_rows(s, at, common, row, y, kept);
 }
 
 /* Points that are eliminated together, and the products that they make in an element of the sums. */
@@ -325,16 +361,16 @@ INLINE void subtract_products(const double *strip, const double *const *of_colum
 }
 
 /* Eliminate the points of a panel from the columns of one run. */
-INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64_t unknowns, const Panel *panel, int32_t seen)
+INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64_t columns_of_own, const Panel *panel, int32_t seen)
 {
     int32_t points[PANEL_POINTS], count = 0;
     for (int32_t p = 0; p < panel->points; p++)
         if (seen >> p & 1)
             points[count++] = p;
-    for (int64_t u = first; count && u < first + unknowns; u += COLUMNS_OF_PANEL) {
+    for (int64_t u = first; count && u < first + columns_of_own; u += COLUMNS_OF_PANEL) {
         const double *of_column[COLUMNS_OF_PANEL];
         double *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
-        const int64_t own = first + unknowns - u;
+        const int64_t own = first + columns_of_own - u;
         for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
             const int64_t j = c < own ? u + c : u;
             of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
@@ -350,12 +386,11 @@ INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64
 }
 
 /* Eliminate the points of a panel, which is empty then. */
-static void eliminate_panel(const Sums *s, const Pattern *p, const Local *local, Panel *panel)
+static void eliminate_panel(const Block *b, const Pattern *p, const Local *local, const Sums *s, Panel *panel)
 {
     for (int32_t at = 0; panel->points && at < local->camera_runs + local->photo_runs; at++) {
         const int32_t r = local->sorted[at];
-        const int64_t unknowns = r < local->camera_runs ? p->camera_unknowns[local->runs[r]] : PHOTO_UNKNOWNS;
-        eliminate_from_run(s, local->size, local->first[r], unknowns, panel, panel->seen[r]);
+        eliminate_from_run(s, local->size, local->first[r], columns_of_run(b, p, local->runs[r]), panel, panel->seen[r]);
         panel->seen[r] = 0;
     }
     panel->points = 0;
@@ -416,7 +451,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                          double *of_panel)
 {
     Ahead a;
-    CameraRows kept;
+    CameraRows kept[2];
     Local local = local_in(p, numbers);
     Panel panel = {.rows = of_panel, .seen = numbers + ARRAYS_OF_LOCAL * p->longest};
     begin_ahead(&a);
@@ -424,7 +459,8 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
         Sums s;
         local_unknowns(b, p, group, &local);
         place_sums(room, local.size, &s);
-        kept.count = kept.camera = kept.unknowns = 0;
+        for (int c = 0; c < 2; c++)
+            kept[c].count = kept[c].first = kept[c].columns = 0;
         memset(panel.seen, 0, sizeof(int32_t) * (size_t)(local.camera_runs + local.photo_runs));
         memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
@@ -450,9 +486,10 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                 }
                 panel.seen[local.camera_runs + last[0]] |= 1 << panel.points;
                 panel.seen[last[1]] |= 1 << panel.points;
-                add_coupling(s.coupling, s.stride, &at, a.row[lane], px, py);
-                add_photo_point(&s, &at, a.row[lane], y);
-                keep_camera_rows(&s, &at, a.row[lane], y, &kept);
+                if (has_common_columns(&at))
+                    add_ray(&s, &at, 1, a.row[lane], y, px, py, kept);
+                else
+                    add_ray(&s, &at, 0, a.row[lane], y, px, py, kept);
             }
             /* every ray counts for all three coordinates, other observations for their own */
             const double of_rays = V[0] + V[4] + V[8];
@@ -471,10 +508,12 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
             multiply(H, given, g);
             take_into_panel(&s, local.size, H, g, &panel);
             if (panel.points == PANEL_POINTS)
-                eliminate_panel(&s, p, &local, &panel);
+                eliminate_panel(b, p, &local, &s, &panel);
         }
-        eliminate_panel(&s, p, &local, &panel);
-        add_camera_rows(&s, &kept);
+        eliminate_panel(b, p, &local, &s, &panel);
+        for (int c = 0; c < 2; c++)
+            add_camera_rows(&s, &kept[c]);
+        matrix_to_unknowns(p, &local, s.matrix, s.stride, s.right, s.diagonal);
         room += numbers_of_sums(local.size);
     }
 }

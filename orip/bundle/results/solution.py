@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray, parts
+from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -20,7 +22,7 @@ from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.coded_names import joined, repeated
+from orip.records.coded_names import CodedNames, joined, repeated
 from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
@@ -124,18 +126,20 @@ def _status(solved: SolvedBlock) -> Status:
     return "converged"
 
 
-def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
+def _rays_per_point(solved: SolvedBlock) -> IntArray:
     points = solved.block.photo_points
     used: BoolArray = points.in_use
-    return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
+    return photos_per_point(points.photo, points.point, used, len(solved.block.point_names))
 
 
-def _point_kinds(block: Block) -> tuple[PointKind, ...]:
-    kinds: list[PointKind] = ["tie"] * len(block.point_names)
-    place = block.point_index()
+def _point_kinds(block: Block) -> CodedNames:
+    kinds: tuple[PointKind, ...] = get_args(PointKind)
+    number, place = np.full(len(block.point_names), kinds.index("tie")), block.point_index()
     for point in block.control_points:
-        kinds[place[point.name]] = point.kind
-    return tuple(kinds)
+        number[place[point.name]] = kinds.index(point.kind)
+    found = CodedNames(kinds, number)
+    occurring = found.occurring()
+    return CodedNames(occurring, found.places({kind: place for place, kind in enumerate(occurring)}))
 
 
 def _residuals(solved: SolvedBlock) -> Residuals:

@@ -191,8 +191,8 @@ def _stations(solution: Solution) -> dict[str, dict[str, object]]:
 
 def _points(solution: Solution) -> dict[str, dict[str, object]]:
     points = _estimates(solution.points, ("X", "Y", "Z"))
-    for point, rays, kind in zip(points.values(), solution.point_rays, solution.point_kinds, strict=True):
-        point.update(rays=int(rays), kind=kind)
+    for point, rays, kind in zip(points.values(), solution.point_rays.tolist(), solution.point_kinds, strict=True):
+        point.update(rays=rays, kind=kind)
     return points
 
 
@@ -225,8 +225,8 @@ class _Points(Struct, frozen=True):
             columns = [
                 list(map(_compact, points.names[part])),
                 *figures,
-                list(map(str, rays[part])),
-                kinds[part],
+                list(map(str, rays[part].tolist())),
+                list(kinds[part]),
             ]
             yield ("," if start else "") + _woven(between, columns)
         yield f"\n{margin}}}"

@@ -10,6 +10,8 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import asdict, astuple
 
+from orip.records.coded_names import CodedNames
+
 
 def record_digest(record: object) -> str:
     """Return the SHA-256 (hex) of a frozen record.
@@ -49,7 +51,7 @@ def _canonical(value: Any) -> Any:
         return value
     if isinstance(value, int | float):
         return _number(value)
-    if isinstance(value, tuple | list):
+    if isinstance(value, tuple | list | CodedNames):
         return [_canonical(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
         return _canonical(value.tolist())

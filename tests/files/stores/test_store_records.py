@@ -137,7 +137,7 @@ def test_a_solution_replaces_that_of_its_bundle_only(tmp_path):
 def test_a_solution_with_arrays_of_different_lengths_is_refused(tmp_path):
     path = tmp_path / "Z.EXT"
     with pytest.raises(ValueError, match="shorter"), writing([path]) as stores:
-        solutions.write(stores[path], replace(samples.rich_solution(), point_rays=(1,)))
+        solutions.write(stores[path], replace(samples.rich_solution(), point_rays=np.array([1])))
 
 
 def test_writing_definitions_keeps_orientations_and_solutions(tmp_path):
