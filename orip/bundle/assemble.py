@@ -28,6 +28,7 @@ from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camer
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 from orip.records.project.shared_lens import lens_key
+from orip.set_aside import set_aside
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
@@ -322,15 +323,17 @@ def _photo_points(keys: Sequence[str], point_names: tuple[str, ...], inputs: Blo
     key_place = {key: place for place, key in enumerate(keys)}
     photo = coded(observations.photos).numbers(lambda name: key_place.get(record_key(name), -1))
     point = coded(observations.points).places_among(point_names)
-    xy = np.empty_like(observations.measured)
-    default = np.empty_like(observations.measured)
+    photo, point = set_aside(photo), set_aside(point)
+    xy = np.empty(observations.measured.shape)
+    default = np.empty(observations.measured.shape)
     precision = inputs.definition.measurement_precision
     by_photo = np.split(np.argsort(photo, kind="stable"), np.cumsum(np.bincount(photo, minlength=len(keys)))[:-1])
     for rows, key in zip(by_photo, keys, strict=True):
         xy[rows] = inputs.interior.to_photo[key].apply(observations.measured[rows])
         unit = np.array(inputs.interior.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
         default[rows] = precision.value * unit
+    xy = set_aside(xy)
     own = ~np.isnan(observations.errors)
-    error = np.where(own, np.abs(observations.errors), default)
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
-    return IndexedPhotoPoints(photo, point, xy, error, used)
+    error = set_aside(np.where(own, np.abs(observations.errors), default))
+    return IndexedPhotoPoints(photo, point, xy, error, set_aside(used))

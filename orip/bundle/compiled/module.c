@@ -75,8 +75,8 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(p->longest + 1));
-    call->memory = PyMem_Malloc(sizeof(double) * (size_t)p->room + LINE_OF_CACHE);
+    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
+    call->memory = PyMem_Malloc(sizeof(double) * (size_t)(p->room + numbers_of_panel(p->longest)) + LINE_OF_CACHE);
     call->room = call->memory ? line_from(call->memory) : NULL;
     if (!call->numbers || !call->memory)
         PyErr_NoMemory();
@@ -206,7 +206,7 @@ static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments,
 
 static void form_normals(const Call *c, int64_t share, const void *arrays)
 {
-    loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
 }
 
 static void add_normals_of(const Call *c, int64_t share, const void *arrays)

@@ -302,25 +302,96 @@ INLINE void keep_rows(const Sums *s, const Places *at, const double (*row)[ROW],
     kept->rays++;
 }
 
-/* Eliminate a point: subtract what its three unknowns explain; the coupling is replaced by H times the coupling. */
-INLINE void eliminate_point(const Sums *s, int64_t size, const double *H, const double *g)
+/* Points that are eliminated together, and the products that they make in an element of the sums. */
+#define PANEL_POINTS 16
+#define PANEL_PRODUCTS (3 * PANEL_POINTS)
+/* Unknowns of a strip of the panel, and columns of the sums that are in registers at the same time. */
+#define STRIP 8
+#define COLUMNS_OF_PANEL 6
+
+/* H times the coupling of some points with the unknowns of their group: strip after strip, in each the three rows of one
+ * point after the other. seen: points that each run of the group is coupled with, a bit each. */
+typedef struct {
+    double *rows;
+    int32_t *seen;
+    int points;
+} Panel;
+
+static int64_t numbers_of_panel(int64_t size)
 {
-    double *w0 = s->coupling, *w1 = w0 + s->stride, *w2 = w1 + s->stride;
-    for (int64_t k = 0; k < size; k += LANES) {
-        const Lanes a = AT(w0 + k), b = AT(w1 + k), c = AT(w2 + k);
-        AT(w0 + k) = H[0] * a + H[1] * b + H[2] * c;
-        AT(w1 + k) = H[3] * a + H[4] * b + H[5] * c;
-        AT(w2 + k) = H[6] * a + H[7] * b + H[8] * c;
-        AT(s->right + k) -= g[0] * AT(w0 + k) + g[1] * AT(w1 + k) + g[2] * AT(w2 + k);
+    return PANEL_PRODUCTS * PADDED(size);
+}
+
+/* Take a point into the panel, and subtract what it explains of the right-hand side. */
+INLINE void take_into_panel(const Sums *s, int64_t size, const double *H, const double *g, Panel *panel)
+{
+    const double *w0 = s->coupling, *w1 = w0 + s->stride, *w2 = w1 + s->stride;
+    double *rows = panel->rows + 3 * STRIP * panel->points++;
+    for (int64_t first = 0; first < size; first += STRIP, rows += PANEL_PRODUCTS * STRIP)
+        for (int64_t k = 0; k < STRIP; k += LANES) {
+            const Lanes a = AT(w0 + first + k), b = AT(w1 + first + k), c = AT(w2 + first + k);
+            const Lanes x = H[0] * a + H[1] * b + H[2] * c, y = H[3] * a + H[4] * b + H[5] * c;
+            const Lanes z = H[6] * a + H[7] * b + H[8] * c;
+            AT(rows + k) = x, AT(rows + STRIP + k) = y, AT(rows + 2 * STRIP + k) = z;
+            AT(s->right + first + k) -= g[0] * x + g[1] * y + g[2] * z;
+        }
+}
+
+/* Subtract the products of some points of a panel from a strip of some columns; of each column the panel has the strip
+ * that it lies in from its own place on. */
+INLINE void subtract_products(const double *strip, const double *const *of_column, const int32_t *points, int count,
+                              double *const *columns)
+{
+    Lanes sums[COLUMNS_OF_PANEL][STRIP / LANES];
+    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+        for (int k = 0; k < STRIP / LANES; k++)
+            sums[c][k] = ALL(0.0);
+    for (int p = 0; p < count; p++)
+        for (int64_t at = 3 * STRIP * points[p]; at < 3 * STRIP * (points[p] + 1); at += STRIP)
+            for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
+                const Lanes of_own = ALL(of_column[c][at]);
+                for (int k = 0; k < STRIP / LANES; k++)
+                    sums[c][k] += of_own * AT(strip + at + k * LANES);
+            }
+    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+        for (int k = 0; k < STRIP / LANES; k++)
+            AT(columns[c] + k * LANES) -= sums[c][k];
+}
+
+/* Eliminate the points of a panel from the columns of one run. */
+INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64_t columns_of_own, const Panel *panel, int32_t seen)
+{
+    int32_t points[PANEL_POINTS], count = 0;
+    for (int32_t p = 0; p < panel->points; p++)
+        if (seen >> p & 1)
+            points[count++] = p;
+    for (int64_t u = first; count && u < first + columns_of_own; u += COLUMNS_OF_PANEL) {
+        const double *of_column[COLUMNS_OF_PANEL];
+        double *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
+        const int64_t own = first + columns_of_own - u;
+        for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
+            const int64_t j = c < own ? u + c : u;
+            of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
+            columns[c] = s->matrix + j * s->stride;
+        }
+        for (int64_t i = u / STRIP * STRIP; i < size; i += STRIP) {
+            double *at[COLUMNS_OF_PANEL];
+            for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
+                at[c] = c < own ? columns[c] + i : nowhere;
+            subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
+        }
     }
-    for (int64_t j = 0; j < size; j++) {
-        double *column = s->matrix + j * s->stride;
-        if (w0[j] == 0.0 && w1[j] == 0.0 && w2[j] == 0.0)
-            continue; /* of a photo that does not show the point */
-        const Lanes a = ALL(w0[j]), b = ALL(w1[j]), c = ALL(w2[j]);
-        for (int64_t i = j / LANES * LANES; i < size; i += LANES)
-            AT(column + i) -= a * AT(w0 + i) + b * AT(w1 + i) + c * AT(w2 + i);
+}
+
+/* Eliminate the points of a panel, which is empty then. */
+static void eliminate_panel(const Block *b, const Pattern *p, const Local *local, const Sums *s, Panel *panel)
+{
+    for (int32_t at = 0; panel->points && at < local->camera_runs + local->photo_runs; at++) {
+        const int32_t r = local->sorted[at];
+        eliminate_from_run(s, local->size, local->first[r], columns_of_run(b, p, local->runs[r]), panel, panel->seen[r]);
+        panel->seen[r] = 0;
     }
+    panel->points = 0;
 }
 
 /* Find how many unknowns, from each local unknown on, have consecutive places. */
@@ -351,6 +422,10 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
                 double *banded = m->band + own * m->stride + place;
                 for (int64_t k = 0; k < length && k < room; k++)
                     banded[k] += column[i + k];
+            } else if (own >= m->banded && place >= 0 && place + length <= own) {
+                double *row = m->border + (own - m->banded) * m->size + place;
+                for (int64_t k = 0; k < length; k++)
+                    row[k] += column[i + k];
             } else
                 for (int64_t k = 0; place >= 0 && k < length; k++)
                     if (is_stored(m, own, place + k))
@@ -370,11 +445,13 @@ INLINE void mirror(const Reduced *m)
 }
 
 /* Form the sums of each group of a share, one after the other in `room`. */
-static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
+static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room,
+                         double *of_panel)
 {
     Ahead a;
     PhotoRows kept[KEPT_PHOTOS];
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
+    Panel panel = {.rows = of_panel, .seen = numbers + ARRAYS_OF_LOCAL * p->longest};
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
         Sums s;
@@ -382,6 +459,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
         place_sums(room, local.size, &s);
         for (int photo = 0; photo < KEPT_PHOTOS; photo++)
             kept[photo].rays = 0;
+        memset(panel.seen, 0, sizeof(int32_t) * (size_t)(local.camera_runs + local.photo_runs));
         memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const int64_t block = p->block[place];
@@ -404,6 +482,8 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                     for (int j = 0; j < 3; j++)
                         V[3 * i + j] += px[i] * px[j] + py[i] * py[j];
                 }
+                panel.seen[local.camera_runs + last[0]] |= 1 << panel.points;
+                panel.seen[last[1]] |= 1 << panel.points;
                 if (has_common_columns(&at))
                     add_coupling(s.coupling, s.stride, &at, 1, a.row[lane], px, py);
                 else
@@ -425,8 +505,11 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                 factorise_by_size(V, full, fixed, n->least_pivot, H, pivots, n->removed + 3 * block);
             const double given[3] = {g[0], g[1], g[2]};
             multiply(H, given, g);
-            eliminate_point(&s, local.size, H, g);
+            take_into_panel(&s, local.size, H, g, &panel);
+            if (panel.points == PANEL_POINTS)
+                eliminate_panel(b, p, &local, &s, &panel);
         }
+        eliminate_panel(b, p, &local, &s, &panel);
         for (int photo = 0; photo < KEPT_PHOTOS; photo++)
             add_photo_rows(&s, &kept[photo]);
         matrix_to_unknowns(p, &local, s.matrix, s.stride, s.right, s.diagonal);
@@ -437,12 +520,12 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
 /* Add the sums of a share's groups to the reduced system; with the last ones it is complete. */
 static void add_normals(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     for (int64_t group = share.first; group < share.end; group++) {
         Sums s;
         local_unknowns(b, p, group, &local);
         place_sums(room, local.size, &s);
-        scatter(&s, &local, n, numbers + 2 * p->longest);
+        scatter(&s, &local, n, numbers + ARRAYS_OF_LOCAL * p->longest);
         room += numbers_of_sums(local.size);
     }
     if (share.end == p->groups && has_both_triangles(&n->reduced))

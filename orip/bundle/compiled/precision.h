@@ -361,7 +361,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                            double *room)
 {
     Ahead a, again;
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     CameraPart cameras = {.count = -1, .inverse = room};
     begin_ahead(&a);
     begin_ahead(&again);
@@ -370,7 +370,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
         Part part;
         double *coupling[3], *q[3];
         local_unknowns(b, p, group, &local);
-        take_part(p, &c->inverse, &local, numbers + 2 * p->longest, room, &cameras, &part);
+        take_part(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
         const int64_t end = p->group_start[group + 1], most = is_dense(p, &local, group) ? POINTS_AT_ONCE : 1;
         for (int64_t place = p->group_start[group], count; place < end; place += count) {
             count = end - place < most ? end - place : most;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import get_args
 
 import numpy as np
@@ -43,6 +44,7 @@ from orip.records.results.solution import (
     ZeroDirection,
 )
 from orip.records.results.status import Status
+from orip.set_aside import set_aside
 from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
@@ -145,38 +147,45 @@ def _point_kinds(block: Block) -> CodedNames:
 def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
     state, equations = solved.state, solved.equations
-    error = np.concatenate([part.error for part in rows])
+    error = set_aside(np.concatenate([part.error for part in rows]))
     of_equations = equations.residual * error
     first = 0
     for kind in rows:
         # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
         of_equations[first : first + len(kind.photo)] -= state.memory.get(kind.kind.name, 0.0)
         first += len(kind.photo)
-    residual = solved.problem.as_observed(of_equations)
+    residual = set_aside(solved.problem.as_observed(of_equations))
     numbers = solved.variance.redundancy_numbers
     active, weight_factors = equations.active, solved.weight_factors
-    weight_factors = weight_factors if active.all() else np.where(active, weight_factors, np.nan)
+    weight_factors = weight_factors if active.all() else set_aside(np.where(active, weight_factors, np.nan))
     # a block has millions of observations: as few arrays as there have to be
     standard = np.abs(of_equations, out=of_equations)
     standard /= error
+    standard = set_aside(standard)
+    del of_equations
     w = np.empty_like(standard)
     for part in parts(len(w)):
         shown = np.where(numbers[part] > _TESTABLE, numbers[part], np.nan)
         deviation = np.sqrt(residual_cofactor(shown, weight_factors[part])) * solved.deviation_scale
         np.divide(standard[part], deviation, out=w[part])
     return Residuals(
-        kind=joined(repeated(part.kind.name, len(part.photo)) for part in rows),
-        photo=joined(part.photo for part in rows),
-        point=joined(part.point for part in rows),
-        component=joined(part.component for part in rows),
-        observed=np.concatenate([part.observed for part in rows]),
+        kind=_joined(repeated(part.kind.name, len(part.photo)) for part in rows),
+        photo=_joined(part.photo for part in rows),
+        point=_joined(part.point for part in rows),
+        component=_joined(part.component for part in rows),
+        observed=set_aside(np.concatenate([part.observed for part in rows])),
         residual=residual,
         a_priori=error,
         standard_residual=standard,
         weight_factor=weight_factors,
         redundancy_number=numbers,
-        w=w,
+        w=set_aside(w),
     )
+
+
+def _joined(columns: Iterable[Sequence[str]]) -> CodedNames:
+    names = joined(columns)
+    return CodedNames(names.distinct, set_aside(names.codes))
 
 
 def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:

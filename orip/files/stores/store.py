@@ -87,6 +87,7 @@ class Store(Struct, frozen=True):
             self._insert(table, _rows_of(part))
             if self.sums is not None:
                 running.add(part)
+            del part  # before the next one is packed
         if self.sums is not None and len(columns[0]):
             self.sums.filled(table, columns[0][0], running)
 
@@ -271,10 +272,12 @@ class Store(Struct, frozen=True):
             # a list in one row keeps all its names, in the order in which the points of a block are known
             parts = rest if len(owner) <= most else [_part_of(values, first, most) for values in rest]
             try:
-                blobs = [packed_column(column, part) for column, part in zip(table.packed_columns, parts, strict=True)]
+                yield (
+                    (owner[0],), (first,), (len(parts[0]),),
+                    *((packed_column(column, part),) for column, part in zip(table.packed_columns, parts, strict=True)),
+                )  # fmt: skip
             except UnicodeEncodeError as error:
                 raise self._not_text(error) from error
-            yield ((owner[0],), (first,), (len(parts[0]),), *((blob,) for blob in blobs))
 
     def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list, of one owner or of all."""

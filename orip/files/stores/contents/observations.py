@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
+from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.observations.repeated import observed_before
+from orip.set_aside import set_aside
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
@@ -47,12 +50,17 @@ def read(store: Store) -> PhotoObservations | None:
         errors = np.broadcast_to(np.nan, errors.shape)
     return PhotoObservations(
         bundle=bundle[1],
-        photos=photos,
-        points=points,
-        measured=np.column_stack([x, y]),
-        errors=errors,
-        disregarded=disregarded,
+        photos=_set_aside(photos),
+        points=_set_aside(points),
+        measured=set_aside(np.column_stack([x, y])),
+        errors=set_aside(errors),
+        disregarded=set_aside(disregarded),
     )
+
+
+def _set_aside(names: Sequence[str]) -> CodedNames:
+    column = coded(names)
+    return CodedNames(column.distinct, set_aside(column.codes))
 
 
 def write(store: Store, observations: PhotoObservations) -> None:
