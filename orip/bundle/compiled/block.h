@@ -184,7 +184,9 @@ INLINE void spread_partials(const Lanes *partials, Lanes f, const int32_t *eleme
         Lanes scaled[LANES];
         double *to[LANES];
         for (int32_t k = 0; k < LANES; k++) {
-            scaled[k] = u + k < count ? f * partials[elements[u + k]] : ALL(0.0);
+            scaled[k] = ALL(0.0);
+            if (u + k < count)
+                scaled[k] = f * partials[elements[u + k]];
             to[k] = rows[k] + u;
         }
         spread(scaled, to);
@@ -198,7 +200,9 @@ INLINE void spread_products(const Lanes *products, Lanes f, int32_t count, doubl
         Lanes scaled[LANES];
         double *to[LANES];
         for (int32_t lane = 0; lane < LANES; lane++) {
-            scaled[lane] = k < count ? f * products[k + lane] : ALL(0.0);
+            scaled[lane] = ALL(0.0);
+            if (k < count)
+                scaled[lane] = f * products[k + lane];
             to[lane] = rows[lane] + k;
         }
         spread(scaled, to);
@@ -275,14 +279,44 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
     return (int)(k - a->begin);
 }
 
-/* The columns that the points of a group are coupled with: those of its cameras, then six of each photo. The unknowns of a
- * camera take the first places of its columns, and those behind them have none. */
+/* The columns that the points of a group are coupled with: those of its cameras, then six of each photo, in the order of
+ * their places. The unknowns of a camera take the first places of its columns, and those behind them have none. first: of
+ * each run; sorted: the runs in the order of their columns. */
 typedef struct {
     int64_t size;
     const int32_t *runs;
     int32_t camera_runs, photo_runs;
-    int32_t *first, *place;
+    int32_t *first, *place, *sorted;
 } Local;
+
+/* Arrays of integers that a group needs, each as long as the longest group. */
+#define ARRAYS_OF_LOCAL 3
+
+INLINE Local local_in(const Pattern *p, int32_t *numbers)
+{
+    return (Local){.first = numbers, .place = numbers + p->longest, .sorted = numbers + 2 * p->longest};
+}
+
+INLINE int32_t columns_of_run(const Block *b, const Pattern *p, int32_t run)
+{
+    return run < b->camera_count ? columns_of(p, run) : PHOTO_UNKNOWNS;
+}
+
+INLINE const int32_t *places_of_run(const Block *b, const Pattern *p, int32_t run)
+{
+    return run < b->camera_count ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)run
+                                 : p->photo_places + PHOTO_UNKNOWNS * (run - b->camera_count);
+}
+
+/* Insert a photo's run into those that are sorted by their places; they mostly come in order. */
+INLINE void insert_run(const Block *b, const Pattern *p, Local *local, int32_t r)
+{
+    const int32_t place = *places_of_run(b, p, local->runs[r]);
+    int32_t at = r;
+    for (; at > local->camera_runs && *places_of_run(b, p, local->runs[local->sorted[at - 1]]) > place; at--)
+        local->sorted[at] = local->sorted[at - 1];
+    local->sorted[at] = r;
+}
 
 INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
 {
@@ -292,24 +326,26 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
     local->size = 0;
     local->camera_runs = 0;
     for (int32_t r = 0; r < count; r++) {
-        const int is_camera = runs[r] < b->camera_count;
-        const int64_t photo = runs[r] - b->camera_count;
-        const int32_t unknowns = is_camera ? p->camera_unknowns[runs[r]] : PHOTO_UNKNOWNS;
-        const int32_t columns = is_camera ? columns_of(p, runs[r]) : PHOTO_UNKNOWNS;
-        const int32_t *places = is_camera ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)runs[r]
-                                          : p->photo_places + PHOTO_UNKNOWNS * photo;
-        local->camera_runs += is_camera;
-        local->first[r] = (int32_t)local->size;
+        local->camera_runs += runs[r] < b->camera_count;
+        local->sorted[r] = r;
+        if (runs[r] >= b->camera_count)
+            insert_run(b, p, local, r);
+    }
+    local->photo_runs = count - local->camera_runs;
+    for (int32_t at = 0; at < count; at++) {
+        const int32_t run = runs[local->sorted[at]], columns = columns_of_run(b, p, run);
+        const int32_t unknowns = run < b->camera_count ? p->camera_unknowns[run] : PHOTO_UNKNOWNS;
+        const int32_t *places = places_of_run(b, p, run);
+        local->first[local->sorted[at]] = (int32_t)local->size;
         for (int32_t u = 0; u < columns; u++)
             local->place[local->size++] = u < unknowns ? places[u] : -1;
     }
-    local->photo_runs = count - local->camera_runs;
 }
 
 /* How many of a group's columns are those of cameras. */
 INLINE int64_t camera_columns(const Local *local)
 {
-    return local->photo_runs ? local->first[local->camera_runs] : local->size;
+    return local->photo_runs ? local->first[local->sorted[local->camera_runs]] : local->size;
 }
 
 /* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */

@@ -12,6 +12,8 @@
 #pragma GCC diagnostic ignored "-Wpsabi"
 /* aligned like a double, so that it can begin at any element of an array of doubles */
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+/* the same number in all lanes */
+#define ALL(number) ((Lanes){(number), (number), (number), (number)})
 /* of structures of lanes, so that none of them crosses a line of the cache */
 #define IN_LINES __attribute__((aligned(64)))
 /* element k of the array of each lane */
@@ -28,6 +30,7 @@ typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #define IN_LINES
 #define INLINE static inline
 typedef double Lanes;
+#define ALL(number) (number)
 #define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
 
@@ -38,7 +41,6 @@ typedef double Lanes;
 
 /* Rows are padded by zeros to pairs of vectors of 4, with one lane too: sums of products are kept in pairs of registers. */
 #define PADDED(count) (((count) + 7) / 8 * 8)
-#define ALL(number) ((Lanes){0} + (number))
 
 #define AT(doubles) (*(Lanes *)(doubles))
 #define LANE(lanes, number) (((double *)&(lanes))[number])

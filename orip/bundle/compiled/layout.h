@@ -169,8 +169,8 @@ static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
 /* Numbers that the sums of a group need, or the part of the inverse, or vectors. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group)
 {
-    const int64_t size = size_of_group(b, p, group, 0), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
-    return rows * stride_of(size);
+    const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
+    return numbers_of_sums(size) > vectors ? numbers_of_sums(size) : vectors;
 }
 
 /* Cut the groups into shares of about the same room, which stays in a processor's cache. */

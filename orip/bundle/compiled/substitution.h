@@ -32,7 +32,7 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
                           double *room)
 {
     Ahead a;
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
@@ -91,7 +91,7 @@ static void forward_loop(const Block *b, const Pattern *p, Share share, const Co
 /* Add the sums of a share's groups to the vectors of the reduced system. */
 static void add_forward(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
 {
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
         const int64_t stride = stride_of(local.size);
