@@ -85,6 +85,8 @@ INLINE void take_part(const Pattern *p, const Reduced *inverse, const Local *loc
     part->coupling = room;
     part->product = room + 3 * POINTS_AT_ONCE * stride;
     part->inverse = room + 6 * POINTS_AT_ONCE * stride;
+    /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
+    memset(part->product, 0, sizeof(double) * 3 * POINTS_AT_ONCE * (size_t)stride);
     find_stretches(local, stretch);
     take_cameras_part(p, inverse, local, stretch, cameras);
     for (int64_t j = 0; j < of_cameras; j++)
