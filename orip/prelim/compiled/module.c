@@ -8,6 +8,7 @@
 #include "../../array_arguments.h"
 
 #include "../intersection/intersection.h"
+#include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
 #include "../relative/solution.h"
 #include "../resection/resection.h"
@@ -134,6 +135,35 @@ static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *argu
                                     a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
     release(&a);
     return PyFloat_FromDouble(s0);
+}
+
+static PyObject *py_band_order(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PHOTO_OF, POINT_OF, PHOTO_FREE, POINT_FREE, ORDER, PLACE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "llbb" "LL", 0))
+        return NULL;
+    PhotoGraph g = {.photo = a.views[PHOTO_OF].buf, .start = a.views[POINT_OF].buf,
+                    .photo_free = a.views[PHOTO_FREE].buf, .point_free = a.views[POINT_FREE].buf,
+                    .count = length_of(&a, PHOTO_OF), .photos = length_of(&a, PHOTO_FREE),
+                    .points = length_of(&a, POINT_FREE)};
+    int64_t free_photos = 0;
+    for (int64_t photo = 0; photo < g.photos; photo++)
+        free_photos += g.photo_free[photo] != 0;
+    if (!has(&a, POINT_OF, g.points + 1) || !are_starts64(g.start, g.points, g.count) || !are_rows(&a, PHOTO_OF, g.photos)
+        || !has(&a, ORDER, free_photos) || !has(&a, PLACE, g.photos))
+        return refused(&a);
+    int64_t *space = PyMem_Malloc((size_t)photo_graph_space(g.count, g.photos) * sizeof(int64_t));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    place_lists(&g, space);
+    order_photos(&g, a.views[ORDER].buf, a.views[PLACE].buf);
+    const int64_t places = places_of_a_point(&g, a.views[PLACE].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyLong_FromLongLong(places);
 }
 
 static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -311,6 +341,7 @@ static PyMethodDef methods[] = {
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
+    METHOD(band_order, "The order of photos that keeps a band narrow."),
     METHOD(refinement_residuals, "Residuals of a refinement."),
     METHOD(refinement_normals, "Reduced normal equations of a refinement."),
     METHOD(refinement_points, "Corrections of the points of a refinement."),

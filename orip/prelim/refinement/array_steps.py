@@ -10,8 +10,9 @@ from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.refinement.band_order import band_order
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class ArraySolver:
 
     def __init__(self, problem: RefinementProblem) -> None:
         self._problem = problem
-        self._band_order = BandOrder(problem)
+        self._band_order = band_order(problem)
 
     def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""

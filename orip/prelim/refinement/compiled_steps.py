@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.refinement.band_order import band_order
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
 
 
@@ -23,31 +24,19 @@ class CompiledSolver:
 
     def __init__(self, problem: RefinementProblem) -> None:
         self._problem = problem
-        self._band_order = BandOrder(problem)
-        points, rays = len(problem.point_free), len(problem.rays.photo)
-        self._start = np.concatenate([[0], np.cumsum(np.bincount(problem.rays.point, minlength=points))])
-        self._coupling = np.empty((rays, 6, 3))
-        self._width = self._band_width()
+        self._band_order = band_order(problem)
+        self._coupling = np.empty((len(problem.rays.photo), 6, 3))
+        self._width = max(6 * self._band_order.places, 6)
         self._camera = camera_of(problem.rays)
         self._seen = np.empty(len(problem.rays.cameras.unknown), dtype=np.int64)
         self._by_camera = by_corrections(problem.rays)
         self._prepared: tuple[RefinementState, tuple[NDArray[np.generic], ...]] | None = None
 
-    def _band_width(self) -> int:
-        """Return 6 times the largest number of places that photos of one point are apart, and the photo itself."""
-        place, point = self._band_order.place[self._problem.rays.photo], self._problem.rays.point
-        taking = (place >= 0) & self._problem.point_free[point]
-        first = np.full(len(self._problem.point_free), len(place) + 1)
-        last = np.full(len(first), -1)
-        np.minimum.at(first, point[taking], place[taking])
-        np.maximum.at(last, point[taking], place[taking])
-        return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
-
     def _arrays(self, state: RefinementState) -> tuple[NDArray[np.generic], ...]:
         # needed twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
             rays = corrected(self._problem.rays, state.corrections)
-            arrays = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            arrays = rays.photo, self._problem.point_starts, rays.vectors, rays.error, state.rotations, state.centres, state.points
             self._prepared = state, tuple(map(np.ascontiguousarray, arrays))
         return self._prepared[1]
 
@@ -75,7 +64,7 @@ class CompiledSolver:
         solution, of_cameras = equations.solved(state.corrections)
         by_points = np.empty((points, 3))
         kernels.refinement_points(
-            problem.rays.photo, self._start, place, self._coupling, inverse, point_right, point_border, solution,
+            problem.rays.photo, self._problem.point_starts, place, self._coupling, inverse, point_right, point_border, solution,
             of_cameras, by_points,
         )  # fmt: skip
         by_photos = np.zeros((len(place), 6))

@@ -70,6 +70,7 @@ def adjusted_similarity() -> object:
 
 CASES: dict[str, Callable[[], object]] = {
     "adjust_similarity": adjusted_similarity,
+    "band_order": refined,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "intersect": intersected,
