@@ -8,8 +8,10 @@
 #include "../../array_arguments.h"
 
 #include "../intersection/intersection.h"
+#include "../intersection/consensus.h"
 #include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
+#include "../relative/common_counts.h"
 #include "../relative/solution.h"
 #include "../resection/resection.h"
 #include "../similarity/adjustment.h"
@@ -135,6 +137,39 @@ static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *argu
                                     a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
     release(&a);
     return PyFloat_FromDouble(s0);
+}
+
+static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { ORIENTED = 6, DOUBTFUL, POINTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "lldd" "ddbb" "D", 2))
+        return NULL;
+    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
+                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
+                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
+    const int64_t photos = length_of(&a, ORIENTED);
+    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
+        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, DOUBTFUL, rays.points)
+        || !has(&a, POINTS, 3 * rays.points))
+        return refused(&a);
+    find_consensus(&rays, a.views[DOUBTFUL].buf, a.numbers[0], a.numbers[1], a.views[POINTS].buf);
+    return done(&a);
+}
+
+static PyObject *py_common_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PHOTO_OF, POINT_OF, COUNTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "ll" "L", 0))
+        return NULL;
+    const int64_t points = length_of(&a, POINT_OF) - 1, photos = (int64_t)sqrt((double)length_of(&a, COUNTS));
+    if (points < 0 || !has(&a, COUNTS, photos * photos) || !are_rows(&a, PHOTO_OF, photos)
+        || !are_starts64(a.views[POINT_OF].buf, points, length_of(&a, PHOTO_OF)))
+        return refused(&a);
+    count_common(a.views[PHOTO_OF].buf, a.views[POINT_OF].buf, points, photos, a.views[COUNTS].buf);
+    return done(&a);
 }
 
 static PyObject *py_band_order(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -336,6 +371,8 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
 
 static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
+    METHOD(consensus, "Positions of points where most of their rays meet."),
+    METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
     METHOD(orient_pair, "The relative orientation of two photos."),

@@ -36,7 +36,15 @@ class CompiledSolver:
         # needed twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
             rays = corrected(self._problem.rays, state.corrections)
-            arrays = rays.photo, self._problem.point_starts, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            arrays = (
+                rays.photo,
+                self._problem.point_starts,
+                rays.vectors,
+                rays.error,
+                state.rotations,
+                state.centres,
+                state.points,
+            )
             self._prepared = state, tuple(map(np.ascontiguousarray, arrays))
         return self._prepared[1]
 
@@ -64,8 +72,8 @@ class CompiledSolver:
         solution, of_cameras = equations.solved(state.corrections)
         by_points = np.empty((points, 3))
         kernels.refinement_points(
-            problem.rays.photo, self._problem.point_starts, place, self._coupling, inverse, point_right, point_border, solution,
-            of_cameras, by_points,
+            problem.rays.photo, problem.point_starts, place, self._coupling, inverse, point_right, point_border,
+            solution, of_cameras, by_points,
         )  # fmt: skip
         by_photos = np.zeros((len(place), 6))
         by_photos[order] = -solution.reshape(-1, 6)

@@ -34,9 +34,6 @@ _UPHILL, _UPHILL_STEPS = 10.0, 2
 
 _NEVER_AGAIN = -1
 
-_SQUARE_BEHIND = 1e6
-"""Squared standard residual that a ray has whose point lies behind the photo."""
-
 _MOST_STEPS = 30
 
 _FIRST_DAMPING = 1e-6
@@ -195,9 +192,7 @@ class _RobustRefinement:
 
         A ray that has come to lie behind its photo counts as a large residual.
         """
-        at = here.residuals
-        squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), _SQUARE_BEHIND)
-        return np.array([weights @ squares + at.of_cameras])
+        return np.array([weights @ here.residuals.squares + here.residuals.of_cameras])
 
     def converged(self, before: _Estimate, after: _Estimate) -> bool:
         """Return whether the gain is small, both with the weights before the step and with the new ones."""

@@ -16,9 +16,11 @@ from msgspec.structs import astuple
 
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
+from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.known_points import KnownPoints
@@ -50,6 +52,15 @@ def intersected() -> object:
     return intersect(rotations, centres, np.ones(len(centres), dtype=bool), rays)
 
 
+def placed_by_consensus() -> object:
+    rays, rotations, centres, points = scene()
+    random = np.random.default_rng(5)
+    start = points + np.where(random.random((len(points), 1)) < 0.3, 0.5, 0.0)
+    start[3] = np.nan
+    some = rays.of(np.sort(random.choice(len(rays.photo), 3 * len(points), replace=False)))
+    return with_consensus(rotations, centres, some, random.random(len(points)) < 0.8, start, 1.2)
+
+
 def ranked_triples() -> object:
     return starting_orientations(known_points())
 
@@ -73,6 +84,8 @@ CASES: dict[str, Callable[[], object]] = {
     "band_order": refined,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
+    "common_points": lambda: common_point_counts(scene()[0]),
+    "consensus": placed_by_consensus,
     "intersect": intersected,
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
