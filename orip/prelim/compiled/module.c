@@ -13,7 +13,7 @@
 #include "../refinement/refinement.h"
 #include "../relative/common_counts.h"
 #include "../relative/solution.h"
-#include "../resection/resection.h"
+#include "../resection/photo.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
 
@@ -76,6 +76,41 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     const int64_t left = choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                                 a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
                                 a.views[NORMALS].buf, a.views[SPACE].buf);
+    release(&a);
+    return PyLong_FromLongLong(left);
+}
+
+/* Whether what these rules repeat and choose from are numbers that there is time and room for. */
+static int are_resection_rules_sound(const ResectionRules *r)
+{
+    return r->alike >= 0.0 && is_whole(r->improvements, 0.0, MOST_ITERATIONS)
+        && is_whole(r->iterations, 0.0, MOST_ITERATIONS);
+}
+
+static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { IMAGE, KNOWN, DEVIATIONS, TRIPLES, RULES, ROTATIONS, CENTRES, FACTORS, RESIDUAL, FOUND };
+    Arguments a;
+    Known k;
+    if (!take_arguments(&a, arguments, given, "dddld" "DDDDD", 2))
+        return NULL;
+    const int64_t candidates = length_of(&a, CENTRES) / 3, number = length_of(&a, TRIPLES) / 3;
+    if (!known_from(&a, &k) || k.count <= 3 || !are_rows(&a, TRIPLES, k.count) || !has(&a, TRIPLES, 3 * number)
+        || !has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) || !are_resection_rules_sound(a.views[RULES].buf)
+        || candidates < 1 || candidates > MOST_ORIENTATIONS || !has(&a, CENTRES, 3 * candidates)
+        || !has(&a, ROTATIONS, 9 * candidates) || !has(&a, FACTORS, candidates * k.count)
+        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, FOUND, sizeof(ResectionFound) / sizeof(double)))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)resection_space(k.count, candidates) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int64_t left = resect_photo(a.views[KNOWN].buf, a.views[DEVIATIONS].buf, k, a.views[RULES].buf,
+                                      a.views[TRIPLES].buf, number, candidates, a.views[ROTATIONS].buf,
+                                      a.views[CENTRES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf, space,
+                                      a.views[FOUND].buf);
+    PyMem_Free(space);
     release(&a);
     return PyLong_FromLongLong(left);
 }
@@ -375,6 +410,7 @@ static PyMethodDef methods[] = {
     METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
+    METHOD(resect, "The orientation of a photo by known points."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),

@@ -24,6 +24,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.known_points import KnownPoints
+from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.start import start_from_triples
@@ -65,6 +66,15 @@ def ranked_triples() -> object:
     return starting_orientations(known_points())
 
 
+def resected() -> object:
+    rays, _, _, points = scene()
+    rows = np.flatnonzero(rays.photo == 1)[:30]
+    found = resect(rays.vectors[rows], points[rays.point[rows]], np.full(len(rows), 1e-3), error_mm=0.005)
+    assert isinstance(found, Resected)
+    deviations = found.rotation_deviation, found.centre_deviation
+    return found.rotation, found.centre, *deviations, found.residuals, found.weight_factor, found.s0, found.redundancy
+
+
 def chosen_orientations() -> object:
     known = known_points()
     return best_orientations(known, starting_orientations(known))
@@ -89,6 +99,7 @@ CASES: dict[str, Callable[[], object]] = {
     "intersect": intersected,
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
+    "resect": resected,
     "refinement_normals": refined,
     "refinement_points": refined,
     "refinement_residuals": refined,
