@@ -238,15 +238,30 @@ static PyObject *py_band_order(PyObject *Py_UNUSED(module), PyObject *const *arg
 
 static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { RESIDUAL = PROBLEM_END, IN_FRONT };
+    enum { SQUARES = PROBLEM_END, LENGTHS };
     Arguments a;
     RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, PROBLEM "DB", 0))
+    if (!take_arguments(&a, arguments, given, PROBLEM "DD", 0))
         return NULL;
-    if (!problem_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || !has(&a, IN_FRONT, n.count))
+    if (!problem_from(&a, &n) || !has(&a, SQUARES, n.count) || !has(&a, LENGTHS, n.count))
         return refused(&a);
-    block_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
+    block_residuals(&n, a.views[SQUARES].buf, a.views[LENGTHS].buf);
     return done(&a);
+}
+
+static PyObject *py_refinement_weights(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { LENGTHS, WEIGHTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "d" "D", 3))
+        return NULL;
+    const int64_t count = length_of(&a, LENGTHS);
+    if (!has(&a, WEIGHTS, count))
+        return refused(&a);
+    const double scale = weights_by_median(a.views[LENGTHS].buf, count, a.numbers[0], a.numbers[1], a.numbers[2],
+                                           a.views[WEIGHTS].buf);
+    release(&a);
+    return PyFloat_FromDouble(scale);
 }
 
 static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -289,28 +304,28 @@ static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *co
     return done(&a);
 }
 
-static PyObject *py_refinement_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refinement_step(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, POINTS };
+    enum { PLACE = PROBLEM_END, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, ROTATIONS, CENTRES, POINTS };
     Arguments a;
     RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, "lll" "dddddd" "D", 0))
+    if (!take_arguments(&a, arguments, given, PROBLEM "ldddddd" "DDD", 1))
         return NULL;
-    memset(&n, 0, sizeof n);
-    n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
-    n.count = length_of(&a, PHOTO_OF), n.point_count = length_of(&a, POINT_OF) - 1;
-    n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
-    if (n.point_count < 0 || !are_starts64(n.start, n.point_count, n.count)
-        || !are_rows(&a, PHOTO_OF, length_of(&a, PLACE))
-        || !are_within64(n.place, length_of(&a, PLACE), INT64_MIN, length_of(&a, SOLUTION) / 6)
-        || !has(&a, OF_CAMERAS, OF_CAMERA * n.cameras) || !has(&a, COUPLING, 18 * n.count)
+    const int64_t photos = length_of(&a, AT) / 3;
+    if (!problem_from(&a, &n) || length_of(&a, SOLUTION) % 6 || !has(&a, PLACE, photos)
+        || !are_within64(a.views[PLACE].buf, photos, INT64_MIN, length_of(&a, SOLUTION) / 6)
+        || length_of(&a, OF_CAMERAS) % OF_CAMERA || !has(&a, COUPLING, 18 * n.count)
         || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, RIGHT, 3 * n.point_count)
-        || !has(&a, POINTS, 3 * n.point_count) || !has(&a, POINT_BORDER, 3 * OF_CAMERA * n.cameras * n.point_count))
+        || !has(&a, POINT_BORDER, 3 * length_of(&a, OF_CAMERAS) * n.point_count) || !has(&a, ROTATIONS, 9 * photos)
+        || !has(&a, CENTRES, 3 * photos) || !has(&a, POINTS, 3 * n.point_count))
         return refused(&a);
+    n.place = a.views[PLACE].buf, n.size = length_of(&a, SOLUTION), n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
     n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
     n.point_border = a.views[POINT_BORDER].buf;
-    point_corrections(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
-    return done(&a);
+    const double factor = move_block(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.numbers[0], photos,
+                                     a.views[ROTATIONS].buf, a.views[CENTRES].buf, a.views[POINTS].buf);
+    release(&a);
+    return PyFloat_FromDouble(factor);
 }
 
 /* Whether what these rules keep and repeat are numbers that there is room and time for. */
@@ -417,7 +432,8 @@ static PyMethodDef methods[] = {
     METHOD(band_order, "The order of photos that keeps a band narrow."),
     METHOD(refinement_residuals, "Residuals of a refinement."),
     METHOD(refinement_normals, "Reduced normal equations of a refinement."),
-    METHOD(refinement_points, "Corrections of the points of a refinement."),
+    METHOD(refinement_step, "Photos and points after a step of a refinement."),
+    METHOD(refinement_weights, "Weights of a refinement from the lengths of its residuals."),
     {NULL, NULL, 0, NULL},
 };
 

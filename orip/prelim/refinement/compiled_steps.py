@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
+from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
 from orip.prelim.refinement.band_order import band_order
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
@@ -30,6 +32,7 @@ class CompiledSolver:
         self._camera = camera_of(problem.rays)
         self._seen = np.empty(len(problem.rays.cameras.unknown), dtype=np.int64)
         self._by_camera = by_corrections(problem.rays)
+        self._cameras = problem.rays.cameras.unknown.size
         self._prepared: tuple[RefinementState, tuple[NDArray[np.generic], ...]] | None = None
 
     def _arrays(self, state: RefinementState) -> tuple[NDArray[np.generic], ...]:
@@ -50,31 +53,35 @@ class CompiledSolver:
 
     def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""
-        count = len(self._problem.rays.photo)
-        residual, in_front = np.empty((count, 2)), np.empty(count, dtype=np.uint8)
-        kernels.refinement_residuals(*self._arrays(state), residual, in_front)
-        return RayResiduals(residual, in_front.astype(bool), state.of_cameras)
+        squares, lengths = np.empty((2, len(self._problem.rays.photo)))
+        kernels.refinement_residuals(*self._arrays(state), squares, lengths)
+        return RayResiduals(squares, lengths, state.of_cameras)
 
-    def moved(self, state: RefinementState, at: RayResiduals, factors: FloatArray, damping: float) -> RefinementState:
-        """Return the state after one step; the residuals are those of the state."""
+    def weights(self, lengths: FloatArray) -> tuple[FloatArray, float]:
+        """Return the Danish weights (m,) of residuals by their lengths, and their robust scale."""
+        weights = np.empty(len(lengths))
+        unit = self._problem.median_length
+        scale = kernels.refinement_weights(lengths, weights, unit, LIMIT_OF_TWO_COMPONENTS, LEAST_WEIGHT)
+        return weights, scale
+
+    def moved(self, state: RefinementState, factors: FloatArray, damping: float) -> RefinementState:
+        """Return the state after one step with weight factors (m,) of the rays."""
         problem, order, place = self._problem, self._band_order.order, self._band_order.place
-        points, size, cameras = len(problem.point_free), 6 * len(order), state.corrections.size
-        weights = np.where(at.in_front, factors, 0.0)
+        arrays, points, size, cameras = self._arrays(state), len(problem.point_free), 6 * len(order), self._cameras
         inverse, point_right, right = np.empty((points, 3, 3)), np.empty((points, 3)), np.zeros(size)
         band, border = np.zeros((size, self._width)), np.zeros((size, cameras))
         point_border, own, own_right = np.zeros((points, 3, cameras)), np.zeros((cameras, cameras)), np.zeros(cameras)
         kernels.refinement_normals(
-            *self._arrays(state), place, problem.point_free, weights, self._camera, self._by_camera,
+            *arrays, place, problem.point_free, factors, self._camera, self._by_camera,
             np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right,
             border, point_border, own, own_right, self._seen, damping,
         )  # fmt: skip
         equations = ReducedEquations(band.T, right, border, own, own_right)
         solution, of_cameras = equations.solved(state.corrections)
-        by_points = np.empty((points, 3))
-        kernels.refinement_points(
-            problem.rays.photo, problem.point_starts, place, self._coupling, inverse, point_right, point_border,
-            solution, of_cameras, by_points,
+        rotations, centres, ground = (np.empty(values.shape) for values in arrays[4:])
+        factor = kernels.refinement_step(
+            *arrays, place, self._coupling, inverse, point_right, point_border, np.ascontiguousarray(solution),
+            of_cameras, rotations, centres, ground, LARGEST_TURN,
         )  # fmt: skip
-        by_photos = np.zeros((len(place), 6))
-        by_photos[order] = -solution.reshape(-1, 6)
-        return state.moved(by_photos, by_points, -of_cameras.reshape(-1, CAMERA_CORRECTIONS))
+        corrections = state.corrections - factor * of_cameras.reshape(-1, CAMERA_CORRECTIONS)
+        return RefinementState(rotations, centres, ground, corrections)

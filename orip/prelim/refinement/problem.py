@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -10,14 +12,13 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.least_squares import LARGEST_TURN
-from orip.prelim.medians import median
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import EXPECTED
 
-_MEDIAN = np.sqrt(2.0 * np.log(2.0))
+_MEDIAN = math.sqrt(2.0 * math.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
 
-_SQUARE_BEHIND = 1e6
+SQUARE_BEHIND = 1e6
 """Squared standard residual that a ray has whose point lies behind the photo."""
 
 
@@ -46,26 +47,16 @@ class RefinementState(Struct, frozen=True):
         )
 
 
-class RayResiduals(Struct, frozen=True, dict=True):
-    """Residuals (m, 2) of m rays over their a-priori errors, and whether the point is in front of the photo (m,).
+class RayResiduals(NamedTuple):
+    """Squares (m,) and lengths (m,) of the residuals of m rays over their a-priori errors.
 
-    `of_cameras` is what the corrections of the cameras add to the square sum.
+    Of points behind the photo the squares are `SQUARE_BEHIND`, and the lengths infinite. `of_cameras` is what the
+    corrections of the cameras add to the square sum.
     """
 
-    residual: FloatArray
-    in_front: BoolArray
+    squares: FloatArray
+    lengths: FloatArray
     of_cameras: float
-
-    @cached_property
-    def squares(self) -> FloatArray:
-        """Return the squared lengths (m,) of the residuals; a large one behind the photo."""
-        x, y = self.residual.T
-        return np.where(self.in_front, x**2 + y**2, _SQUARE_BEHIND)
-
-    @property
-    def length(self) -> FloatArray:
-        """Return the lengths (m,) of the residuals; infinite behind the photo."""
-        return np.where(self.in_front, np.sqrt(self.squares), np.inf)
 
 
 class RefinementProblem(Struct, frozen=True, dict=True):
@@ -92,7 +83,8 @@ class RefinementProblem(Struct, frozen=True, dict=True):
         """Return twice the number of rays minus the number of unknowns."""
         return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
 
-    def scale(self, length: FloatArray) -> float:
-        """Return the robust scale of the residuals, from their median; 0 without redundancy."""
+    @cached_property
+    def median_length(self) -> float:
+        """Return the median of the lengths of residuals that are as large as expected; 0 without redundancy."""
         share = self.redundancy / (2 * len(self.rays.photo)) if len(self.rays.photo) else 0.0
-        return median(length) / _MEDIAN / np.sqrt(share) if share > 0.0 else 0.0
+        return _MEDIAN * math.sqrt(share) if share > 0.0 else 0.0

@@ -101,8 +101,9 @@ CASES: dict[str, Callable[[], object]] = {
     "rank_triples": ranked_triples,
     "resect": resected,
     "refinement_normals": refined,
-    "refinement_points": refined,
     "refinement_residuals": refined,
+    "refinement_step": refined,
+    "refinement_weights": refined,
 }
 
 
