@@ -10,7 +10,7 @@ from orip.prelim.intersection import consensus, intersection
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.refinement import band_order, refinement
-from orip.prelim.relative import pair_selection
+from orip.prelim.relative import given_scale, pair_selection
 from orip.prelim.relative import solution as relative_solution
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.resection import best_orientations as resection_choice
@@ -22,7 +22,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    band_order, consensus, intersection, pair_selection, refinement, relative_solution, resection_choice,
+    band_order, consensus, given_scale, intersection, pair_selection, refinement, relative_solution, resection_choice,
     resection, resection_start, similarity_adjustment, similarity_start,
 )  # fmt: skip
 

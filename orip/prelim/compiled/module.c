@@ -12,7 +12,7 @@
 #include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
 #include "../relative/common_counts.h"
-#include "../relative/solution.h"
+#include "../relative/given_scale.h"
 #include "../resection/photo.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
@@ -369,6 +369,37 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
     return PyBool_FromLong(oriented);
 }
 
+static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDBB", 1))
+        return NULL;
+    const RelativeRules *rules = a.views[RULES].buf;
+    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
+    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
+                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
+                                   a.views[USABLE].buf};
+    const int64_t samples = length_of(&a, SAMPLES) / 5;
+    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
+        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
+        || !are_rules_sound(rules) || (double)samples > rules->sampling.at_once
+        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
+        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
+        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int oriented = orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, a.numbers[0],
+                                         space, &points, a.views[FOUND].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyBool_FromLong(oriented);
+}
+
 static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
@@ -427,6 +458,7 @@ static PyMethodDef methods[] = {
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
     METHOD(resect, "The orientation of a photo by known points."),
     METHOD(orient_pair, "The relative orientation of two photos."),
+    METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
     METHOD(band_order, "The order of photos that keeps a band narrow."),

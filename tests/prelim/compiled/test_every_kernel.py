@@ -20,6 +20,7 @@ from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
+from orip.prelim.relative.given_scale import at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
@@ -84,6 +85,13 @@ def oriented_pair() -> object:
     return solve(common_pairs(scene()[0], 1))
 
 
+def oriented_at_scale() -> object:
+    pairs = common_pairs(scene()[0], 1)
+    solution = solve(pairs)
+    assert solution is not None
+    return at_scale(solution, pairs, 1.0)
+
+
 def adjusted_similarity() -> object:
     common, rotation = common_points(25)
     return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
@@ -97,6 +105,7 @@ CASES: dict[str, Callable[[], object]] = {
     "common_points": lambda: common_point_counts(scene()[0]),
     "consensus": placed_by_consensus,
     "intersect": intersected,
+    "orient_at_scale": oriented_at_scale,
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
     "resect": resected,
