@@ -14,7 +14,7 @@ from typing import Any, TypeVar, final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, IntArray
+from orip.arrays import BoolArray, IntArray, parts
 from orip.records.names import places_of_names, record_key
 
 T = TypeVar("T")
@@ -43,7 +43,8 @@ class CodedNames(Sequence[str]):
         return len(self.codes)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(np.array(self.distinct, dtype=object)[self.codes].tolist())
+        names = np.array(self.distinct, dtype=object)
+        return chain.from_iterable(names[self.codes[part]].tolist() for part in parts(len(self)))
 
     @overload
     def __getitem__(self, at: int) -> str: ...
@@ -102,7 +103,8 @@ class CodedNames(Sequence[str]):
     def places_among(self, names: tuple[str, ...]) -> IntArray:
         """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
         if self.distinct[: len(names)] == names:  # nearly always: the points of a block, and what measurements add
-            return np.where(self.codes < len(names), self.codes.astype(np.int64), -1)
+            places = self.codes.astype(np.int64)
+            return places if len(names) == len(self.distinct) else np.where(places < len(names), places, -1)
         return self.places(places_of_names(names))
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:
