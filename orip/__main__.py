@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 import sys
 
 _ALLOCATIONS = 250_000
@@ -14,8 +13,6 @@ is usual, takes a quarter of the time of a large block."""
 def main() -> None:
     """Load and run the program `orip`."""
     gc.set_threshold(_ALLOCATIONS, 20, 20)
-    # pydantic would look for plugins in the metadata of all packages
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
         from orip.cli.main import main as run
 

@@ -8,6 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.waiting_modules import let_wait
+
+let_wait(np, "char", "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -26,6 +30,14 @@ def parts(count: int) -> Iterator[slice]:
     """
     for start in range(0, count, _AT_A_TIME):
         yield slice(start, min(start + _AT_A_TIME, count))
+
+
+def distinct(numbers: IntArray) -> IntArray:
+    """Return the different ones of whole numbers, ascending; faster than `np.unique`, which fills a table first."""
+    ordered = np.sort(numbers)
+    is_new = np.ones(len(ordered), dtype=bool)
+    np.not_equal(ordered[1:], ordered[:-1], out=is_new[1:])
+    return np.asarray(ordered[is_new])
 
 
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:

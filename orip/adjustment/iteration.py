@@ -28,6 +28,7 @@ from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
 from orip.arrays import BoolArray, FloatArray
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 _SAME_COST_ENP = 2.0
@@ -394,4 +395,4 @@ def _final_weights(now: IterationState[StateT]) -> FloatArray:
 
 
 def _effective(equations: Equations, weights: FloatArray) -> FloatArray:
-    return weights if equations.active.all() else np.where(equations.active, weights, 0.0)
+    return weights if equations.active.all() else set_aside(np.where(equations.active, weights, 0.0))

@@ -16,6 +16,7 @@ from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, ti
 from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
 from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 
@@ -141,7 +142,7 @@ def solve_normals(
     solution = factor.back_substitute(reduced_right) / scale
     rest = normals.block_right - normals.coupling.times(solution)
     return SolvedNormals(
-        correction=np.concatenate([solution, times_transposed_half(normals.blocks.half, rest)]),
+        correction=set_aside(np.concatenate([solution, times_transposed_half(normals.blocks.half, rest)])),
         reduced_square_sum=float(reduced_right @ reduced_right + normals.block_right @ normals.block_right),
         scale=scale,
         factor=factor,

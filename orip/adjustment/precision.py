@@ -13,6 +13,7 @@ from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts
+from orip.set_aside import set_aside
 
 
 class Cofactors(Struct, frozen=True):
@@ -70,7 +71,7 @@ def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
     found = equations.rows.precision(normals.blocks, normals.coupling, inverse)
     if constraints is not None:
         found.leverage[equations.exact & equations.active] = constraints.leverage
-    return Cofactors(inverse, *found)
+    return Cofactors(inverse, found.blocks, set_aside(found.leverage))
 
 
 def variance_of_unit_weight(
@@ -106,7 +107,7 @@ def variance_of_unit_weight(
         sigma0_all=_root_of_mean(squares, redundancy),
         redundancy=redundancy,
         redundancy_used=used,
-        redundancy_numbers=numbers,
+        redundancy_numbers=set_aside(numbers),
     )
 
 

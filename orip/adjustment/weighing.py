@@ -18,6 +18,7 @@ from orip.adjustment.weights import (
     wide_weights,
 )
 from orip.arrays import BoolArray, FloatArray
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 SETTLED_ENP = 1.0
@@ -89,7 +90,7 @@ class Weighing(Struct, frozen=True):
         """Return the weight factors (n,) for an iteration; exact constraints always have 1."""
         factors = np.ones(len(equations.residual))
         if self.start is None or not (self.early or iteration >= self.start):
-            return factors
+            return set_aside(factors)
         judged = _judged(equations)
         limit = self.limit * self.scale_in(equations, iteration)
         grouped = self._grouped(equations, iteration, limit)
@@ -98,7 +99,7 @@ class Weighing(Struct, frozen=True):
             factors[judged] = danish_weights(size, limit)
         else:
             factors[judged] = wide_weights(size, limit, 3 if _are_many(size > limit) else 2)
-        return factors
+        return set_aside(factors)
 
     def _grouped(self, equations: Equations, iteration: int, limit: float) -> Equations:
         """Return the equations with the groups of observations that lose weight together in an iteration."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from orip.bundle.results.figures import figure
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
+from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results import solution as records
 from orip.records.results.gate import GATE_FIGURES
@@ -110,8 +111,8 @@ class Solution:
         found = self._record
         return AdjustedPoints(
             found.points.names,
-            found.point_kinds,
-            found.point_rays,
+            cast("tuple[PointKind, ...]", tuple(found.point_kinds)),
+            found.point_rays.tolist(),
             found.points.values,
             found.points.sd,
             found.point_correlations,

@@ -119,7 +119,7 @@ def _estimate_columns(
     units: tuple[str, ...]
     if what == "points":
         estimates, names, units = solution.points, _AXES, (ground,) * 3
-        further: dict[str, Any] = {"kind": list(solution.point_kinds), "rays": list(solution.point_rays)}
+        further: dict[str, Any] = {"kind": list(solution.point_kinds), "rays": solution.point_rays.tolist()}
     else:
         estimates, names, units = solution.photos, PHOTO_PARAMETERS, (*(ground,) * 3, *("degrees",) * 3)
         further = {"rotations_about_axes": list(solution.photo_rotation_sd_about_axes)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -47,6 +47,7 @@ from orip.bundle.state import BlockState, antenna_parameters, camera_parameters,
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
+from orip.set_aside import ColumnByParts, set_aside
 from orip.structs import replace
 
 
@@ -144,21 +145,23 @@ class BlockProblem(Struct, frozen=True):
         return self._stored(state).design
 
     def _stored(self, state: BlockState) -> Equations:
+        # a block has millions of rows, with dozens of partials each
+        data, residual = ColumnByParts(np.dtype(np.float64)), ColumnByParts(np.dtype(np.float64))
+        indices, counts = ColumnByParts(np.dtype(np.int32)), ColumnByParts(np.dtype(np.int32))
+        active, exact = ColumnByParts(np.dtype(np.bool_)), ColumnByParts(np.dtype(np.bool_))
         measured = [kind for kind in self.observations if len(kind.rows.error)]
-        if not measured:
-            nothing, none = np.zeros(0), np.zeros(0, dtype=bool)
-            return Equations(SparseRows(csr_array((0, self.layout.size))), nothing, none, none)
-        indices, indptr, kept = _pattern(measured)
-        data, residual, active, exact = [], [], [], []
-        for observations, keep in zip(measured, kept, strict=True):
-            values = observations.linearise_with_partials(state)
-            error = observations.rows.error
+        for observations in chain.from_iterable(kind.in_parts() for kind in measured):
+            values, columns = observations.linearise_with_partials(state), observations.columns()
+            error, keep = observations.rows.error, columns != CONSTANT
             data.append((values.partials / error[:, None])[keep])
+            indices.append(columns[keep])
+            counts.append(keep.sum(axis=1))
             residual.append((values.residual + state.memory.get(observations.rows.kind.name, 0.0)) / error)
             exact.append(np.full(len(error), observations.exact))
             active.append(observations.rows.used & values.computable)
-        design = csr_array((np.concatenate(data), indices, indptr), shape=(len(indptr) - 1, self.layout.size))
-        return Equations(SparseRows(design), np.concatenate(residual), np.concatenate(active), np.concatenate(exact))
+        indptr = np.append(0, np.cumsum(counts.whole(), dtype=np.int64))
+        design = csr_array((data.whole(), indices.whole(), indptr), shape=(len(indptr) - 1, self.layout.size))
+        return Equations(SparseRows(design), residual.whole(), active.whole(), exact.whole())
 
     def _streamed(self, state: BlockState, loop: PointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
@@ -168,9 +171,9 @@ class BlockProblem(Struct, frozen=True):
         rows = np.concatenate([staying, len(of_photos) + np.arange(len(rest.residual) - stay)])
         return Equations(
             StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
-            np.concatenate([of_photos, rest.residual[stay:]]),
-            np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]]),
-            np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]]),
+            set_aside(np.concatenate([of_photos, rest.residual[stay:]])),
+            set_aside(np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]])),
+            set_aside(np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]])),
         )
 
     def update(self, state: BlockState, correction: FloatArray) -> BlockState:
@@ -287,15 +290,6 @@ class BlockProblem(Struct, frozen=True):
     def step_factor(self, correction: FloatArray) -> float:
         """Return the factor that keeps the rotation of every photo within the range of the linearisation."""
         return rotation_limit(correction, self.unknowns)
-
-
-def _pattern(observations: Sequence[Observations]) -> tuple[IntArray, IntArray, list[NDArray[np.bool_]]]:
-    """Return indices and indptr of the design matrix, and which partials belong to unknowns."""
-    columns = [kind.columns() for kind in observations]
-    kept = [table != CONSTANT for table in columns]
-    indices = np.concatenate([table[keep] for table, keep in zip(columns, kept, strict=True)])
-    counts = np.concatenate([keep.sum(axis=1) for keep in kept])
-    return indices, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), kept
 
 
 class Posed(NamedTuple):

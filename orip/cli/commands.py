@@ -7,8 +7,9 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 import typer
-from typer.core import TyperGroup
 from typer.main import get_group
+
+from orip.cli.conversion import Group
 
 
 class Listed(NamedTuple):
@@ -138,7 +139,7 @@ def _loaded(name: str) -> Any:
     return get_group(app).commands[name]
 
 
-class Commands(TyperGroup):
+class Commands(Group):
     """The program's group of commands."""
 
     def __init__(self, **settings: Any) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
 from typer.main import get_group
 
+from orip.cli.conversion import Group
 from orip.cli.options import group_of_commands
 
 Registration = Callable[[typer.Typer], None]
@@ -27,7 +27,7 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
         Adds the commands of the group.
     """
 
-    class Group(TyperGroup):
+    class LateGroup(Group):
         """The group of that name; commands that the program added to it are there from the beginning."""
 
         complete = False
@@ -47,4 +47,4 @@ def add_group(app: typer.Typer, name: str, text: str, register: Registration) ->
                 self.commands = {**get_group(group).commands, **self.commands}
                 self.complete = True
 
-    app.add_typer(group_of_commands(name, text, cls=Group, no_args_is_help=True))
+    app.add_typer(group_of_commands(name, text, cls=LateGroup, no_args_is_help=True))

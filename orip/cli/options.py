@@ -12,6 +12,7 @@ import typer
 from msgspec import Struct
 
 from orip.cli.completion import bundles
+from orip.cli.conversion import Command, Group
 from orip.cli.exits import exit_on_error
 from orip.cli.terminal import ColorChoice, Terminal
 
@@ -95,15 +96,17 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
                 function(invocation, **given)
 
         _give_signature(run, own)
-        app.command(name, short_help=_first_paragraph(inspect.getdoc(function) or ""), **settings)(run)
+        about = _first_paragraph(inspect.getdoc(function) or "")
+        app.command(name, cls=Command, short_help=about, **settings)(run)
         return run
 
     return register
 
 
-def group_of_commands(name: str, text: str, **settings: Any) -> typer.Typer:
+def group_of_commands(name: str, text: str, cls: type[Group] = Group, **settings: Any) -> typer.Typer:
     """Return a group of commands, with the text that `--help` says of it. Settings are those of typer's groups."""
-    return typer.Typer(name=name, help=text, short_help=_first_paragraph(text), rich_markup_mode=None, **settings)
+    about = _first_paragraph(text)
+    return typer.Typer(name=name, cls=cls, help=text, short_help=about, rich_markup_mode=None, **settings)
 
 
 def _first_paragraph(text: str) -> str:

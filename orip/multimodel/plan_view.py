@@ -9,7 +9,7 @@ coordinate of the points nearest to it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,6 @@ from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.switching import inside_model
 from orip.records.drive_table import Triple
-from orip.records.observations.control import PointKind
 
 _NEAREST = 6
 """Number of points from which a third coordinate is interpolated."""
@@ -40,7 +39,7 @@ class BlockPoints(NamedTuple):
     """Points of the object: names, kinds, and coordinates (n, 3) in the object system of the drive table."""
 
     names: tuple[str, ...]
-    kinds: tuple[PointKind, ...]
+    kinds: Sequence[str]
     xyz: FloatArray
 
 
@@ -92,8 +91,9 @@ class PlanView(Struct, frozen=True, eq=False):
 def plan_view(block: OrientedBlock, points: BlockPoints) -> PlanView:
     """Project a block on the plane that suits it."""
     finite = np.flatnonzero(np.isfinite(points.xyz).all(axis=1))
+    rows = finite.tolist()
     known = BlockPoints(
-        tuple(points.names[row] for row in finite), tuple(points.kinds[row] for row in finite), points.xyz[finite]
+        tuple(points.names[row] for row in rows), tuple(points.kinds[row] for row in rows), points.xyz[finite]
     )
     viewing = -np.mean([photo.rotation[2::3] for photo in block.photos], axis=0)
     plane = _plane(known.xyz, viewing)

@@ -14,7 +14,7 @@ from typing import Any, TypeVar, final, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, IntArray
+from orip.arrays import BoolArray, IntArray, parts
 from orip.records.names import places_of_names, record_key
 
 T = TypeVar("T")
@@ -32,10 +32,11 @@ class CodedNames(Sequence[str]):
         Numbers of the rows' names among them; kept with as few bits as all names need.
     """
 
-    __slots__ = ("codes", "distinct")
+    __slots__ = ("_occurring", "codes", "distinct")
 
     def __init__(self, distinct: Sequence[str], codes: NDArray[np.integer[Any]]) -> None:
         self.distinct = tuple(distinct)
+        self._occurring: tuple[str, ...] | None = None
         fewest = np.min_scalar_type(max(len(self.distinct) - 1, 0))
         self.codes: NDArray[np.unsignedinteger[Any]] = codes.astype(fewest, copy=False)
 
@@ -43,7 +44,8 @@ class CodedNames(Sequence[str]):
         return len(self.codes)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(np.array(self.distinct, dtype=object)[self.codes].tolist())
+        names = np.array(self.distinct, dtype=object)
+        return chain.from_iterable(names[self.codes[part]].tolist() for part in parts(len(self)))
 
     @overload
     def __getitem__(self, at: int) -> str: ...
@@ -69,10 +71,12 @@ class CodedNames(Sequence[str]):
         return f"CodedNames({tuple(self)!r})"
 
     def occurring(self) -> tuple[str, ...]:
-        """Return the different names among the rows, in the order of their first ones."""
-        first = self.first_rows()
-        there = np.flatnonzero(first < len(self))
-        return tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+        """Return the different names among the rows, in the order of their first ones; remembered."""
+        if self._occurring is None:
+            first = self.first_rows()
+            there = np.flatnonzero(first < len(self))
+            self._occurring = tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+        return self._occurring
 
     def first_rows(self) -> IntArray:
         """Return the first row (m,) of each different name; n for a name that no row has."""
@@ -102,7 +106,8 @@ class CodedNames(Sequence[str]):
     def places_among(self, names: tuple[str, ...]) -> IntArray:
         """Return the place (n,) of the name of each row among other names, -1 where it is not there."""
         if self.distinct[: len(names)] == names:  # nearly always: the points of a block, and what measurements add
-            return np.where(self.codes < len(names), self.codes.astype(np.int64), -1)
+            places = self.codes.astype(np.int64)
+            return places if len(names) == len(self.distinct) else np.where(places < len(names), places, -1)
         return self.places(places_of_names(names))
 
     def where(self, is_meant: Callable[[str], bool]) -> BoolArray:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
 from types import MappingProxyType
 
 from orip.wording import listed_names
@@ -45,18 +44,26 @@ def case_twins(names: Iterable[str]) -> list[tuple[str, str]]:
     return twins
 
 
-@lru_cache(maxsize=8)
+_remembered: deque[tuple[tuple[str, ...], Mapping[str, int]]] = deque(maxlen=8)
+
+
 def places_of_names(names: tuple[str, ...]) -> Mapping[str, int]:
     """Return the place of each name; remembered, as everything asks for that of a block's points."""
-    return MappingProxyType({name: place for place, name in enumerate(names)})
+    for known, places in tuple(_remembered):
+        if known is names:  # a dictionary of such keys would go through a million names at every question
+            return places
+    places = MappingProxyType(dict(zip(names, range(len(names)), strict=True)))
+    _remembered.append((names, places))
+    return places
 
 
 def look_alikes(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Return groups of different point names that differ only in case or leading zeros."""
-    distinct = tuple(dict.fromkeys(names))
-    text = "\n".join(("", *distinct))
+    names = tuple(names)
+    text = "\n".join(("", *names))
     if text.upper() == text and "\n0" not in text:  # often, and blocks have a million names
         return []
+    distinct = tuple(dict.fromkeys(names))
     keys = _without_case_and_zeros(distinct)
     if len(set(keys)) == len(keys):
         return []

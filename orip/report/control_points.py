@@ -93,9 +93,8 @@ def distance_table(solution: Solution) -> PageTable | None:
 def _rows_of_points(solution: Solution) -> dict[str, dict[str, int]]:
     """Return the rows of the observed coordinates of control points, by point and axis."""
     residuals = solution.residuals
-    control = {
-        name for name, kind in zip(solution.points.names, solution.point_kinds, strict=True) if kind == "control"
-    }
+    is_control = coded(solution.point_kinds).where("control".__eq__)
+    control = {solution.points.names[row] for row in np.flatnonzero(is_control).tolist()}
     found: dict[str, dict[str, int]] = {}
     used = coded(residuals.kind).where(CONTROL_POINT.name.__eq__) & ~np.isnan(residuals.weight_factor)
     for row in np.flatnonzero(used).tolist():

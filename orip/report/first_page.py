@@ -64,15 +64,15 @@ def method_facts(given: ReportInput) -> tuple[Fact, ...]:
 def key_numbers(given: ReportInput) -> tuple[Fact, ...]:
     """Return the numbers that count."""
     solution = given.solution
-    unit, kinds = solution.ground_unit, solution.point_kinds
+    unit, control = solution.ground_unit, _control_points(solution)
     is_position = coded(solution.residuals.kind).where(lambda kind: kind in POSITION_KINDS)
     stations = coded(solution.residuals.photo)[is_position].occurring()
-    rays = np.array([number for number in solution.point_rays if number > 0])
+    rays = solution.point_rays[solution.point_rays > 0]
     found = [
         Fact("Photos", str(len(solution.photos.names))),
         Fact("Points", f"{len(solution.points.names)}"),
         Fact("Rays a point, mean", significant(float(rays.mean()), 3) if rays.size else ""),
-        Fact("Control points", str(kinds.count("control")) if "control" in kinds else ""),
+        Fact("Control points", str(control) if control else ""),
         Fact("Check points", str(len(solution.check_points)) if solution.check_points else ""),
         Fact("Exposure stations", str(len(stations)) if stations else ""),
         *_scale(given),
@@ -87,6 +87,10 @@ def key_numbers(given: ReportInput) -> tuple[Fact, ...]:
     return tuple(fact for fact in found if fact.text)
 
 
+def _control_points(solution: Solution) -> int:
+    return int(np.count_nonzero(coded(solution.point_kinds).where("control".__eq__)))
+
+
 def _datum(given: ReportInput) -> str:
     solution, datum_points = given.solution, given.bundle.datum_points
     if given.bundle.datum == "free":
@@ -94,7 +98,7 @@ def _datum(given: ReportInput) -> str:
     fixed_by = [
         counted(count, noun)
         for count, noun in (
-            (solution.point_kinds.count("control"), "control point"),
+            (_control_points(solution), "control point"),
             (len(solution.exposures), "exposure station"),
         )
         if count

@@ -152,11 +152,10 @@ class Spot(NamedTuple):
 
 def weak_spots(solution: Solution) -> list[Spot]:
     """Return what would go unnoticed or is much worse than the rest: few rays, unchecked observations, large sd."""
-    rays = np.array(solution.point_rays, dtype=np.int64)
-    return [*_few_rays(solution, rays), *_unchecked(solution, rays), *_imprecise(solution)]
+    return [*_few_rays(solution), *_unchecked(solution), *_imprecise(solution)]
 
 
-def _few_rays(solution: Solution, rays: IntArray) -> Iterator[Spot]:
+def _few_rays(solution: Solution) -> Iterator[Spot]:
     """Return the points with one ray and those with two, which nothing checks along their epipolar lines."""
     for number, what, by_hand, matched in (
         (
@@ -172,25 +171,27 @@ def _few_rays(solution: Solution, rays: IntArray) -> Iterator[Spot]:
             "match between more photos, or have more overlap; what has to be sure is measured in three photos by hand",
         ),
     ):
-        names = [solution.points.names[row] for row in _open_rows(solution, rays == number)]
+        rows = np.flatnonzero(_without_control(solution) & (solution.point_rays == number))
+        names = [solution.points.names[row] for row in rows.tolist()]
         if names:
             remedy = by_hand if len(names) <= _MOST_BY_HAND else matched
             yield Spot(counted(len(names), "point"), what, remedy, first_names(names, _NAMED))
 
 
-def _open_rows(solution: Solution, chosen: BoolArray) -> list[int]:
-    """Return the rows of the chosen points (n,) that are no control points."""
-    return [row for row in np.flatnonzero(chosen).tolist() if solution.point_kinds[row] != "control"]
+def _without_control(solution: Solution) -> BoolArray:
+    """Return which points (n,) are no control points."""
+    return ~coded(solution.point_kinds).where("control".__eq__)
 
 
-def _unchecked(solution: Solution, rays: IntArray) -> list[Spot]:
+def _unchecked(solution: Solution) -> list[Spot]:
     """Return observations that hardly anything checks although the point has three rays, the worst first."""
     residuals, names = solution.residuals, solution.points.names
     has_few = np.zeros(len(names) + 1, dtype=bool)  # the last one: of what is no point of the solution
-    has_few[_open_rows(solution, (rays == 1) | (rays == 2))] = True
-    open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
-    open_rows &= (residuals.redundancy_number < UNCHECKED) & ~np.isnan(residuals.weight_factor)
-    rows = np.flatnonzero(open_rows)
+    rays = solution.point_rays
+    has_few[:-1] = _without_control(solution) & (rays >= 1) & (rays <= 2)
+    rows = np.flatnonzero(residuals.redundancy_number < UNCHECKED)  # few of millions
+    rows = rows[coded(residuals.kind)[rows].where(lambda kind: kind in {"photo", "control"})]
+    rows = rows[~np.isnan(residuals.weight_factor[rows])]
     point = coded(residuals.point)[rows]
     is_open = ~has_few[point.places_among(names)]
     rows, point = rows[is_open], point[is_open]

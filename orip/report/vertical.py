@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.records.coded_names import coded
 from orip.report.report_input import ReportInput
 
 _FEWEST = 3
@@ -38,7 +39,7 @@ def vertical(given: ReportInput) -> Vertical:
     photos are seen from the points.
     """
     solution = given.solution
-    has_given = any(kind != "tie" for kind in solution.point_kinds) or bool(solution.exposures)
+    has_given = coded(solution.point_kinds).where("tie".__ne__).any() or bool(solution.exposures)
     if given.bundle.datum != "free" or has_given or given.bundle.datum_points:
         return Vertical(np.eye(3))
     centres, points = _known(solution.photos.values[:, :3]), _known(solution.points.values)

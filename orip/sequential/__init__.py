@@ -3,3 +3,5 @@
 The upper triangle of the reduced unknowns, points as rows above it, and which observations are in. Knows neither how
 observations are linearised beyond asking the bundle for it, nor projects and files.
 """
+
+from orip import arrays as arrays  # before SciPy, so that parts of NumPy can wait

@@ -6,53 +6,63 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
+from orip.bundle.compiled import point_groups
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, photo_loop
-from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
+from orip.bundle.compiled.point_groups import PhotoSets, groups_of_sets, sets_of_photos
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.records.block import Block
 
 
-def of_points(*photos: tuple[int, ...]) -> tuple[np.ndarray, list[frozenset[int]]]:
+def of_points(*photos: tuple[int, ...]) -> PhotoSets:
     start = np.cumsum([0, *(len(shown) for shown in photos)])
     return sets_of_photos(np.array(sum(photos, ()), dtype=np.int32), start)
 
 
 def test_points_of_the_same_photos_are_one_set() -> None:
-    number, sets = of_points((0, 1), (1, 2, 5), (0, 1), (1, 2))
-    assert number.tolist() == [0, 1, 0, 2]
-    assert sets == [{0, 1}, {1, 2, 5}, {1, 2}]
+    sets = of_points((0, 1), (1, 2, 5), (0, 1), (1, 2))
+    assert sets.of_point.tolist() == [0, 1, 0, 2]
+    assert sets.first.tolist() == [0, 1, 3]
+    assert list(zip(sets.number.tolist(), sets.photo.tolist(), strict=True)) == [
+        (0, 0), (0, 1), (1, 1), (1, 2), (1, 5), (2, 1), (2, 2),
+    ]  # fmt: skip
+
+
+def test_sets_of_the_same_sum_are_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    def weak(number: np.ndarray, attempt: int) -> np.ndarray:
+        return number if attempt == 1 else number**2  # 0 + 3 = 1 + 2, but the squares differ
+
+    monkeypatch.setattr(point_groups, "_mixed", weak)
+    assert of_points((0, 3), (1, 2), (0, 3)).of_point.tolist() == [0, 1, 0]
 
 
 def test_neighbours_that_share_most_photos_are_joined_and_others_are_not() -> None:
     # ten points on a line, each seen by one photo more on the right and one less on the left; ten others far away
     windows = [tuple(range(k, k + 30)) for k in (*range(10), *range(100, 110))]
-    number, sets = of_points(*windows)
+    sets = of_points(*windows)
     along = np.array([*range(10), *range(1000, 1010)], dtype=float)
-    group = groups_of_sets(number, sets, np.column_stack([along, np.zeros((20, 2))]))
+    group = groups_of_sets(sets, np.column_stack([along, np.zeros((20, 2))]))
     assert len(set(group[:10])) < 5
     assert not set(group[:10]) & set(group[10:])
 
 
 def test_many_points_of_few_photos_keep_their_own_group() -> None:
-    number, sets = of_points(*[(0, 1)] * 500, *[(1, 2)] * 500)
+    sets = of_points(*[(0, 1)] * 500, *[(1, 2)] * 500)
     near = np.random.default_rng(1).uniform(size=(1000, 3))
-    assert groups_of_sets(number, sets, near).tolist() in ([0, 1], [1, 0])
+    assert groups_of_sets(sets, near).tolist() in ([0, 1], [1, 0])
 
 
 @pytest.mark.parametrize(
     "coordinates", [np.zeros((4, 3)), np.full((4, 3), np.nan), np.diag([np.inf, 1.0, 2.0, 3.0])[:, :3]]
 )
 def test_coordinates_that_say_nothing_are_no_obstacle(coordinates: np.ndarray) -> None:
-    number, sets = of_points((0, 1), (1, 2), (2, 3), (3, 4))
-    assert sorted(set(groups_of_sets(number, sets, coordinates))) == list(
-        range(max(groups_of_sets(number, sets, coordinates)) + 1)
-    )
+    sets = of_points((0, 1), (1, 2), (2, 3), (3, 4))
+    assert sorted(set(groups_of_sets(sets, coordinates))) == list(range(max(groups_of_sets(sets, coordinates)) + 1))
 
 
 def test_there_may_be_no_points() -> None:
-    number, sets = sets_of_photos(np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64))
-    assert groups_of_sets(number, sets, np.empty((0, 3))).tolist() == []
+    sets = sets_of_photos(np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64))
+    assert groups_of_sets(sets, np.empty((0, 3))).tolist() == []
 
 
 def loop_of(problem: BlockProblem) -> PhotoPointLoop:

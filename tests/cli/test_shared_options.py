@@ -15,6 +15,7 @@ import pytest
 import typer
 from cli.command_line import orip
 
+from orip.cli.conversion import convert_at_once
 from orip.cli.main import app
 from orip.cli.options import SharedOptions
 
@@ -143,8 +144,40 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     found = modules_after(statements, project)
     assert "orip.workflow.status" in found
     computing = {"orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay", "orip.interior.orientation"}
-    slow = SLOW - {"pydantic"}  # which checks orip.toml
-    assert not {*slow, *computing, "orip.records.results.solution"} & found
+    assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
+
+
+def test_run_imports_neither_what_converts_words_nor_parts_of_numpy_that_scipy_names(project: Path) -> None:
+    found = modules_after("from orip.cli.main import app; app(['-C', '.', 'run'], standalone_mode=False)", project)
+    assert "scipy.sparse" in found
+    assert not {"pydantic", "numpy.f2py", "numpy.testing", "numpy.polynomial"} & found
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        (str, "x"),
+        (str, ""),
+        (Path, "x/y"),
+        (Path, ""),
+        (Path, Path()),
+        (list[str], ("a", "b")),
+        (int, "2"),
+    ],
+)
+def test_values_are_converted_as_typer_converts_them(kind: Any, value: object) -> None:
+    def function(given: object) -> None:
+        """Take a value."""
+
+    function.__annotations__["given"] = kind
+    program = typer.Typer(add_completion=False)
+    program.command()(function)
+    command = typer.main.get_command(program)
+    (parameter,) = (one for one in command.params if one.name == "given")
+    context = typer.Context(command)
+    expected = parameter.process_value(context, value)
+    convert_at_once([parameter])
+    assert parameter.process_value(context, value) == expected
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:

@@ -21,11 +21,12 @@ from orip.files.result.json_text import result_document
 from orip.files.result.residuals_csv import HEADER
 from orip.records.observations.control import DistanceCode
 from orip.records.project.definition import RECORD_TYPES
+from orip.records.project.report_details import ReportDetails
 
 TABLES = {
-    "[project]": project_tables.ProjectTable,
-    "[check]": project_tables.CheckTable,
-    "[report]": project_tables.ReportTable,
+    "[project]": project_tables.table_of(project_tables.ProjectTable),
+    "[check]": project_tables.table_of(project_tables.CheckTable),
+    "[report]": project_tables.table_of(ReportDetails),
     "[[camera]]": project_tables.table_of(RECORD_TYPES["camera"]),
     "[[temtick]]": project_tables.table_of(RECORD_TYPES["temtick"]),
     "[[template]]": project_tables.table_of(RECORD_TYPES["template"]),

@@ -30,8 +30,8 @@ from hypothesis import strategies as st
 from orip import __version__
 from orip.bundle.results.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
+from orip.files.listings.identification import run_of_listing
 from orip.files.listings.interior import interior_listing
-from orip.files.listings.title import run_of_listing
 from orip.files.result.json_text import result_text
 from orip.records.observations.measurement import no_observations
 from orip.records.project.camera import CAMERA_PARAMETERS
@@ -222,7 +222,7 @@ def test_points() -> None:
 
 def test_the_smallest_standard_deviation_shows_two_digits() -> None:
     points = estimates(("1",), [[1000482.579395, 1.0, 2.0]], [[0.00041, 0.3, 0.2]], 3)
-    solution = replace(awkward(), points=points, point_rays=(2,), point_kinds=("tie",))
+    solution = replace(awkward(), points=points, point_rays=np.array([2]), point_kinds=("tie",))
     (row,) = cells(section(listing(solution), "POINTS"))
     assert row[3] == "1000482.57940"
     assert row[6] == "0.00041"
@@ -230,7 +230,7 @@ def test_the_smallest_standard_deviation_shows_two_digits() -> None:
 
 def test_coordinates_of_constant_points_are_printed_in_full() -> None:
     points = estimates(("1",), [[1000482.579395, 1.0, 2.0]], [[NAN] * 3], 3)
-    solution = replace(awkward(), points=points, point_rays=(2,), point_kinds=("control",))
+    solution = replace(awkward(), points=points, point_rays=np.array([2]), point_kinds=("control",))
     (row,) = cells(section(listing(solution), "POINTS"))
     assert row[3:] == ["1000482.579395", "1.000000", "2.000000", "constant", "constant", "constant"]
 

@@ -101,7 +101,7 @@ def two_photos_from_above(base: Solution) -> ReportInput:
         base, photos=Estimates(photos, centres, np.full((2, 6), 0.01)),
         points=Estimates(names, ground, np.full((4, 3), 0.01)),
         cameras=Estimates(("C",), np.array([camera.parameters]), np.full((1, 12), np.nan)), residuals=residuals,
-        point_kinds=("tie",) * 4, point_rays=(2,) * 4,
+        point_kinds=("tie",) * 4, point_rays=np.full(4, 2),
     )  # fmt: skip
     return given(solution, cameras={"C": camera}, photos={name: Photo(name, "C") for name in photos})
 

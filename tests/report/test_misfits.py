@@ -62,7 +62,7 @@ def test_of_points_that_nobody_measures_again_by_hand_one_hint_says_all(unchecke
     first = {point: row for row, point in reversed(list(enumerate(residuals.point))) if residuals.kind[row] == "photo"}
     numbers = np.ones_like(residuals.redundancy_number)
     numbers[sorted(first.values())[:unchecked]] = 0.05
-    rays = tuple(max(rays, 3) for rays in solution.point_rays)
+    rays = np.maximum(solution.point_rays, 3)
     changed = replace(solution, point_rays=rays, residuals=replace(residuals, redundancy_number=numbers))
     found = [spot for spot in weak_spots(changed) if "hardly checked" in spot.what]
     assert len(found) == spots

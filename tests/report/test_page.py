@@ -149,7 +149,7 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
         projections=("perspective",),
         photos=Estimates(photo_names, stations, random.uniform(0.01, 0.2, (photos, 6))),
         points=Estimates(point_names, at, random.uniform(0.01, 0.2, (points, 3))),
-        point_rays=(rays,) * points,
+        point_rays=np.full(points, rays),
         point_kinds=("control",) * 200 + ("tie",) * (points - 200),
         residuals=residuals, check_points=(), additional=(), correlations=(),
         photo_rotation_sd_about_axes=(False,) * photos,

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
+from scipy.linalg import eigh
+from scipy.sparse import csr_array
 
-from orip.adjustment.factorisation.band_panels import add_product, times
+from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
+from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 _LEAST_UNKNOWNS = 400
@@ -16,6 +17,10 @@ _LARGEST_SHARE = 0.4
 """Largest width of a band that pays, as a part of all unknowns."""
 _BORDER_SHARE = 0.25
 """Part of all groups of unknowns; a group that is coupled with more of them goes to the border."""
+_WIDE_BORDER_SHARE = 0.75
+"""The same in a wide band."""
+_WIDE_GAIN = 0.7
+"""Part of the multiplications of a full matrix up to which a wide band pays."""
 _BORDER_EFFORT = 8.0
 """Time of a multiplication where the border is divided by the band's factor, row by row, over that of a product of full
 matrices."""
@@ -29,11 +34,15 @@ class Arrangement(Struct, frozen=True):
     places : array (m,) of int
     banded : int
     width : int
+    reach : array (banded,) of int, or None
+        Of a wide band, the place after the last one of those that each place, or one before it, is coupled with; the
+        same for all of a panel (`reach_of_panels`). None: the band is narrow.
     """
 
     places: IntArray
     banded: int
     width: int
+    reach: IntArray | None = None
 
     @property
     def columns(self) -> IntArray:
@@ -73,13 +82,20 @@ class BandMatrix(Struct, frozen=True):
         i, j = np.maximum(one, other), np.minimum(one, other)
         banded = self.arrangement.banded
         in_band = i < banded
-        if (in_band & (i - j > self.arrangement.width)).any():
+        if (in_band & ~self._is_stored(i, j)).any():
             message = "these unknowns have no observation in common: their cofactor is not computed"
             raise IndexError(message)
         found = np.empty(i.shape)
         found[in_band] = self.band[j[in_band], (i - j)[in_band]]
         found[~in_band] = self.border[i[~in_band] - banded, j[~in_band]]
         return found
+
+    def _is_stored(self, i: IntArray, j: IntArray) -> BoolArray:
+        """Return whether elements (i, j), i >= j, that are not in the border are in the band."""
+        arrangement = self.arrangement
+        if arrangement.reach is None:
+            return np.asarray(i - j <= arrangement.width)
+        return np.asarray(i < arrangement.reach[np.minimum(j, arrangement.banded - 1)])
 
     def diagonal(self) -> FloatArray:
         """Return the diagonal (m,)."""
@@ -101,8 +117,11 @@ class BandMatrix(Struct, frozen=True):
         ordered = factors[self.arrangement.columns]
         # elements of the band beyond the last row are not part of the matrix
         padded = np.append(ordered[:banded], np.zeros(width))
-        self.band[:] *= np.lib.stride_tricks.sliding_window_view(padded, width + 1)
-        self.band[:] *= ordered[:banded, None]
+        for start, part in parts_of(self.band, self.arrangement.reach):
+            count, stored = part.shape
+            of_rows = np.lib.stride_tricks.sliding_window_view(padded[start : start + count + stored - 1], stored)
+            np.multiply(part, of_rows, out=part)
+            np.multiply(part, ordered[start : start + count, None], out=part)
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 
@@ -131,7 +150,7 @@ class BandMatrix(Struct, frozen=True):
         """Subtract L R^T, a symmetric matrix of factors (m, k), where the matrix has its band and border."""
         banded = self.arrangement.banded
         left, right = left[self.arrangement.columns], right[self.arrangement.columns]
-        add_product(self.band, left[:banded], -right[:banded])
+        add_product(self.band, left[:banded], -right[:banded], self.arrangement.reach)
         self.border[:] -= left[banded:] @ right.T
 
     def toarray(self) -> FloatArray:
@@ -159,9 +178,10 @@ def band_of(matrix: csr_array, arrangement: Arrangement) -> BandMatrix:
 
 
 def arranged(groups: IntArray, touched: csr_array, central: BoolArray | None = None) -> Arrangement | None:
-    """Return an arrangement that makes a narrow band, or None where a full matrix is better.
+    """Return an arrangement that makes a band, or None where a full matrix is better.
 
-    The order is that of Cuthill and McKee (1969), reversed, or the given one where that is narrower.
+    The order is that of Cuthill and McKee (1969), reversed, or the given one where that is narrower. Where both make a
+    wide band, it is the spectral one (Barnard, Pothen and Simon 1993) if that takes less.
 
     Parameters
     ----------
@@ -175,26 +195,74 @@ def arranged(groups: IntArray, touched: csr_array, central: BoolArray | None = N
     if len(groups) < _LEAST_UNKNOWNS:
         return None
     pattern = (touched.T @ touched).tocsr()
-    count = pattern.shape[0]
-    is_border = np.diff(pattern.indptr) > _BORDER_SHARE * count
-    if central is not None:
-        is_border |= central
+    of_border = np.zeros(pattern.shape[0], dtype=bool) if central is None else central
+    sizes = np.bincount(groups, minlength=pattern.shape[0])
+    return _narrow(groups, pattern, sizes, of_border) or _wide(groups, pattern, sizes, of_border)
+
+
+def _narrow(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolArray) -> Arrangement | None:
+    """Return the arrangement as a narrow band; None if there is none."""
+    is_border = central | (np.diff(pattern.indptr) > _BORDER_SHARE * len(sizes))
     inner = np.flatnonzero(~is_border)
     if not len(inner):
         return None
     graph = pattern[inner][:, inner]
-    sizes = np.bincount(groups, minlength=count)
-    orders = [inner, inner[reverse_cuthill_mckee(graph, symmetric_mode=True)]]
-    widths = [_width(graph.tocoo(), inner, order, sizes) for order in orders]
-    best = orders[int(np.argmin(widths))]
-    width, banded = min(widths), int(sizes[best].sum())
+    orders = [np.arange(len(inner)), _neighbours_together(graph)]
+    lasts = [_last_places(graph, order, sizes[inner]) for order in orders]
+    widths = [int((last - np.arange(len(last))).max(initial=1)) for last in lasts]
+    best = int(np.argmin(widths))
+    width, banded = widths[best], len(lasts[best])
     if width > _LARGEST_SHARE * len(groups) or banded < 2 or _effort(banded, width, len(groups)) > len(groups) ** 3 / 3:
         return None
-    order = np.concatenate([best, np.flatnonzero(is_border)])
-    place_of_group = np.empty(count, dtype=np.int64)
-    place_of_group[order] = np.cumsum(sizes[order]) - sizes[order]
-    first = np.searchsorted(groups, np.arange(count))
-    return Arrangement(place_of_group[groups] + np.arange(len(groups)) - first[groups], banded, width)
+    return Arrangement(_places(groups, sizes, inner[orders[best]], is_border), banded, width)
+
+
+def _wide(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolArray) -> Arrangement | None:
+    """Return the arrangement as a wide band whose columns reach differently far; None if a full matrix is better."""
+    is_border = central | (np.diff(pattern.indptr) > _WIDE_BORDER_SHARE * len(sizes))
+    inner = np.flatnonzero(~is_border)
+    border = int(sizes[is_border].sum())
+    if len(inner) < 2:
+        return None
+    graph = pattern[inner][:, inner]
+    orders = [_neighbours_together(graph), _spectral_order(graph)]
+    reaches = [reach_of_panels(_last_places(graph, order, sizes[inner])) for order in orders]
+    efforts = [effort_of(reach) for reach in reaches]
+    best = int(np.argmin(efforts))
+    reach, banded = reaches[best], len(reaches[best])
+    width = width_of(reach)
+    if efforts[best] + banded * border * (2.0 * width + border) > _WIDE_GAIN * len(groups) ** 3 / 6:
+        return None
+    return Arrangement(_places(groups, sizes, inner[orders[best]], is_border), banded, width, reach)
+
+
+def _neighbours_together(graph: csr_array) -> IntArray:
+    """Return the order of nodes of Cuthill and McKee, reversed."""
+    from scipy.sparse.csgraph import reverse_cuthill_mckee  # takes its time to import; small blocks do without
+
+    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True))
+
+
+def _spectral_order(graph: csr_array) -> IntArray:
+    """Return the order of nodes by the smoothest function on a graph that is not constant.
+
+    It is the second eigenvector of the normalised Laplace matrix: neighbours differ least.
+    """
+    adjacent = (graph.toarray() != 0.0).astype(np.float64)
+    np.fill_diagonal(adjacent, 0.0)
+    scale = 1.0 / np.sqrt(np.maximum(adjacent.sum(axis=1), 1.0))
+    laplace = np.eye(len(adjacent)) - scale[:, None] * adjacent * scale
+    _, vectors = eigh(laplace, subset_by_index=[1, 1])
+    return np.argsort(vectors[:, 0] * scale, kind="stable")
+
+
+def _places(groups: IntArray, sizes: IntArray, order: IntArray, is_border: BoolArray) -> IntArray:
+    """Return the places (m,) of unknowns whose groups come in an order, and then those of the border."""
+    every = np.concatenate([order, np.flatnonzero(is_border)])
+    place_of_group = np.empty(len(sizes), dtype=np.int64)
+    place_of_group[every] = np.cumsum(sizes[every]) - sizes[every]
+    first = np.searchsorted(groups, np.arange(len(sizes)))
+    return np.asarray(place_of_group[groups] + np.arange(len(groups)) - first[groups])
 
 
 def _effort(banded: int, width: int, size: int) -> float:
@@ -203,9 +271,11 @@ def _effort(banded: int, width: int, size: int) -> float:
     return banded * (width**2 + 2.0 * _BORDER_EFFORT * width * border + border**2) + border**3 / 3
 
 
-def _width(graph: coo_array, inner: IntArray, order: IntArray, sizes: IntArray) -> int:
-    """Return the largest distance of coupled unknowns in an order of their groups."""
+def _last_places(graph: csr_array, order: IntArray, sizes: IntArray) -> IntArray:
+    """Return the last place that each place is coupled with, of unknowns whose groups come in an order."""
     begins = np.zeros(len(sizes), dtype=np.int64)
     begins[order] = np.cumsum(sizes[order]) - sizes[order]
-    ends = begins + sizes - 1
-    return int((ends[inner[graph.row]] - begins[inner[graph.col]]).max(initial=1))
+    last = begins + sizes - 1
+    elements = graph.tocoo()
+    np.maximum.at(last, elements.col, begins[elements.row] + sizes[elements.row] - 1)
+    return np.repeat(last[order], sizes[order])

@@ -14,6 +14,7 @@ from scipy.linalg import cho_solve, lapack, solve_triangular
 
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix
 from orip.adjustment.factorisation.band_panels import add_product
+from orip.adjustment.factorisation.envelope import EnvelopeFactor, factorise_envelope
 from orip.adjustment.factorisation.null_space import factor_of_determined
 from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
@@ -25,7 +26,7 @@ class BandFactor(Struct, frozen=True):
     Parameters
     ----------
     arrangement : Arrangement
-    band : TwoEndedFactor
+    band : TwoEndedFactor, or EnvelopeFactor of a wide band
     spread : array (banded, k)
         A^-1 B^T, with the band A and the k rows of the border B, without those that are not determined.
     corner : array (k, k)
@@ -38,7 +39,7 @@ class BandFactor(Struct, frozen=True):
     """
 
     arrangement: Arrangement
-    band: TwoEndedFactor
+    band: TwoEndedFactor | EnvelopeFactor
     spread: FloatArray
     corner: FloatArray
     at_border: NDArray[np.int64]
@@ -70,7 +71,7 @@ class BandFactor(Struct, frozen=True):
         corner = cho_solve((self.corner, True), np.eye(len(self.corner)))
         cross = -self.spread @ corner
         band = self.band.inverse()
-        add_product(band, self.spread, -cross)
+        add_product(band, self.spread, -cross, self.arrangement.reach)
         rows = np.zeros((len(corner), size))
         rows[:, :banded] = cross.T
         rows[:, self.at_border] = corner
@@ -120,7 +121,8 @@ def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, sh
     if shift:
         band = band.copy()
         band[:, 0] += shift
-    lower = factorise_from_both_ends(band)
+    reach = arrangement.reach
+    lower = factorise_from_both_ends(band) if reach is None else factorise_envelope(band, reach)
     if lower is None:
         return None
     at_border = banded + np.flatnonzero(~left_out[banded:])

@@ -1,6 +1,10 @@
-"""LAPACK's Cholesky factorisation of bands without Python's lock, so that threads can work at the same time.
+"""Routines of LAPACK and BLAS for bands, in place and without Python's lock, so that threads can work at the same time.
 
-SciPy's own wrappers keep the lock; it offers the routines themselves to compiled code in `scipy.linalg.cython_lapack`.
+SciPy's own wrappers keep the lock, and copy parts of a band; SciPy offers the routines themselves to compiled code in
+`scipy.linalg.cython_lapack` and `scipy.linalg.cython_blas`.
+
+A band (n, w + 1) has column j from its element j on. So the columns of a panel, from any row below its diagonal on, are
+a matrix whose columns lie w numbers apart.
 """
 
 from __future__ import annotations
@@ -11,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cython_lapack
+from scipy.linalg import cython_blas, cython_lapack
 
 from orip.arrays import FloatArray
 
@@ -21,14 +25,16 @@ _pointer_in_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctype
 )
 
 
-def _routine(name: str, arguments: int) -> Callable[..., None]:
-    """Return a routine of LAPACK with so many arguments, all of which are pointers."""
-    capsule = cython_lapack.__pyx_capi__[name]
+def _routine(name: str, arguments: int, library: Any = cython_lapack) -> Callable[..., None]:
+    """Return a routine of LAPACK, or of BLAS, with so many arguments, all of which are pointers."""
+    capsule = library.__pyx_capi__[name]
     address = _pointer_in_capsule(capsule, _name_of_capsule(capsule))
     return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)(address)
 
 
-_FACTORISE, _SOLVE = _routine("dpbtrf", 6), _routine("dtbtrs", 11)
+_FACTORISE, _SOLVE, _FACTORISE_FULL = _routine("dpbtrf", 6), _routine("dtbtrs", 11), _routine("dpotrf", 5)
+_SOLVE_FULL, _SUBTRACT_SQUARE = _routine("dtrsm", 11, cython_blas), _routine("dsyrk", 10, cython_blas)
+_MULTIPLY, _MULTIPLY_SYMMETRIC = _routine("dgemm", 13, cython_blas), _routine("dsymm", 12, cython_blas)
 
 _INTEGER = np.intc if b", int *" in _name_of_capsule(cython_lapack.__pyx_capi__["dpbtrf"]) else np.int64
 """SciPy may have been built with a LAPACK of long integers; the name of a routine's capsule has its types."""
@@ -50,6 +56,76 @@ def solve_in_place(band: FloatArray, vectors: FloatArray, trans: str) -> None:
             _SOLVE, _letter("L"), _letter(trans), _letter("N"), _number(count), _number(stored - 1),
             _number(len(vectors)), band, _number(stored), vectors, _number(count), _number(0),
         )  # fmt: skip
+
+
+def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
+    """Factorise a panel of columns, and subtract its product from the columns after it; return LAPACK's `info`.
+
+    Its columns, from `start` on to that before `end`, reach down to the row before `reach`.
+    """
+    stride, count, rest = _number(band.shape[1] - 1), _number(end - start), _number(reach - end)
+    diagonal, below, after = (_part(band, row, column) for row, column in ((start, start), (end, start), (end, end)))
+    info = _number(0)
+    _call(_FACTORISE_FULL, _letter("L"), count, diagonal, stride, info)
+    if not info and reach > end:
+        _call(
+            _SOLVE_FULL, _letter("R"), _letter("L"), _letter("T"), _letter("N"), rest, count, _ONE, diagonal, stride,
+            below, stride,
+        )  # fmt: skip
+        _call(_SUBTRACT_SQUARE, _letter("L"), _letter("N"), rest, count, _MINUS_ONE, below, stride, _ONE, after, stride)
+    return int(info)
+
+
+def solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
+    """Replace the panel's part of vectors (k, n) by that of L^-1 of them, and subtract what it takes off the rest."""
+    _solve_in_panel(band, start, end, vectors, "N")
+    if reach > end and vectors.size:
+        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
+        _call(
+            _MULTIPLY, _letter("N"), _letter("N"), _number(reach - end), _number(len(vectors)), _number(end - start),
+            _MINUS_ONE, _part(band, end, start), stride, vectors[0, start:], size, _ONE, vectors[0, end:], size,
+        )  # fmt: skip
+
+
+def transposed_solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
+    """Replace the panel's part of vectors (k, n) by that of L^-T of them; that of the rows after it has been."""
+    if reach > end and vectors.size:
+        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
+        _call(
+            _MULTIPLY, _letter("T"), _letter("N"), _number(end - start), _number(len(vectors)), _number(reach - end),
+            _MINUS_ONE, _part(band, end, start), stride, vectors[0, end:], size, _ONE, vectors[0, start:], size,
+        )  # fmt: skip
+    _solve_in_panel(band, start, end, vectors, "T")
+
+
+def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatArray:
+    """Return the symmetric matrix of n rows and columns of a band from a first one on times a matrix (n, k)."""
+    result = np.zeros(factor.shape[::-1])
+    if factor.size:
+        size, columns = factor.shape
+        _call(
+            _MULTIPLY_SYMMETRIC, _letter("L"), _letter("L"), _number(size), _number(columns), _ONE,
+            _part(band, start, start), _number(band.shape[1] - 1), np.ascontiguousarray(factor.T), _number(size), _ZERO,
+            result, _number(size),
+        )  # fmt: skip
+    return result.T
+
+
+def _solve_in_panel(band: FloatArray, start: int, end: int, vectors: FloatArray, trans: str) -> None:
+    if vectors.size:
+        _call(
+            _SOLVE_FULL, _letter("L"), _letter("L"), _letter(trans), _letter("N"), _number(end - start),
+            _number(len(vectors)), _ONE, _part(band, start, start), _number(band.shape[1] - 1), vectors[0, start:],
+            _number(vectors.shape[1]),
+        )  # fmt: skip
+
+
+_ZERO, _ONE, _MINUS_ONE = np.array(0.0), np.array(1.0), np.array(-1.0)
+
+
+def _part(band: FloatArray, row: int, column: int) -> FloatArray:
+    """Return what a routine takes as the part of a band from an element (row, column) on."""
+    return band.reshape(-1)[column * (band.shape[1] - 1) + row :]
 
 
 def _number(value: int) -> NDArray[Any]:

@@ -6,9 +6,11 @@ Row j of a band (n, w + 1) has the elements (j, j) to (j + w, j) of a symmetric 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 
 PANEL = 64
 """Columns of a panel."""
@@ -39,13 +41,22 @@ def from_the_end(band: FloatArray, count: int) -> FloatArray:
     return np.lib.stride_tricks.as_strided(band[-1:], (count, stored), (-row, column - row))
 
 
-def add_product(band: FloatArray, left: FloatArray, right: FloatArray) -> None:
-    """Add L R^T, a symmetric matrix of factors (n, k), to a band (n, w + 1)."""
-    width = band.shape[1] - 1
-    left = np.vstack([left, np.zeros((width, left.shape[1]))])
+def add_product(band: FloatArray, left: FloatArray, right: FloatArray, reach: IntArray | None = None) -> None:
+    """Add L R^T, a symmetric matrix of factors (n, k), to a band (n, w + 1), as far as its columns reach (n,)."""
+    left = np.vstack([left, np.zeros((band.shape[1] - 1, left.shape[1]))])
+    for start, part in parts_of(band, reach):
+        count, stored = part.shape
+        np.add(part, stored_part(right[start : start + count] @ left[start : start + count + stored - 1].T), out=part)
+
+
+def parts_of(band: FloatArray, reach: IntArray | None) -> Iterator[tuple[int, FloatArray]]:
+    """Yield panels of a band (n, w + 1) as views (count, h), and their first columns; h is how far the columns reach.
+
+    `reach` (n,) has the place after the last one of each column, ascending; None: all have the width of the band.
+    """
     for start in range(0, len(band), PANEL):
         part = band[start : start + PANEL]
-        part += stored_part(right[start : start + PANEL] @ left[start : start + len(part) + width].T)
+        yield start, part if reach is None else part[:, : reach[start + len(part) - 1] - start]
 
 
 def times(band: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from msgspec import Struct, field
@@ -21,6 +22,7 @@ from orip.bundle.blocking.sub_block import Members
 from orip.bundle.compiled.photo_loop import Contributions, rows_of_blocks
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.state import BlockState
+from orip.set_aside import set_aside
 
 
 class _Sent(Struct):
@@ -82,15 +84,14 @@ class DissectedLoop(Struct, frozen=True):
         del layout
         handles = self.passes.each(
             node_tasks.points_alone, self.sources, self._state(state),
-            [root_weights[of_node.rows] for of_node in self.members],
-            [misclosure[of_node.rows] for of_node in self.members],
-            [
-                BlockNormals(
+            self.of_nodes(lambda of_node: root_weights[of_node.rows]),
+            self.of_nodes(lambda of_node: misclosure[of_node.rows]),
+            self.of_nodes(
+                lambda of_node: BlockNormals(
                     others.matrices[of_node.blocks], others.right[of_node.block_rows],
                     others.square_sums[of_node.blocks],
                 )
-                for of_node in self.members
-            ],
+            ),
         )  # fmt: skip
         matrices, right, square_sums = (array.copy() for array in others)
         for of_node, found in zip(self.members, self.passes.gathered(handles), strict=True):
@@ -112,23 +113,24 @@ class DissectedLoop(Struct, frozen=True):
         """Return the normal equations of photo points and `others`, points eliminated, by the fronts of the tree."""
         matrices, right, diagonal = self._contributions(others)
         fixed = layout.fixed[layout.reduced :].reshape(-1, 3)
-        given = [
-            NodeEquations(
+
+        def given(number: int) -> NodeEquations:
+            of_node, matrix = self.members[number], matrices[number]
+            blocks, right = others.blocks[of_node.blocks], others.block_right[of_node.block_rows]
+            return NodeEquations(
                 root_weights[of_node.rows],
                 misclosure[of_node.rows],
-                Contributions(
-                    matrix, np.zeros(matrix.shape[0]), others.blocks[of_node.blocks],
-                    others.block_right[of_node.block_rows],
-                ),
+                Contributions(matrix, np.zeros(matrix.shape[0]), blocks, right),
                 fixed[of_node.blocks],
             )
-            for of_node, matrix in zip(self.members, matrices, strict=True)
-        ]  # fmt: skip
+
         accuracy = [Accuracy(max_lost_digits, damping)] * len(self.tree)
-        normals = self.passes.each(node_tasks.eliminate, self.sources, self._state(state), given, accuracy)
+        normals = self.passes.each(
+            node_tasks.eliminate, self.sources, self._state(state), OfNodes(len(self.tree), given), accuracy
+        )
         parts = self.passes.each(node_tasks.matrix_of, normals)
         couplings = self.passes.each(node_tasks.coupling_of, normals)
-        points: list[NodePoints] = self.passes.gathered(self.passes.each(node_tasks.points_of, normals))
+        points: Iterator[NodePoints] = self.passes.gathered(self.passes.each(node_tasks.points_of, normals))
         b = layout.blocks
         factors = BlockFactors(np.empty((b, 3, 3)), np.empty((b, 3)), np.empty((b, 3), dtype=bool))
         block_right = np.empty(3 * b)
@@ -139,7 +141,9 @@ class DissectedLoop(Struct, frozen=True):
             factors.pivots[of_node.blocks] = found.pivots
             factors.removed[of_node.blocks] = found.removed
             block_right[of_node.block_rows] = found.block_right
-        coupling = DissectedCoupling(self, couplings, state, root_weights / self.points.rows.error, factors.half)
+        factors = BlockFactors(set_aside(factors.half), set_aside(factors.pivots), set_aside(factors.removed))
+        factor = set_aside(root_weights / self.points.rows.error)
+        coupling = DissectedCoupling(self, couplings, state, factor, factors.half)
         matrix = dissected_matrix(self.tree, self.passes, parts)
         return EliminatedNormals(matrix, right, diagonal, factors, coupling, block_right)
 
@@ -154,7 +158,7 @@ class DissectedLoop(Struct, frozen=True):
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
         for of_node, found in zip(self.members, self.passes.gathered(handles), strict=True):
             blocks[of_node.blocks], leverage[of_node.rows] = found.blocks, found.leverage
-        return BlockPrecision(blocks, leverage)
+        return BlockPrecision(set_aside(blocks), leverage)
 
     def _contributions(self, others: Contributions) -> tuple[list[csr_array], FloatArray, FloatArray]:
         """Return the matrix of other observations by nodes, their right-hand side, and a diagonal of zeros.
@@ -176,9 +180,28 @@ class DissectedLoop(Struct, frozen=True):
     def _state(self, state: BlockState) -> Handles:
         """Return handles of the parts of a state; those of the last one are kept where they were sent to."""
         if self.sent.state is not state:
-            self.sent.parts = self.passes.kept([of_node.state(state) for of_node in self.members])
+            self.sent.parts = self.passes.kept(self.of_nodes(lambda of_node: of_node.state(state)))
             self.sent.state = state
         return self.sent.parts
+
+    def of_nodes(self, value: Callable[[Members], Any]) -> OfNodes:
+        """Return a value for each node, from its members."""
+        return OfNodes(len(self.members), lambda number: value(self.members[number]))
+
+
+class OfNodes(Sequence[Any]):
+    """Values of all nodes, each made when it is asked for: all at once would be as long as the block."""
+
+    def __init__(self, count: int, value: Callable[[int], Any]) -> None:
+        self._count, self._value = count, value
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, number: Any) -> Any:
+        if not 0 <= number < self._count:
+            raise IndexError(number)
+        return self._value(number)
 
 
 class DissectedCoupling(Struct, frozen=True):
@@ -215,7 +238,7 @@ class DissectedCoupling(Struct, frozen=True):
         """Return its transpose times vectors (3 b,) or (3 b, k)."""
         loop = self.loop
         handles = loop.passes.each(
-            node_tasks.forward, loop.sources, self.parts, [points[of_node.block_rows] for of_node in loop.members]
+            node_tasks.forward, loop.sources, self.parts, loop.of_nodes(lambda of_node: points[of_node.block_rows])
         )
         found = np.zeros((len(loop.tree.place), *points.shape[1:]))
         for node, values in zip(loop.tree.nodes, loop.passes.gathered(handles), strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,14 +11,15 @@ from orip.adjustment.factorisation.dissection.passes import InTurn, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected, lowest_nodes
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.blocking.dissected_loop import DissectedLoop
-from orip.bundle.blocking.sub_block import HeldSubBlock, SubBlock, SubBlockSource, divided
+from orip.bundle.blocking.sub_block import HeldSubBlock, Members, SubBlock, SubBlockSource, divided
 from orip.bundle.compiled.loop_pattern import blocks_of_points
-from orip.bundle.compiled.touched_groups import touched_groups
+from orip.bundle.compiled.touched_groups import groups_of_unknowns, touched_groups
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, freed, posed
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import NotSolvableError
 from orip.records.block import Block
+from orip.set_aside import set_aside
 from orip.structs import replace
 
 LARGEST_PART = 60
@@ -32,14 +33,14 @@ class Spread(NamedTuple):
     sources: Sequence[SubBlockSource]
 
 
-def in_this_process(tree: DissectionTree, sub_blocks: Sequence[SubBlock]) -> Spread:
+def in_this_process(tree: DissectionTree, sub_blocks: Iterable[SubBlock]) -> Spread:
     """Return sub-blocks that are kept in memory, one computed after the other."""
     return Spread(InTurn(tree), [HeldSubBlock(sub_block) for sub_block in sub_blocks])
 
 
 def pose_divided(
     block: Block,
-    spread: Callable[[DissectionTree, Sequence[SubBlock]], Spread] = in_this_process,
+    spread: Callable[[DissectionTree, Iterable[SubBlock]], Spread] = in_this_process,
     largest: int = LARGEST_PART,
 ) -> BlockProblem:
     """Return the problem of a block, divided by nested dissection.
@@ -48,7 +49,7 @@ def pose_divided(
     ----------
     block : Block
     spread : callable
-        Returns where the nodes are computed.
+        Returns where the nodes are computed; sub-blocks are made as it takes them, one after the other.
     largest : int
         Photos up to which a part is not divided.
 
@@ -63,29 +64,41 @@ def pose_divided(
         message = "an observation connects an eliminated point with other unknowns: this block cannot be divided"
         raise NotSolvableError(message)
     of_point = blocks_of_points(unknowns)
-    rays = of_point[whole.photo_points.point]
+    rays = set_aside(of_point[whole.photo_points.point])
     touching, touched = _touched(whole.photo_points, rays, unknowns)
     groups, pattern, central = touched_groups(
         unknowns, whole.others.columns(), touching, touched, unknowns.layout.blocks
     )
     tree = dissected(groups, pattern, central, _positions(block, unknowns, groups, pattern.shape[1]), largest)
     nodes = lowest_nodes(tree, groups, pattern)[: unknowns.layout.blocks]
-    sub_blocks, members = divided(whole.photo_points, unknowns, block.point_start, tree, nodes)
-    loop = DissectedLoop(whole.photo_points, rays, tree, *spread(tree, sub_blocks), members)
+    del touching, touched, pattern
+    members: list[Members] = []
+
+    def sub_blocks() -> Iterator[SubBlock]:
+        for sub_block, of_node in divided(whole.photo_points, unknowns, block.point_start, tree, nodes):
+            members.append(of_node)
+            yield sub_block
+
+    passes, sources = spread(tree, sub_blocks())
+    loop = DissectedLoop(whole.photo_points, rays, tree, passes, sources, members)
     problem = replace(problem, streamed=(loop, whole.others))
     return freed(problem, block) if block.is_free_network else problem
 
 
 def _touched(observed: PhotoPointObservations, rays: IntArray, unknowns: Unknowns) -> tuple[IntArray, IntArray]:
-    """Return pairs of an eliminated point and an unknown of a photo that shows it, or of the photo's camera."""
+    """Return pairs of an eliminated point and an unknown: one of each group of a photo, or camera, that shows it."""
     is_eliminated = rays >= 0
+    groups = groups_of_unknowns(unknowns)
+    first = np.append(np.searchsorted(groups, groups), CONSTANT)
     cameras = np.hstack([unknowns.cameras, unknowns.additional])
     found = []
     for number, table in ((observed.photo, unknowns.photos), (observed.camera, cameras)):
+        of_groups = np.sort(first[table], axis=1)
+        of_groups[:, 1:][of_groups[:, 1:] == of_groups[:, :-1]] = CONSTANT
         pairs = np.unique(rays[is_eliminated] * len(table) + number[is_eliminated])
         point, row = np.divmod(pairs, len(table))
-        at, place = np.nonzero(table[row] != CONSTANT)
-        found.append((point[at], table[row[at], place]))
+        at, place = np.nonzero(of_groups[row] != CONSTANT)
+        found.append((point[at], of_groups[row[at], place]))
     points, columns = zip(*found, strict=True)
     return np.concatenate(points), np.concatenate(columns)
 

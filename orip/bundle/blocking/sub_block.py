@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -18,6 +19,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, UnknownNames, Unknowns
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import AdditionalSet
+from orip.set_aside import set_aside
 
 
 class SubBlock(NamedTuple):
@@ -128,8 +130,8 @@ class Members(Struct, frozen=True):
 
 def divided(
     observed: PhotoPointObservations, unknowns: Unknowns, coordinates: FloatArray, tree: DissectionTree, nodes: IntArray
-) -> tuple[list[SubBlock], list[Members]]:
-    """Return the sub-blocks of all nodes of a tree.
+) -> Iterator[tuple[SubBlock, Members]]:
+    """Yield the sub-blocks of all nodes of a tree.
 
     Parameters
     ----------
@@ -143,19 +145,16 @@ def divided(
     """
     of_point = blocks_of_points(unknowns)
     node_of_ray = np.where(of_point >= 0, nodes[of_point], -1)[observed.point]
-    by_node = np.argsort(node_of_ray, kind="stable")
-    ends = np.searchsorted(node_of_ray[by_node], np.arange(len(tree) + 1))
+    ends = np.cumsum(np.bincount(1 + node_of_ray, minlength=1 + len(tree)))
+    by_node = set_aside(np.argsort(node_of_ray, kind="stable"))
+    del node_of_ray
     node_of_point = np.where(of_point >= 0, nodes[of_point], -1)
     points_by_node = np.argsort(node_of_point, kind="stable")
     point_ends = np.searchsorted(node_of_point[points_by_node], np.arange(len(tree) + 1))
-    sub_blocks, members = [], []
     for number in range(len(tree)):
         rays = by_node[ends[number] : ends[number + 1]]
         points = points_by_node[point_ends[number] : point_ends[number + 1]]
-        sub_block, of_node = _sub_block(observed, unknowns, coordinates, tree, number, rays, points, of_point)
-        sub_blocks.append(sub_block)
-        members.append(of_node)
-    return sub_blocks, members
+        yield _sub_block(observed, unknowns, coordinates, tree, number, rays, points, of_point)
 
 
 def _sub_block(

@@ -8,6 +8,9 @@
 #include "collinearity.h"
 
 #define MOST_CAMERA_UNKNOWNS (CAMERA_PARAMETERS + MOST_ADDITIONAL)
+/* Of a set, without the shift. */
+#define MOST_PRODUCTS (PRODUCTS - 1)
+#define MOST_CAMERA_COLUMNS (CAMERA_PARAMETERS + 2 * MOST_PRODUCTS)
 #define PHOTO_UNKNOWNS 6
 /* Kinds of cameras without a set: two bits. */
 #define IS_MEASURED 1
@@ -17,16 +20,16 @@
 /* What orip/bundle/compiled/photo_loop.py passes; the arrays are described there. */
 typedef struct {
     /* the state */
-    const double *cameras, *additional, *centres, *rotations, *bases, *ground;
+    const double *cameras, *deformation, *centres, *rotations, *bases, *ground;
     /* cameras: those of the same kind are linearised together; each camera with a set is a kind of its own, and its form
      * has the two bits */
-    const int32_t *kind, *products;
+    const int32_t *kind, *polynomials;
     const uint8_t *form;
-    const double *polynomials, *factors;
+    const double *by_powers;
     /* photo points */
     const int32_t *camera_of_photo, *photo, *point;
     const double *xy, *error;
-    int64_t count, additional_count, camera_count, photo_count;
+    int64_t count, camera_count, photo_count;
     int turned;
 } Block;
 
@@ -34,13 +37,25 @@ typedef struct {
 typedef struct {
     /* groups of points measured in the same photos; photo points of the p-th point: order[start[p]] ... */
     const int32_t *order, *start, *block, *group_start, *runs_start, *runs;
-    /* unknowns of cameras: how many, which partials, which places in the reduced system; photo_places: -1 is a constant */
-    const int32_t *camera_unknowns, *camera_elements, *camera_places, *photo_places;
-    int64_t groups, blocks, longest;
+    /* columns of cameras: see columns_of; unknowns: how many, and their places in the reduced system; photo_places: -1
+     * is a constant */
+    const int32_t *camera_products, *camera_own, *camera_elements, *camera_unknowns, *camera_terms;
+    const double *term_factors;
+    const int32_t *camera_places, *photo_places;
+    /* longest, most_camera_columns: of the columns of a group */
+    int64_t groups, blocks, longest, most_camera_columns;
     /* groups that a thread takes at a time: share_start[s] ...; room: numbers that the largest share needs */
     const int32_t *share_start;
     int64_t shares, room;
 } Pattern;
+
+/* The loops compute with columns in place of the unknowns of a camera. Those of a camera with a set are the coefficients of
+ * the products in dx, then the elements (C, DX, ...), then the coefficients of the products in dy: few in each row, and
+ * the same products in both. Each unknown is the sum of two columns times factors; see columns.h. */
+INLINE int32_t columns_of(const Pattern *p, int32_t camera)
+{
+    return p->camera_own[camera] + 2 * p->camera_products[camera];
+}
 
 /* Groups, or rows, from the first one to that before the end. */
 typedef struct {
@@ -55,7 +70,8 @@ static const int32_t photo_elements[PHOTO_UNKNOWNS] = {PHOTO, PHOTO + 1, PHOTO +
 
 /* Length of a photo point's row of partials: by the unknowns of the photo, padded to whole lanes, then of the camera. */
 #define PHOTO_ROW PADDED(PHOTO_UNKNOWNS)
-#define ROW (PHOTO_ROW + PADDED(MOST_CAMERA_UNKNOWNS))
+#define CAMERA_ROW (PADDED(CAMERA_PARAMETERS + MOST_PRODUCTS) + PADDED(1))
+#define ROW (PHOTO_ROW + CAMERA_ROW)
 
 /* Load photo, ground point and measured coordinates of the photo point in each lane. */
 INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
@@ -104,9 +120,8 @@ INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int l
         return;
     }
     const Set set = {
-        b->additional_count, b->additional + camera * b->additional_count,
-        b->polynomials + POLYNOMIALS * POLYNOMIALS * camera, b->factors + 2 * MOST_ADDITIONAL * camera,
-        b->products + 2 * MOST_ADDITIONAL * camera,
+        b->polynomials[camera], b->by_powers + POLYNOMIALS * POLYNOMIALS * camera,
+        {b->deformation + 2 * PRODUCTS * camera, b->deformation + 2 * PRODUCTS * camera + PRODUCTS},
     };
     if (form & IS_MEASURED)
         collinearity(ray, is_equidistant, 1, &set, b->turned, linear, found);
@@ -139,18 +154,21 @@ INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray,
             for (int element = 0; linear && element < ELEMENTS; element++)
                 LANE(found->partials[c][element], lane) = LANE(other.partials[c][element], lane);
         }
+        const int32_t polynomials = b->polynomials[cameras[lane]];
+        for (int32_t product = 0; linear && product < polynomials * polynomials; product++)
+            LANE(found->product[product], lane) = LANE(other.product[product], lane);
     }
 }
 
 /* Photo points that were linearised before they are needed, as many as there are lanes, and their rows of partials. */
 typedef struct {
-    int64_t begin, end;
     Ray ray;
-    int32_t cameras[LANES];
     Linearised found;
     Lanes of_point[2][3];
     double row[LANES][2][ROW];
-} Ahead;
+    int64_t begin, end;
+    int32_t cameras[LANES];
+} IN_LINES Ahead;
 
 INLINE void begin_ahead(Ahead *a)
 {
@@ -166,17 +184,55 @@ INLINE void spread_partials(const Lanes *partials, Lanes f, const int32_t *eleme
         Lanes scaled[LANES];
         double *to[LANES];
         for (int32_t k = 0; k < LANES; k++) {
-            scaled[k] = u + k < count ? f * partials[elements[u + k]] : ALL(0.0);
+            scaled[k] = ALL(0.0);
+            if (u + k < count)
+                scaled[k] = f * partials[elements[u + k]];
             to[k] = rows[k] + u;
         }
         spread(scaled, to);
     }
 }
 
-/* The same for the unknowns of cameras, which mostly are of the same one. */
-INLINE void spread_partials_by_cameras(const Pattern *p, const Lanes *partials, Lanes f, Ahead *a, int c)
+/* Write the products of a set to the row of each lane, multiplied by f, and zeros behind them, to end the padding. */
+INLINE void spread_products(const Lanes *products, Lanes f, int32_t count, double *const *rows)
 {
-    double *rows[LANES], elsewhere[LANES][PADDED(MOST_CAMERA_UNKNOWNS)];
+    for (int32_t k = 0; k < count + PADDED(1); k += LANES) {
+        Lanes scaled[LANES];
+        double *to[LANES];
+        for (int32_t lane = 0; lane < LANES; lane++) {
+            scaled[lane] = ALL(0.0);
+            if (k < count)
+                scaled[lane] = f * products[k + lane];
+            to[lane] = rows[lane] + k;
+        }
+        spread(scaled, to);
+    }
+}
+
+/* Write partials of x (c = 0) or y by the columns of a camera: the products in dx and the elements, or the elements and
+ * the products in dy. */
+INLINE void spread_camera(const Pattern *p, int32_t camera, const Linearised *found, Lanes f, int c, double *const *rows)
+{
+    const int32_t own = p->camera_own[camera], products = p->camera_products[camera];
+    const int32_t *elements = p->camera_elements + CAMERA_PARAMETERS * camera;
+    if (!products) {
+        spread_partials(found->partials[c], f, elements, own, rows);
+        return;
+    }
+    double *of_own[LANES], *of_products[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        of_own[lane] = rows[lane] + (c ? 0 : products), of_products[lane] = rows[lane] + (c ? own : 0);
+    if (c)
+        spread_partials(found->partials[c], f, elements, own, of_own);
+    spread_products(found->product + 1, f, products, of_products);
+    if (!c)
+        spread_partials(found->partials[c], f, elements, own, of_own);
+}
+
+/* The same for the cameras of all lanes, which mostly are the same one. */
+INLINE void spread_partials_by_cameras(const Pattern *p, const Linearised *found, Lanes f, Ahead *a, int c)
+{
+    double *rows[LANES], elsewhere[LANES][CAMERA_ROW];
     for (int first = 0; first < LANES; first++) {
         const int32_t camera = a->cameras[first];
         int is_first = 1;
@@ -185,7 +241,7 @@ INLINE void spread_partials_by_cameras(const Pattern *p, const Lanes *partials, 
             rows[lane] = a->cameras[lane] == camera ? a->row[lane][c] + PHOTO_ROW : elsewhere[lane];
         }
         if (is_first)
-            spread_partials(partials, f, p->camera_elements + MOST_CAMERA_UNKNOWNS * camera, p->camera_unknowns[camera], rows);
+            spread_camera(p, camera, found, f, c, rows);
     }
 }
 
@@ -211,7 +267,7 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
         for (int lane = 0; lane < LANES; lane++)
             rows_of_photos[lane] = a->row[lane][c];
         spread_partials(a->found.partials[c], f, photo_elements, PHOTO_UNKNOWNS, rows_of_photos);
-        spread_partials_by_cameras(p, a->found.partials[c], f, a, c);
+        spread_partials_by_cameras(p, &a->found, f, a, c);
     }
 }
 
@@ -223,33 +279,103 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
     return (int)(k - a->begin);
 }
 
-/* The unknowns that the points of a group are coupled with: those of its cameras, then six of each photo. */
+/* The columns that the points of a group are coupled with: those of its cameras, then six of each photo, in the order of
+ * their places. The unknowns of a camera take the first places of its columns, and those behind them have none. first: of
+ * each run; sorted: the runs in the order of their columns; common: columns of cameras whose sums groups that follow each
+ * other share, padded, 0 if none has a set. */
 typedef struct {
-    int64_t size;
+    int64_t size, common;
     const int32_t *runs;
     int32_t camera_runs, photo_runs;
-    int32_t *first, *place;
+    int32_t *first, *place, *sorted;
 } Local;
+
+/* Arrays of integers that a group needs, each as long as the longest group. */
+#define ARRAYS_OF_LOCAL 3
+
+INLINE Local local_in(const Pattern *p, int32_t *numbers)
+{
+    return (Local){.first = numbers, .place = numbers + p->longest, .sorted = numbers + 2 * p->longest};
+}
+
+INLINE int32_t columns_of_run(const Block *b, const Pattern *p, int32_t run)
+{
+    return run < b->camera_count ? columns_of(p, run) : PHOTO_UNKNOWNS;
+}
+
+INLINE const int32_t *places_of_run(const Block *b, const Pattern *p, int32_t run)
+{
+    return run < b->camera_count ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)run
+                                 : p->photo_places + PHOTO_UNKNOWNS * (run - b->camera_count);
+}
+
+/* Insert a photo's run into those that are sorted by their places; they mostly come in order. */
+INLINE void insert_run(const Block *b, const Pattern *p, Local *local, int32_t r)
+{
+    const int32_t place = *places_of_run(b, p, local->runs[r]);
+    int32_t at = r;
+    for (; at > local->camera_runs && *places_of_run(b, p, local->runs[local->sorted[at - 1]]) > place; at--)
+        local->sorted[at] = local->sorted[at - 1];
+    local->sorted[at] = r;
+}
+
+/* Pad the columns of cameras, if one has a set, so that their sums are whole strips of the columns. */
+INLINE void end_cameras(const Pattern *p, Local *local)
+{
+    int has_set = 0;
+    for (int32_t r = 0; r < local->camera_runs; r++)
+        has_set |= p->camera_products[local->runs[r]] > 0;
+    while (has_set && local->size % PADDED(1))
+        local->place[local->size++] = -1;
+    local->common = has_set ? local->size : 0;
+}
 
 INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
 {
     const int32_t *runs = p->runs + p->runs_start[group];
     const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
     local->runs = runs;
-    local->size = 0;
+    local->size = local->common = 0;
     local->camera_runs = 0;
     for (int32_t r = 0; r < count; r++) {
-        const int is_camera = runs[r] < b->camera_count;
-        const int64_t photo = runs[r] - b->camera_count;
-        const int32_t unknowns = is_camera ? p->camera_unknowns[runs[r]] : PHOTO_UNKNOWNS;
-        const int32_t *places = is_camera ? p->camera_places + MOST_CAMERA_UNKNOWNS * (int64_t)runs[r]
-                                          : p->photo_places + PHOTO_UNKNOWNS * photo;
-        local->camera_runs += is_camera;
-        local->first[r] = (int32_t)local->size;
-        for (int32_t u = 0; u < unknowns; u++)
-            local->place[local->size++] = places[u];
+        local->camera_runs += runs[r] < b->camera_count;
+        local->sorted[r] = r;
+        if (runs[r] >= b->camera_count)
+            insert_run(b, p, local, r);
     }
     local->photo_runs = count - local->camera_runs;
+    for (int32_t at = 0; at < count; at++) {
+        const int32_t run = runs[local->sorted[at]], columns = columns_of_run(b, p, run);
+        const int32_t unknowns = run < b->camera_count ? p->camera_unknowns[run] : PHOTO_UNKNOWNS;
+        const int32_t *places = places_of_run(b, p, run);
+        local->first[local->sorted[at]] = (int32_t)local->size;
+        for (int32_t u = 0; u < columns; u++)
+            local->place[local->size++] = u < unknowns ? places[u] : -1;
+        if (at + 1 == local->camera_runs)
+            end_cameras(p, local);
+    }
+}
+
+/* Whether a group has the same cameras as that before it. */
+INLINE int has_same_cameras(const Block *b, const Pattern *p, int64_t group)
+{
+    const int32_t *runs = p->runs + p->runs_start[group], *before = p->runs + p->runs_start[group - 1];
+    const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
+    const int32_t of_before = p->runs_start[group] - p->runs_start[group - 1];
+    for (int32_t r = 0;; r++) {
+        const int is_camera = r < count && runs[r] < b->camera_count;
+        const int was_camera = r < of_before && before[r] < b->camera_count;
+        if (!is_camera || !was_camera)
+            return is_camera == was_camera;
+        if (runs[r] != before[r])
+            return 0;
+    }
+}
+
+/* How many of a group's columns are those of cameras. */
+INLINE int64_t camera_columns(const Local *local)
+{
+    return local->photo_runs ? local->first[local->sorted[local->camera_runs]] : local->size;
 }
 
 /* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */
@@ -262,18 +388,26 @@ INLINE int32_t first_of_run(const Local *local, int32_t run, int is_camera, int3
     return local->first[from + *last];
 }
 
-/* A photo point's first local unknowns of photo and camera, and the number of unknowns of the camera. */
+/* A photo point's first local columns of photo and, for x and for y, of camera, and how many of the camera's its rows
+ * have. */
 typedef struct {
-    int32_t photo, camera, camera_unknowns;
+    int32_t photo, camera[2], camera_columns;
 } Places;
 
 INLINE Places places_of(const Block *b, const Pattern *p, const Local *local, int32_t row, int32_t camera, int32_t *last)
 {
+    const int32_t first = first_of_run(local, camera, 1, &last[1]), products = p->camera_products[camera];
     const Places places = {
-        first_of_run(local, (int32_t)b->camera_count + b->photo[row], 0, &last[0]),
-        first_of_run(local, camera, 1, &last[1]), p->camera_unknowns[camera],
+        first_of_run(local, (int32_t)b->camera_count + b->photo[row], 0, &last[0]), {first, first + products},
+        p->camera_own[camera] + products,
     };
     return places;
+}
+
+/* Whether the rows of x and of y have the same columns of the camera. */
+INLINE int has_common_columns(const Places *at)
+{
+    return at->camera[0] == at->camera[1];
 }
 
 #endif

@@ -16,26 +16,28 @@
 #define COEFFICIENT_COUNT 9
 #define MOST_ADDITIONAL 44
 #define POLYNOMIALS 5
+#define PRODUCTS (POLYNOMIALS * POLYNOMIALS)
 
 /* Where the partials by each group of unknowns begin. */
-enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 12, ROTATION = 15, POINT = 18, ADDITIONAL = 21, ELEMENTS = 65 };
+enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 12, ROTATION = 15, POINT = 18, ELEMENTS = 21 };
 
-/* A set of additional parameters. `polynomials` has the coefficients by powers of a coordinate. In dx and in dy each
- * parameter has a product of two polynomials (i times POLYNOMIALS plus j for B_i(y) A_j(x)) with a factor. */
+/* The deformation by a set of additional parameters: dx and dy are sums of products B_i(y) A_j(x) of two polynomials of a
+ * coordinate, numbered i times `polynomials` plus j. by_powers: their coefficients by powers of the coordinate; dx, dy:
+ * those of the products. Product 0 is a shift, which no set has. */
 typedef struct {
-    int64_t count;
-    const double *values, *polynomials, *factors;
-    const int32_t *products;
+    int64_t polynomials;
+    const double *by_powers, *in_image[2];
 } Set;
 
 typedef struct {
     Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2];
-} Ray;
+} IN_LINES Ray;
 
+/* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */
 typedef struct {
-    Lanes residual[2], partials[2][ELEMENTS];
+    Lanes residual[2], partials[2][ELEMENTS], product[PRODUCTS];
     int in_front[LANES];
-} Linearised;
+} IN_LINES Linearised;
 
 typedef struct {
     Lanes value[2], by_xy[2][2], by_coefficients[2][COEFFICIENT_COUNT];
@@ -89,39 +91,38 @@ INLINE void correction(const Lanes *k, Lanes x, Lanes y, Distorted *d)
 }
 
 /* Values and derivatives of a set's polynomials at a coordinate. */
-INLINE void polynomials(const double *coefficients, Lanes t, Lanes *value, Lanes *derivative)
+INLINE void polynomials(const Set *set, Lanes t, Lanes *value, Lanes *derivative)
 {
-    for (int p = 0; p < POLYNOMIALS; p++) {
-        const double *c = coefficients + POLYNOMIALS * p;
+    for (int64_t p = 0; p < set->polynomials; p++) {
+        const double *c = set->by_powers + POLYNOMIALS * p;
         value[p] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * c[4])));
         derivative[p] = c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4])));
     }
 }
 
-/* Add the deformation by a set at (x, y) in the fiducial system to the residuals, and its partials by the parameters;
- * by_place: partials of the deformation by x and y. */
-INLINE void deform(const Set *set, Lanes x, Lanes y, Linearised *found, Lanes (*by_place)[2])
+/* Add the deformation by a set at (x, y) in the fiducial system to the residuals; by_place: its partials by x and y. The
+ * products are found if `linear`. */
+INLINE void deform(const Set *set, Lanes x, Lanes y, int linear, Linearised *found, Lanes (*by_place)[2])
 {
+    const int64_t count = set->polynomials;
     Lanes of_x[POLYNOMIALS], by_x[POLYNOMIALS], of_y[POLYNOMIALS], by_y[POLYNOMIALS];
-    Lanes product[POLYNOMIALS * POLYNOMIALS][3];
-    polynomials(set->polynomials, x, of_x, by_x);
-    polynomials(set->polynomials, y, of_y, by_y);
-    for (int i = 0; i < POLYNOMIALS; i++)
-        for (int j = 0; j < POLYNOMIALS; j++) {
-            Lanes *of_both = product[i * POLYNOMIALS + j];
-            of_both[0] = of_y[i] * of_x[j], of_both[1] = of_y[i] * by_x[j], of_both[2] = by_y[i] * of_x[j];
+    polynomials(set, x, of_x, by_x);
+    polynomials(set, y, of_y, by_y);
+    for (int row = 0; row < 2; row++)
+        for (int64_t i = 0; i < count; i++) {
+            const double *coefficients = set->in_image[row] + count * i;
+            Lanes along_x = ALL(0.0), slope = ALL(0.0);
+            for (int64_t j = 0; j < count; j++) {
+                along_x += coefficients[j] * of_x[j];
+                slope += coefficients[j] * by_x[j];
+            }
+            found->residual[row] += of_y[i] * along_x;
+            by_place[row][0] += of_y[i] * slope;
+            by_place[row][1] += by_y[i] * along_x;
         }
-    for (int row = 0; row < 2; row++) {
-        Lanes sums[3] = {found->residual[row], ALL(0.0), ALL(0.0)};
-        for (int64_t k = 0; k < set->count; k++) {
-            const Lanes *of_both = product[set->products[row * MOST_ADDITIONAL + k]];
-            const double factor = set->factors[row * MOST_ADDITIONAL + k], times = factor * set->values[k];
-            found->partials[row][ADDITIONAL + k] = factor * of_both[0];
-            for (int sum = 0; sum < 3; sum++)
-                sums[sum] += times * of_both[sum];
-        }
-        found->residual[row] = sums[0], by_place[row][0] = sums[1], by_place[row][1] = sums[2];
-    }
+    for (int64_t i = 0; linear && i < count; i++)
+        for (int64_t j = 0; j < count; j++)
+            found->product[i * count + j] = of_y[i] * of_x[j];
 }
 
 /* Cosine of the angle from the axis beyond which an equidistant camera shows nothing, 175 degrees, and the square of the
@@ -207,11 +208,11 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
     }
     Lanes by_place[2][2] = {{ALL(0.0), ALL(0.0)}, {ALL(0.0), ALL(0.0)}};
     if (set && at_measured) {
-        deform(set, ray->xy[0], ray->xy[1], found, by_place);
+        deform(set, ray->xy[0], ray->xy[1], linear, found, by_place);
         for (int row = 0; row < 2; row++)
             by_place[row][0] = by_place[row][1] = ALL(0.0);
     } else if (set)
-        deform(set, camera[1] + ideal[0], camera[2] + ideal[1], found, by_place);
+        deform(set, camera[1] + ideal[0], camera[2] + ideal[1], linear, found, by_place);
     if (!linear)
         return;
 

@@ -12,6 +12,10 @@
 #pragma GCC diagnostic ignored "-Wpsabi"
 /* aligned like a double, so that it can begin at any element of an array of doubles */
 typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
+/* the same number in all lanes */
+#define ALL(number) ((Lanes){(number), (number), (number), (number)})
+/* of structures of lanes, so that none of them crosses a line of the cache */
+#define IN_LINES __attribute__((aligned(64)))
 /* element k of the array of each lane */
 #define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
 /* four lanes chosen from those of a (0 to 3) and of b (4 to 7) */
@@ -23,8 +27,10 @@ typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #endif
 #else
 #define LANES 1
+#define IN_LINES
 #define INLINE static inline
 typedef double Lanes;
+#define ALL(number) (number)
 #define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
 
@@ -35,7 +41,6 @@ typedef double Lanes;
 
 /* Rows are padded by zeros to pairs of vectors of 4, with one lane too: sums of products are kept in pairs of registers. */
 #define PADDED(count) (((count) + 7) / 8 * 8)
-#define ALL(number) ((Lanes){0} + (number))
 
 #define AT(doubles) (*(Lanes *)(doubles))
 #define LANE(lanes, number) (((double *)&(lanes))[number])

@@ -9,10 +9,11 @@
 
 /* The index arrays of a block, from which a layout is made. */
 enum {
-    KIND, OF_SET, FORM, OF_CAMERA, OF_PHOTO, OF_POINT,
-    ORDER, START, BLOCK, GROUP_START, RUNS_START, RUNS, CAMERA_UNKNOWNS, CAMERA_ELEMENTS, LAYOUT_END
+    KIND, SET_DEGREE, FORM, OF_CAMERA, OF_PHOTO, OF_POINT,
+    ORDER, START, BLOCK, GROUP_START, RUNS_START, RUNS,
+    CAMERA_PRODUCTS, CAMERA_OWN, CAMERA_ELEMENTS, CAMERA_UNKNOWNS, CAMERA_TERMS, LAYOUT_END
 };
-#define LAYOUT "iibiii" "iiiiii" "ii"
+#define LAYOUT "iibiii" "iiiiii" "iiiii"
 #define LAYOUT_NAME "orip.bundle.compiled.layout"
 
 /* Numbers that the groups of a share need together, if there are several of them: 256 KB. */
@@ -36,23 +37,39 @@ static int do_indices_fit(const Arguments *a)
     const int64_t cameras = length_of(a, FORM), photos = length_of(a, OF_CAMERA), count = length_of(a, OF_PHOTO);
     const int64_t groups = length_of(a, GROUP_START) - 1;
     return count <= INT32_MAX && cameras + photos <= INT32_MAX && groups >= 0 && groups < INT32_MAX
-        && has(a, KIND, cameras) && has(a, OF_SET, 2 * MOST_ADDITIONAL * cameras) && has(a, OF_POINT, count)
-        && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_UNKNOWNS, cameras)
-        && has(a, CAMERA_ELEMENTS, MOST_CAMERA_UNKNOWNS * cameras);
+        && has(a, KIND, cameras) && has(a, SET_DEGREE, cameras) && has(a, OF_POINT, count)
+        && has(a, START, length_of(a, BLOCK) + 1) && has(a, RUNS_START, groups + 1) && has(a, CAMERA_PRODUCTS, cameras)
+        && has(a, CAMERA_OWN, cameras) && has(a, CAMERA_ELEMENTS, CAMERA_PARAMETERS * cameras)
+        && has(a, CAMERA_UNKNOWNS, cameras) && has(a, CAMERA_TERMS, 2 * MOST_CAMERA_UNKNOWNS * cameras);
+}
+
+/* Whether each camera has the columns that its unknowns are sums of: without products, those of its elements. */
+static int are_columns_sound(const Block *b, const Pattern *p)
+{
+    for (int64_t camera = 0; camera < b->camera_count; camera++) {
+        const int32_t degree = b->polynomials[camera], products = p->camera_products[camera];
+        const int32_t own = p->camera_own[camera], unknowns = p->camera_unknowns[camera];
+        const int has_products = products > 0;
+        if (own < 0 || own > CAMERA_PARAMETERS || products < 0 || unknowns < 0 || unknowns > MOST_CAMERA_UNKNOWNS
+            || (has_products && (products > MOST_PRODUCTS || products != degree * degree - 1 || products % 4))
+            || unknowns > own + 2 * products || (!has_products && unknowns != own)
+            || !are_within(p->camera_terms + 2 * MOST_CAMERA_UNKNOWNS * camera, 2 * unknowns, 0, own + 2 * products))
+            return 0;
+    }
+    return 1;
 }
 
 /* Whether no index of a layout leads elsewhere; `a` has the arrays that it was copied from, for their lengths. */
 static int are_indices_sound(const Arguments *a, const Block *b, const Pattern *p)
 {
     const int64_t in_order = length_of(a, ORDER), runs = length_of(a, RUNS);
-    return are_within(b->products, length_of(a, OF_SET), 0, POLYNOMIALS * POLYNOMIALS)
+    return are_columns_sound(b, p) && are_within(b->polynomials, b->camera_count, 0, POLYNOMIALS + 1)
         && are_within(b->camera_of_photo, b->photo_count, 0, b->camera_count)
         && are_within(b->photo, b->count, 0, b->photo_count) && are_within(b->point, b->count, 0, INT32_MAX)
         && are_starts(p->start, p->blocks, in_order) && are_starts(p->group_start, p->groups, p->blocks)
         && are_starts(p->runs_start, p->groups, runs) && are_within(p->order, in_order, 0, b->count)
         && are_within(p->block, p->blocks, 0, p->blocks)
         && are_within(p->runs, runs, 0, b->camera_count + b->photo_count)
-        && are_within(p->camera_unknowns, b->camera_count, 0, MOST_CAMERA_UNKNOWNS + 1)
         && are_within(p->camera_elements, length_of(a, CAMERA_ELEMENTS), 0, ELEMENTS);
 }
 
@@ -80,13 +97,14 @@ static Layout *copy_of_indices(const Arguments *a)
     char *room = (char *)(l + 1);
     l->share_start = (int32_t *)room;
     room += sizeof(int32_t) * (size_t)length_of(a, GROUP_START);
-    b->kind = copied(a, KIND, &room), b->products = copied(a, OF_SET, &room);
+    b->kind = copied(a, KIND, &room), b->polynomials = copied(a, SET_DEGREE, &room);
     b->camera_of_photo = copied(a, OF_CAMERA, &room), b->photo = copied(a, OF_PHOTO, &room);
     b->point = copied(a, OF_POINT, &room);
     p->order = copied(a, ORDER, &room), p->start = copied(a, START, &room), p->block = copied(a, BLOCK, &room);
     p->group_start = copied(a, GROUP_START, &room), p->runs_start = copied(a, RUNS_START, &room);
-    p->runs = copied(a, RUNS, &room), p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room);
-    p->camera_elements = copied(a, CAMERA_ELEMENTS, &room);
+    p->runs = copied(a, RUNS, &room), p->camera_products = copied(a, CAMERA_PRODUCTS, &room);
+    p->camera_own = copied(a, CAMERA_OWN, &room), p->camera_elements = copied(a, CAMERA_ELEMENTS, &room);
+    p->camera_unknowns = copied(a, CAMERA_UNKNOWNS, &room), p->camera_terms = copied(a, CAMERA_TERMS, &room);
     b->form = copied(a, FORM, &room);
     b->count = length_of(a, OF_PHOTO), b->camera_count = length_of(a, FORM);
     b->photo_count = length_of(a, OF_CAMERA);
@@ -125,31 +143,45 @@ static int is_pattern_sound(const Block *b, const Pattern *p)
     return sound;
 }
 
-/* The unknowns of a group. A run of constants alone has a place among the first ones, too. */
-static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group)
+/* The columns of a group, or those of its cameras, which are padded. A run of constants alone has a place among the first ones, too. */
+static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group, int only_cameras)
 {
     const int64_t runs = p->runs_start[group + 1] - p->runs_start[group];
-    int64_t size = 0;
+    int64_t size = 0, of_photos = 0;
     for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
-        size += p->runs[r] < b->camera_count ? p->camera_unknowns[p->runs[r]] : PHOTO_UNKNOWNS;
-    return size > runs ? size : runs;
+        if (p->runs[r] < b->camera_count)
+            size += columns_of(p, p->runs[r]);
+        else if (!only_cameras)
+            of_photos += PHOTO_UNKNOWNS;
+    size = PADDED(size) + of_photos;
+    return only_cameras || size > runs ? size : runs;
 }
 
-static int64_t longest_group(const Block *b, const Pattern *p)
+static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
 {
-    int64_t longest = 0;
+    int64_t most = 0;
     for (int64_t group = 0; group < p->groups; group++) {
-        const int64_t size = size_of_group(b, p, group);
-        longest = size > longest ? size : longest;
+        const int64_t size = size_of_group(b, p, group, only_cameras);
+        most = size > most ? size : most;
     }
-    return longest;
+    return most;
 }
 
-/* Numbers that the sums of a group need, or the part of the inverse, or vectors. */
-static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group)
+static int has_sets(const Pattern *p, int64_t group, const Block *b)
 {
-    const int64_t size = size_of_group(b, p, group), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
-    return rows * stride_of(size);
+    for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
+        if (p->runs[r] < b->camera_count && p->camera_products[p->runs[r]])
+            return 1;
+    return 0;
+}
+
+/* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
+static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
+{
+    const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
+    const int64_t common = has_sets(p, group, b) ? size_of_group(b, p, group, 1) : 0;
+    const int64_t sums = numbers_of_sums(size, common) + (is_first ? numbers_of_cameras(common) : 0);
+    return sums > vectors ? sums : vectors;
 }
 
 /* Cut the groups into shares of about the same room, which stays in a processor's cache. */
@@ -158,15 +190,18 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
     int64_t numbers = 0;
     p->share_start = share_start;
     for (int64_t group = 0; group < p->groups; group++) {
-        const int64_t of_group = numbers_of_group(b, p, group);
+        int64_t of_group = numbers_of_group(b, p, group, !group || !has_same_cameras(b, p, group));
         if (!group || numbers + of_group > NUMBERS_OF_SHARE) {
             share_start[p->shares++] = (int32_t)group;
             numbers = 0;
+            of_group = numbers_of_group(b, p, group, 1);
         }
         numbers += of_group;
         p->room = numbers > p->room ? numbers : p->room;
     }
     share_start[p->shares] = (int32_t)p->groups;
+    const int64_t of_part = numbers_of_part(p->longest, p->most_camera_columns);
+    p->room = of_part > p->room ? of_part : p->room;
 }
 
 /* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
@@ -176,7 +211,8 @@ static int is_layout_sound(const Arguments *a, Layout *l)
         return 0;
     for (int64_t k = 0; k < l->block.count; k++)
         l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
-    l->pattern.longest = longest_group(&l->block, &l->pattern);
+    l->pattern.longest = most_columns(&l->block, &l->pattern, 0);
+    l->pattern.most_camera_columns = most_columns(&l->block, &l->pattern, 1);
     if (l->pattern.longest > LARGEST_SYSTEM)
         return 0;
     cut_into_shares(&l->block, &l->pattern, l->share_start);

@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, distinct
 from orip.bundle.compiled.point_groups import groups_of_sets, sets_of_photos
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.unknowns import CONSTANT, Unknowns
@@ -14,38 +14,65 @@ from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 
 IntArray = NDArray[np.int32]
 
-_CAMERA_PARAMETERS, _FIRST_ADDITIONAL = 12, 21
-_MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 44, 5, 4
+_CAMERA_PARAMETERS, _MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 12, 44, 5, 4
 
 
 class Cameras(Struct, frozen=True):
-    """Constants of c cameras.
+    """Constants of c cameras, and the columns with which the compiled loops compute in place of their unknowns.
+
+    A set of additional parameters has d polynomials A_j(x), and B_i(y) that are the same of y; their products are
+    numbered d i + j, counted from 0. The columns of a camera are the coefficients in dx of all products but the first,
+    which is a shift and in no set, then its elements (C, DX, ...), then the coefficients in dy. A photo point has all
+    these products, the same for x and for y: there are fewer of them than of the parameters, and they cost a product.
 
     Parameters
     ----------
     kind : array (c,) of int
         Its form; each camera with a set is a kind of its own.
-    products : array (c, 2, 44) of int
-        Of the parameters of a camera's set in dx and dy: number of B_i(y) times 5, plus that of A_j(x).
-    polynomials : array (c, 5, 5)
+    polynomials : array (c,) of int
+        Number d of polynomials of its set, 0 without one.
+    by_powers : array (c, 5, 5)
         A_j by powers of its argument.
+    products : array (c, 2, 44) of int
+        Of the parameters of a camera's set in dx and dy: the number of the product.
     factors : array (c, 2, 44)
+        With which each parameter is the coefficient of its product in dx and dy.
     form : array (c,) of int
-        1: the polynomial is at measured coordinates, 2: the projection is equidistant, 3: both.
+        1: the polynomial of the distortion is at measured coordinates, 2: the projection is equidistant, 3: both.
+    product_columns, own_columns : arrays (c,) of int
+        Number of columns of products in dx (as many are in dy), and of elements.
+    elements : array (c, 12) of int
+        For each column of an element its number among the partials.
     unknowns : array (c,) of int
         Their number.
-    elements, columns : arrays (c, 56) of int
-        For each unknown its number among the partials, and its column.
+    columns : array (c, 56) of int
+        Of each unknown in the normal equations.
+    terms, term_factors : arrays (c, 56, 2)
+        Each unknown is the sum of two columns of the camera times factors.
     """
 
     kind: IntArray
+    polynomials: IntArray
+    by_powers: FloatArray
     products: IntArray
-    polynomials: FloatArray
     factors: FloatArray
     form: NDArray[np.uint8]
-    unknowns: IntArray
+    product_columns: IntArray
+    own_columns: IntArray
     elements: IntArray
+    unknowns: IntArray
     columns: IntArray
+    terms: IntArray
+    term_factors: FloatArray
+
+    def deformation(self, additional: FloatArray) -> FloatArray:
+        """Return the coefficients (c, 2, 25) of the products in dx and dy from the parameters (c, k)."""
+        count, parameters = additional.shape
+        found = np.zeros((count, 2, _POLYNOMIALS**2))
+        camera, image = np.ogrid[:count, :2]
+        times = self.factors[:, :, :parameters] * additional[:, None]
+        np.add.at(found, (camera[..., None], image[..., None], self.products[:, :, :parameters]), times)
+        return found
 
 
 class Pattern(Struct, frozen=True):
@@ -86,10 +113,10 @@ def pattern_of_loop(
     `coordinates` (b, 3) are those of the eliminated points, roughly: see `groups_of_sets`.
     """
     order = np.flatnonzero(block >= 0)
-    order = order[np.lexsort((photo[order], block[order]))]
-    start = np.searchsorted(block[order], np.arange(len(coordinates) + 1))
-    of_point, sets = sets_of_photos(photo[order].astype(np.int32), start)
-    group_of_set = groups_of_sets(of_point, sets, coordinates)
+    order = order[np.argsort(block[order] * np.int64(len(camera_of_photo)) + photo[order], kind="stable")]
+    start = np.append(0, np.cumsum(np.bincount(block[order], minlength=len(coordinates))))
+    sets = sets_of_photos(photo[order].astype(np.int32), start)
+    of_point, group_of_set = sets.of_point, groups_of_sets(sets, coordinates)
     group = group_of_set[of_point]
     by_group = np.lexsort((of_point, group))
     counts = np.diff(start)[by_group]
@@ -97,10 +124,8 @@ def pattern_of_loop(
     order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
     group_start = np.searchsorted(group[by_group], np.arange(group.max(initial=-1) + 2))
 
-    of_set = np.repeat(np.arange(len(sets)), [len(photos) for photos in sets])
-    shown = np.array([photo for photos in sets for photo in photos], dtype=np.int64)
-    runs_start, runs = _runs(group_of_set[of_set], shown, camera_of_photo, cameras)
-    coupled = _runs(of_set, shown, camera_of_photo, cameras)
+    runs_start, runs = _runs(group_of_set[sets.number], sets.photo, camera_of_photo, cameras)
+    coupled = _runs(sets.number, sets.photo, camera_of_photo, cameras)
     small = (order, np.append(0, ends), by_group, group_start, runs_start, runs, *coupled)
     return Pattern(*(array.astype(np.int32) for array in small))
 
@@ -110,8 +135,9 @@ def _runs(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return where the runs of each number begin and the runs, cameras first, of pairs of a number and a photo."""
     every = cameras + len(camera_of_photo)
-    keys = np.unique(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
-    return np.searchsorted(keys // every, np.arange(number.max(initial=-1) + 2)), keys % every
+    keys = distinct(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
+    of_number, runs = np.divmod(keys, every)
+    return np.append(0, np.cumsum(np.bincount(of_number, minlength=int(number.max(initial=-1)) + 1))), runs
 
 
 def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
@@ -129,29 +155,44 @@ def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:
 
 def cameras_of_loop(points: PhotoPointObservations, unknowns: Unknowns) -> Cameras:
     """Return the constants of the cameras of a block."""
-    count, additional = unknowns.additional.shape
+    count = len(unknowns.cameras)
     form = np.zeros(count, dtype=np.uint8)
     form[points.camera] = points.at_measured + 2 * points.is_equidistant.astype(np.uint8)
     kind = form.astype(np.int32)
+    polynomials = np.zeros(count, dtype=np.int32)
     products = np.zeros((count, 2, _MOST_ADDITIONAL), dtype=np.int32)
     factors = np.zeros((count, 2, _MOST_ADDITIONAL))
-    polynomials = np.zeros((count, _POLYNOMIALS, _POLYNOMIALS))
+    by_powers = np.zeros((count, _POLYNOMIALS, _POLYNOMIALS))
     for camera, name, base in points.sets:
         kind[camera] = _FORMS + camera
         table = PARAMETER_SETS[name].factors
         degree, parameters = table.shape[-1], table.shape[1]
+        polynomials[camera] = degree
         # each parameter has at most one product in dx and one in dy
-        products_of_set = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
-        products[camera, :, :parameters] = products_of_set // degree * _POLYNOMIALS + products_of_set % degree
+        products[camera, :, :parameters] = np.abs(table).reshape(2, parameters, -1).argmax(axis=2)
         factors[camera, :, :parameters] = table.sum(axis=(2, 3))
-        polynomials[camera, :degree, :degree] = (basis_by_powers(name, base) / base ** np.arange(degree)[:, None]).T
-    columns = np.hstack([unknowns.cameras, unknowns.additional])
-    numbers = np.append(np.arange(_CAMERA_PARAMETERS), _FIRST_ADDITIONAL + np.arange(additional))
-    is_unknown = columns != CONSTANT
-    first = np.argsort(~is_unknown, axis=1, kind="stable")
-    room = (count, _CAMERA_PARAMETERS + _MOST_ADDITIONAL)
-    elements, placed = np.zeros(room, dtype=np.int32), np.full(room, CONSTANT, dtype=np.int32)
-    elements[:, : columns.shape[1]] = numbers[first]
-    placed[:, : columns.shape[1]] = np.take_along_axis(columns, first, axis=1)
-    number = is_unknown.sum(axis=1).astype(np.int32)
-    return Cameras(kind, products, polynomials, factors, form, number, elements, placed)
+        by_powers[camera, :degree, :degree] = (basis_by_powers(name, base) / base ** np.arange(degree)[:, None]).T
+
+    is_own, is_additional = unknowns.cameras != CONSTANT, unknowns.additional != CONSTANT
+    own = is_own.sum(axis=1).astype(np.int32)
+    product_columns = np.where(is_additional.any(axis=1), polynomials**2 - 1, 0).astype(np.int32)
+    elements = np.argsort(~is_own, axis=1, kind="stable").astype(np.int32)
+    columns = np.full((count, _CAMERA_PARAMETERS + _MOST_ADDITIONAL), CONSTANT, dtype=np.int32)
+    terms = np.zeros((*columns.shape, 2), dtype=np.int32)
+    term_factors = np.zeros(terms.shape)
+    for camera in range(count):
+        mine, parameters = own[camera], np.flatnonzero(is_additional[camera])
+        end = mine + len(parameters)
+        columns[camera, :mine] = unknowns.cameras[camera, is_own[camera]]
+        columns[camera, mine:end] = unknowns.additional[camera, parameters]
+        terms[camera, :mine, 0] = product_columns[camera] + np.arange(mine)
+        term_factors[camera, :mine, 0] = 1.0
+        used = factors[camera][:, parameters]
+        first = np.array([-1, product_columns[camera] + mine - 1])  # the first product has no column
+        terms[camera, mine:end] = np.where(used != 0.0, products[camera][:, parameters] + first[:, None], 0).T
+        term_factors[camera, mine:end] = used.T
+    number = (own + is_additional.sum(axis=1)).astype(np.int32)
+    return Cameras(
+        kind, polynomials, by_powers, products, factors, form, product_columns, own, elements, number, columns, terms,
+        term_factors,
+    )  # fmt: skip

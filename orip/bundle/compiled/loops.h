@@ -10,7 +10,8 @@
 typedef struct {
     void (*residuals)(const Block *b, Share share, double *residual, uint8_t *in_front);
     void (*points)(const Block *b, const Pattern *p, Share share, const PointNormals *n);
-    void (*normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room);
+    void (*normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room,
+                    double *of_panel);
     void (*add_normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room);
     void (*precision)(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers, double *room);
     void (*forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);

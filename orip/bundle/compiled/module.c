@@ -10,7 +10,7 @@
 
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
-    CAMERAS, ADDITIONAL_VALUES, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, FACTORS, XY, ERROR, OBSERVATION_END,
+    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
 #define OBSERVATIONS "dddddd" "dddd"
@@ -23,8 +23,11 @@ typedef struct {
     int64_t points;
     int32_t *numbers;
     double *room;
+    void *memory;
     Turns *turns;
 } Call;
+
+#define LINE_OF_CACHE 64
 
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
@@ -42,19 +45,23 @@ static int take_block(Call *call)
     const Arguments *a = &call->a;
     const Py_buffer *v = a->views;
     Block *b = &call->block;
-    b->cameras = v[CAMERAS].buf, b->additional = v[ADDITIONAL_VALUES].buf, b->centres = v[CENTRES].buf;
+    b->cameras = v[CAMERAS].buf, b->deformation = v[DEFORMATION].buf, b->centres = v[CENTRES].buf;
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
-    b->polynomials = v[SET_POLYNOMIALS].buf, b->factors = v[FACTORS].buf;
+    b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->additional_count = b->camera_count ? length_of(a, ADDITIONAL_VALUES) / b->camera_count : 0;
     b->turned = v[BASES].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
-        && has(a, ADDITIONAL_VALUES, b->additional_count * b->camera_count) && b->additional_count <= MOST_ADDITIONAL
-        && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
+        && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
         && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
-        && has(a, FACTORS, 2 * MOST_ADDITIONAL * b->camera_count) && has(a, XY, 2 * b->count)
+        && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
         && has(a, ERROR, 2 * b->count);
+}
+
+/* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
+static double *line_from(void *memory)
+{
+    return (double *)(((uintptr_t)memory + LINE_OF_CACHE - 1) / LINE_OF_CACHE * LINE_OF_CACHE);
 }
 
 /* Take the places in a reduced system of `size` unknowns, and get the room that the largest share needs. */
@@ -68,18 +75,19 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    call->numbers = PyMem_Malloc(3 * sizeof(int32_t) * (size_t)(p->longest + 1));
-    call->room = PyMem_Malloc(sizeof(double) * (size_t)p->room);
-    if (!call->numbers || !call->room)
+    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
+    call->memory = PyMem_Malloc(sizeof(double) * (size_t)(p->room + numbers_of_panel(p->longest)) + LINE_OF_CACHE);
+    call->room = call->memory ? line_from(call->memory) : NULL;
+    if (!call->numbers || !call->memory)
         PyErr_NoMemory();
-    return call->numbers && call->room;
+    return call->numbers && call->memory;
 }
 
 static void finish(Call *call)
 {
     release(&call->a);
     PyMem_Free(call->numbers);
-    PyMem_Free(call->room);
+    PyMem_Free(call->memory);
 }
 
 static PyObject *refuse(Call *call)
@@ -198,7 +206,7 @@ static PyObject *points(PyObject *Py_UNUSED(module), PyObject *const *arguments,
 
 static void form_normals(const Call *c, int64_t share, const void *arrays)
 {
-    loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+    loops->normals(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room, c->room + c->pattern.room);
 }
 
 static void add_normals_of(const Call *c, int64_t share, const void *arrays)

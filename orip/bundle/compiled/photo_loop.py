@@ -213,8 +213,8 @@ class PhotoPointLoop(Struct, frozen=True):
         points, cameras = self.points, self.cameras
         turned = state.turned_by_angles.any()
         arrays = (
-            state.cameras, state.additional, state.centres, state.rotations,
-            state.rotation_basis() if turned else np.empty(0), state.points, cameras.polynomials, cameras.factors,
+            state.cameras, cameras.deformation(state.additional), state.centres, state.rotations,
+            state.rotation_basis() if turned else np.empty(0), state.points, cameras.by_powers, cameras.term_factors,
             points.xy, points.rows.error,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(array) for array in arrays)
@@ -351,7 +351,8 @@ def photo_loop(points: PhotoPointObservations, unknowns: Unknowns, coordinates: 
 
 def _layout(points: PhotoPointObservations, cameras: Cameras, camera_of_photo: IntArray, pattern: Pattern) -> object:
     return compiled.layout(
-        cameras.kind, cameras.products, cameras.form, camera_of_photo, points.photo.astype(np.int32),
+        cameras.kind, cameras.polynomials, cameras.form, camera_of_photo, points.photo.astype(np.int32),
         points.point.astype(np.int32), pattern.order, pattern.start, pattern.block, pattern.group_start,
-        pattern.runs_start, pattern.runs, cameras.unknowns, cameras.elements,
+        pattern.runs_start, pattern.runs, cameras.product_columns, cameras.own_columns, cameras.elements,
+        cameras.unknowns, cameras.terms,
     )  # fmt: skip

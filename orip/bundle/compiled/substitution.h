@@ -32,7 +32,7 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
                           double *room)
 {
     Ahead a;
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
@@ -41,6 +41,8 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
         for (int64_t v = 0; !transposed && v < c->vectors; v++)
             for (int64_t u = 0; u < local.size; u++)
                 room[v * stride + u] = local.place[u] < 0 ? 0.0 : c->reduced[v * c->size + local.place[u]];
+        for (int64_t v = 0; !transposed && v < c->vectors; v++)
+            vector_to_columns(p, &local, room + v * stride);
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const double *H = c->half + 9 * p->block[place];
             double *of_block = c->points + 3 * p->block[place], point[MOST_VECTORS][3] = {{0.0}}, of_point[2][3];
@@ -62,9 +64,9 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
                         along[i] = transposed
                             ? of_point[i][0] * point[v][0] + of_point[i][1] * point[v][1] + of_point[i][2] * point[v][2]
                             : sum_of(products(mine + at.photo, row[i], PHOTO_UNKNOWNS)
-                                     + products(mine + at.camera, row[i] + PHOTO_ROW, at.camera_unknowns));
+                                     + products(mine + at.camera[i], row[i] + PHOTO_ROW, at.camera_columns));
                     if (transposed) {
-                        add_to(mine + at.camera, along[0], row[0] + PHOTO_ROW, along[1], row[1] + PHOTO_ROW, at.camera_unknowns);
+                        add_to_camera(mine, &at, has_common_columns(&at), along[0], along[1], row);
                         add_to(mine + at.photo, along[0], row[0], along[1], row[1], PHOTO_UNKNOWNS);
                     } else
                         for (int i = 0; i < 3; i++)
@@ -74,6 +76,8 @@ INLINE void coupling_loop(const Block *b, const Pattern *p, Share share, const C
             for (int64_t v = 0; !transposed && v < c->vectors; v++)
                 multiply(H, point[v], of_block + 3 * v * p->blocks);
         }
+        for (int64_t v = 0; transposed && v < c->vectors; v++)
+            vector_to_unknowns(p, &local, room + v * stride);
         if (transposed)
             room += numbers_of_vectors(local.size, c->vectors);
     }
@@ -87,7 +91,7 @@ static void forward_loop(const Block *b, const Pattern *p, Share share, const Co
 /* Add the sums of a share's groups to the vectors of the reduced system. */
 static void add_forward(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room)
 {
-    Local local = {.first = numbers, .place = numbers + p->longest};
+    Local local = local_in(p, numbers);
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
         const int64_t stride = stride_of(local.size);

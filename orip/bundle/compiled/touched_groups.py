@@ -38,15 +38,22 @@ def touched_groups(
     count : int
         Number of these points.
     """
-    records = [(name.group, name.name) for name in unknowns.names.reduced]
-    groups = np.cumsum([0, *(one != other for one, other in pairwise(records))])[: unknowns.layout.reduced]
+    groups = groups_of_unknowns(unknowns)
     rows_of, columns_of, first = [touching], [touched], count
     for columns in others:
         rows, places = np.nonzero((columns != CONSTANT) & (columns < unknowns.layout.reduced))
         rows_of.append(first + rows)
         columns_of.append(columns[rows, places].astype(np.int64))
         first += len(columns)
-    kinds = np.array([records[place][0] for place in np.flatnonzero(np.diff(groups, prepend=-1))])
+    names = unknowns.names.reduced
+    kinds = np.array([names[place].group for place in np.flatnonzero(np.diff(groups, prepend=-1))])
     central = np.isin(kinds, _CORRELATED) & ("ANTENNA" in kinds)
     row, column = np.concatenate(rows_of), groups[np.concatenate(columns_of)]
     return groups, csr_array((np.ones(len(row)), (row, column)), shape=(first, len(kinds))), central
+
+
+def groups_of_unknowns(unknowns: Unknowns) -> IntArray:
+    """Return the group (m,) of each reduced unknown, ascending from 0."""
+    records = [(name.group, name.name) for name in unknowns.names.reduced]
+    changes = (one != other for one, other in pairwise(records))
+    return np.cumsum([0, *changes])[: unknowns.layout.reduced]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -72,6 +72,10 @@ class Observations(Struct, frozen=True):
         """Return the unknowns (n, k) that each equation touches; `CONSTANT` where there is none."""
         assert self.rows.columns is not None, "a kind that does not keep them computes them"
         return self.rows.columns
+
+    def in_parts(self) -> Iterator[Observations]:
+        """Yield the observations some thousands at a time, where there may be millions."""
+        yield self
 
     @abstractmethod
     def linearise_with_partials(self, state: BlockState) -> Linearisation:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
@@ -20,6 +20,7 @@ from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.observations.repeated import measured_before, measurement_name
 from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.set_aside import set_aside
 
 _CAMERA = len(CAMERA_PARAMETERS)
 _ROTATION, POINT_PARTIALS = slice(_CAMERA + 3, _CAMERA + 6), slice(_CAMERA + 6, _CAMERA + 9)
@@ -62,22 +63,31 @@ class PhotoPointObservations(Observations, frozen=True):
         return np.repeat(np.concatenate(of_points, axis=1), 2, axis=0)
 
     def of(self, chosen: BoolArray) -> PhotoPointObservations:
-        """Return some of the photo points."""
-        twice = np.repeat(chosen, 2)
-        rows = self.rows
+        """Return some of the photo points, given as (n,)."""
+        places = np.flatnonzero(chosen)
+        return self._at(places, (2 * places[:, None] + np.arange(2)).ravel())
+
+    def in_parts(self) -> Iterator[PhotoPointObservations]:
+        """Yield the photo points some thousands at a time."""
+        for part in parts(len(self.xy)):
+            yield self._at(part, slice(2 * part.start, 2 * part.stop))
+
+    def _at(self, places: IntArray | slice, rows: IntArray | slice) -> PhotoPointObservations:
+        """Return the photo points at some places, with their equations."""
+        given = self.rows
         some = Rows(
-            kind=rows.kind,
-            photo=coded(rows.photo)[twice],
-            point=coded(rows.point)[twice],
-            component=coded(rows.component)[twice],
-            observed=rows.observed[twice],
-            error=rows.error[twice],
-            used=rows.used[twice],
+            kind=given.kind,
+            photo=coded(given.photo)[rows],
+            point=coded(given.point)[rows],
+            component=coded(given.component)[rows],
+            observed=given.observed[rows],
+            error=given.error[rows],
+            used=given.used[rows],
             columns=None,
         )
         return PhotoPointObservations(
-            some, self.photo[chosen], self.point[chosen], self.camera[chosen], self.xy[chosen],
-            self.at_measured[chosen], self.is_equidistant[chosen], self.sets, self.unknowns,
+            some, self.photo[places], self.point[places], self.camera[places], self.xy[places],
+            self.at_measured[places], self.is_equidistant[places], self.sets, self.unknowns,
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
@@ -139,7 +149,7 @@ def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
 def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservations:
     """Return the photo points of a block as observations."""
     points = block.photo_points
-    camera = block.photo_camera[points.photo]
+    camera = set_aside(block.photo_camera[points.photo])
     sets = tuple(
         (row, record.additional_set, base_of_camera(record))
         for row, record in enumerate(block.cameras)
@@ -149,7 +159,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
         kind=PHOTO_POINT,
         photo=_twice(CodedNames([photo.name for photo in block.photos], points.photo)),
         point=_twice(names_of_photo_points(block)),
-        component=CodedNames(("x", "y"), np.tile(np.arange(2, dtype=np.uint8), len(points.photo))),
+        component=CodedNames(("x", "y"), set_aside(np.tile(np.arange(2, dtype=np.uint8), len(points.photo)))),
         observed=points.xy.ravel(),
         error=points.error.ravel(),
         used=points.used.ravel(),
@@ -158,8 +168,9 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     at_measured = np.array([record.distortion_at == "measured" for record in block.cameras], dtype=bool)
     is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
     return PhotoPointObservations(
-        rows, points.photo, points.point, camera, points.xy, at_measured[camera], is_equidistant[camera], sets, unknowns
-    )
+        rows, points.photo, points.point, camera, points.xy, set_aside(at_measured[camera]),
+        set_aside(is_equidistant[camera]), sets, unknowns,
+    )  # fmt: skip
 
 
 def names_of_photo_points(block: Block) -> CodedNames:
@@ -173,7 +184,7 @@ def names_of_photo_points(block: Block) -> CodedNames:
 
 def _twice(names: CodedNames) -> CodedNames:
     """Return each name once for x and once for y."""
-    return CodedNames(names.distinct, np.repeat(names.codes, 2))
+    return CodedNames(names.distinct, set_aside(np.repeat(names.codes, 2)))
 
 
 KINDS = (KindEquations(PHOTO_POINT, observe_photo_points),)

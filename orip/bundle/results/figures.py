@@ -99,7 +99,7 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
     "photos.max_sd": lambda solution: _largest(solution.photos.sd[:, :3]),
     "photos.max_angle_sd": lambda solution: _largest(solution.photos.sd[:, 3:]),
     "points.count": lambda solution: len(solution.points.names),
-    "points.single_ray": lambda solution: solution.point_rays.count(1),
+    "points.single_ray": lambda solution: int(np.count_nonzero(solution.point_rays == 1)),
     "points.max_sd": lambda solution: _largest(solution.points.sd),
     "points.rms_sd": lambda solution: _root_mean_square(solution.points.sd),
 }

@@ -185,10 +185,12 @@ def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:
 
     Rows and columns of constants are zero.
     """
-    result = np.zeros((len(columns), 3, 3))
     first_of_blocks = solved.problem.layout.reduced
     last = columns.max(axis=1, initial=CONSTANT)
     eliminated = last >= first_of_blocks
+    if eliminated.all():  # the points, mostly
+        return np.asarray(solved.cofactors.blocks[(last - first_of_blocks) // 3])
+    result = np.zeros((len(columns), 3, 3))
     result[eliminated] = solved.cofactors.blocks[(last[eliminated] - first_of_blocks) // 3]
     reduced = (last != CONSTANT) & ~eliminated
     result[reduced] = reduced_cofactors(solved, columns[reduced])

@@ -22,7 +22,10 @@ def lost_rays(solved: SolvedBlock) -> BoolArray:
         rows = slice(start, start + len(kind.rows.used))
         start = rows.stop
         if isinstance(kind, PhotoPointObservations):
-            idle = kind.rows.used & ~solved.equations.active[rows]
+            active = solved.equations.active[rows]
+            if active.all():  # mostly
+                return np.zeros(len(kind.point), dtype=bool)
+            idle = kind.rows.used & ~active
             if solved.problem.excluded is not None:
                 idle &= ~solved.problem.excluded[rows]
             return np.asarray(idle.reshape(-1, 2).any(axis=1))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec.structs import astuple
 
 from orip.adjustment.precision import residual_cofactor
+from orip.arrays import parts
 from orip.records.results.solution import Reliability, Residuals, Solution
+from orip.set_aside import set_aside
 
 NON_CENTRALITY = 4.132
 """Shift of a normalised residual that a test with error probability 0.001 finds with probability 0.80 (Baarda 1968)."""
@@ -30,18 +33,20 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
         deviation, with h = (1 - r) / wf. With full weight they are 4.13 a / sqrt(r) and 4.13 sqrt((1 - r) / r). The
         deviation of the adjusted observation is sigma0 a sqrt(h).
     """
-    number = residuals.redundancy_number
-    testable = np.where(number > _TESTABLE, number, np.nan)
-    share = np.clip(1.0 - number, 0.0, None)
-    factor = np.where(residuals.weight_factor > 0.0, residuals.weight_factor, np.nan)
-    # the figures of an adjustment that diverged may overflow; they are printed as they are
-    with np.errstate(over="ignore", invalid="ignore"):
-        detected = NON_CENTRALITY * np.sqrt(residual_cofactor(testable, factor)) / testable
-        return Reliability(
-            minimal_detectable_bias=residuals.a_priori * detected,
-            external=detected * np.sqrt(factor * share),
-            adjusted_sd=deviation_scale * residuals.a_priori * np.sqrt(share / factor),
-        )
+    found = Reliability(*np.empty((3, len(residuals.redundancy_number))))
+    for part in parts(len(residuals.redundancy_number)):
+        number, weight_factor = residuals.redundancy_number[part], residuals.weight_factor[part]
+        a_priori = residuals.a_priori[part]
+        testable = np.where(number > _TESTABLE, number, np.nan)
+        share = np.clip(1.0 - number, 0.0, None)
+        factor = np.where(weight_factor > 0.0, weight_factor, np.nan)
+        # the figures of an adjustment that diverged may overflow; they are printed as they are
+        with np.errstate(over="ignore", invalid="ignore"):
+            detected = NON_CENTRALITY * np.sqrt(residual_cofactor(testable, factor)) / testable
+            np.multiply(a_priori, detected, out=found.minimal_detectable_bias[part])
+            np.multiply(detected, np.sqrt(factor * share), out=found.external[part])
+            np.multiply(deviation_scale * a_priori, np.sqrt(share / factor), out=found.adjusted_sd[part])
+    return Reliability(*map(set_aside, astuple(found)))
 
 
 def reliability_of(solution: Solution) -> Reliability:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from typing import get_args
+
 import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import BoolArray, parts
+from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
 from orip.bundle.results.ground import (
     adjusted_photos,
@@ -20,7 +23,7 @@ from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.coded_names import joined, repeated
+from orip.records.coded_names import CodedNames, joined, repeated
 from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.repeated import photos_per_point
@@ -41,6 +44,7 @@ from orip.records.results.solution import (
     ZeroDirection,
 )
 from orip.records.results.status import Status
+from orip.set_aside import set_aside
 from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
@@ -124,55 +128,64 @@ def _status(solved: SolvedBlock) -> Status:
     return "converged"
 
 
-def _rays_per_point(solved: SolvedBlock) -> tuple[int, ...]:
+def _rays_per_point(solved: SolvedBlock) -> IntArray:
     points = solved.block.photo_points
     used: BoolArray = points.in_use
-    return tuple(photos_per_point(points.photo, points.point, used, len(solved.block.point_names)).tolist())
+    return photos_per_point(points.photo, points.point, used, len(solved.block.point_names))
 
 
-def _point_kinds(block: Block) -> tuple[PointKind, ...]:
-    kinds: list[PointKind] = ["tie"] * len(block.point_names)
-    place = block.point_index()
+def _point_kinds(block: Block) -> CodedNames:
+    kinds: tuple[PointKind, ...] = get_args(PointKind)
+    number, place = np.full(len(block.point_names), kinds.index("tie")), block.point_index()
     for point in block.control_points:
-        kinds[place[point.name]] = point.kind
-    return tuple(kinds)
+        number[place[point.name]] = kinds.index(point.kind)
+    found = CodedNames(kinds, number)
+    occurring = found.occurring()
+    return CodedNames(occurring, found.places({kind: place for place, kind in enumerate(occurring)}))
 
 
 def _residuals(solved: SolvedBlock) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
     state, equations = solved.state, solved.equations
-    error = np.concatenate([part.error for part in rows])
+    error = set_aside(np.concatenate([part.error for part in rows]))
     of_equations = equations.residual * error
     first = 0
     for kind in rows:
         # what a kind adds to its equations (a constant distance, to be met exactly) is not part of the residual
         of_equations[first : first + len(kind.photo)] -= state.memory.get(kind.kind.name, 0.0)
         first += len(kind.photo)
-    residual = solved.problem.as_observed(of_equations)
+    residual = set_aside(solved.problem.as_observed(of_equations))
     numbers = solved.variance.redundancy_numbers
     active, weight_factors = equations.active, solved.weight_factors
-    weight_factors = weight_factors if active.all() else np.where(active, weight_factors, np.nan)
+    weight_factors = weight_factors if active.all() else set_aside(np.where(active, weight_factors, np.nan))
     # a block has millions of observations: as few arrays as there have to be
     standard = np.abs(of_equations, out=of_equations)
     standard /= error
+    standard = set_aside(standard)
+    del of_equations
     w = np.empty_like(standard)
     for part in parts(len(w)):
         shown = np.where(numbers[part] > _TESTABLE, numbers[part], np.nan)
         deviation = np.sqrt(residual_cofactor(shown, weight_factors[part])) * solved.deviation_scale
         np.divide(standard[part], deviation, out=w[part])
     return Residuals(
-        kind=joined(repeated(part.kind.name, len(part.photo)) for part in rows),
-        photo=joined(part.photo for part in rows),
-        point=joined(part.point for part in rows),
-        component=joined(part.component for part in rows),
-        observed=np.concatenate([part.observed for part in rows]),
+        kind=_joined(repeated(part.kind.name, len(part.photo)) for part in rows),
+        photo=_joined(part.photo for part in rows),
+        point=_joined(part.point for part in rows),
+        component=_joined(part.component for part in rows),
+        observed=set_aside(np.concatenate([part.observed for part in rows])),
         residual=residual,
         a_priori=error,
         standard_residual=standard,
         weight_factor=weight_factors,
         redundancy_number=numbers,
-        w=w,
+        w=set_aside(w),
     )
+
+
+def _joined(columns: Iterable[Sequence[str]]) -> CodedNames:
+    names = joined(columns)
+    return CodedNames(names.distinct, set_aside(names.codes))
 
 
 def _additional(solved: SolvedBlock) -> tuple[AdditionalEstimate, ...]:

@@ -46,6 +46,17 @@ class ClusterOptions(NamedTuple):
     ] = None
 
     @contextmanager
+    def columns_set_aside(self, project: Path) -> Iterator[None]:
+        """Keep what has a number for every photo point in files, where the block is divided."""
+        if self.dask is None:
+            yield
+            return
+        from orip.workflow.cluster.columns import columns_of_project
+
+        with columns_of_project(project):
+            yield
+
+    @contextmanager
     def posing(
         self, terminal: Terminal, project: Path
     ) -> Iterator[tuple[Callable[[Block], BlockProblem], SolveWatcher]]:

@@ -39,17 +39,18 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.commit import commit
 
         method, terminal = options.method(), invocation.terminal
-        with limited_threads(terminal.threads):
-            given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
-            with cluster.posing(terminal, given.project.folder) as (pose, watcher):
-                solved = commit(solve(given, watcher, method, options.check or (), pose))
-        tell_solution(terminal, solved)
-        outcome = solved.outcome
-        if report:
-            tell_report(
-                terminal,
-                commit(report_of(given.state.read_again(*REPORTED_FROM), outcome.solution, outcome.gates)).outcome,
-            )
-        if terminal.json:
-            terminal.data(result_text(outcome.solution))
+        with cluster.columns_set_aside(invocation.folder):
+            with limited_threads(terminal.threads):
+                given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM)
+                with cluster.posing(terminal, given.project.folder) as (pose, watcher):
+                    change = solve(given, watcher, method, options.check or (), pose)
+                solved = commit(change)
+            tell_solution(terminal, solved)
+            outcome, state = solved.outcome, given.state
+            del given, change
+            if report:
+                reported = report_of(state.read_again(*REPORTED_FROM), outcome.solution, outcome.gates)
+                tell_report(terminal, commit(reported).outcome)
+            if terminal.json:
+                terminal.data(result_text(outcome.solution))
         raise typer.Exit(exit_code(outcome, all_wanted=all_photos))

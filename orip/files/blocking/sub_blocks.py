@@ -9,14 +9,14 @@ import hashlib
 import shutil
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orip.files.text.atomic import reporting_failure
+from orip.files.text.leftovers import remove_leftovers, temporary_beside
 
 FOLDER = ".orip-sub-blocks"
 """Within the folder of a project."""
@@ -29,33 +29,46 @@ def marker_of(folder: Path) -> Path:
     return folder / "complete"
 
 
-def write_sub_blocks(within: Path, sub_blocks: Sequence[Arrays]) -> Path:
-    """Write sub-blocks unless they are there, and return their folder; others that are there are removed.
+def write_sub_blocks(within: Path, sub_blocks: Iterable[Arrays]) -> Path:
+    """Write sub-blocks, one after the other, and return their folder; others that are there are removed.
 
     Parameters
     ----------
     within : Path
         The folder of a project.
-    sub_blocks : sequence of mappings of name to array
+    sub_blocks : iterable of mappings of name to array
 
     Raises
     ------
     OripError
         If the files cannot be written.
     """
-    root = within / FOLDER
-    folder = root / _digest(sub_blocks)
-    if marker_of(folder).exists():
-        return folder
+    root, digest = within / FOLDER, hashlib.sha256()
     with reporting_failure(root, "remove the cause, then repeat the command"):
-        with suppress(FileNotFoundError):
-            shutil.rmtree(root)
-        folder.mkdir(parents=True)
-        for number, arrays in enumerate(sub_blocks):
-            with _file(folder, number).open("wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
-        marker_of(folder).touch()
+        root.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(root)
+        made = temporary_beside(root / "sub-blocks")
+        try:
+            made.mkdir()
+            for number, arrays in enumerate(sub_blocks):
+                _add(digest, arrays)
+                with _file(made, number).open("wb") as file:
+                    np.savez(file, allow_pickle=False, **arrays)
+            folder = root / digest.hexdigest()[:32]
+            if not marker_of(folder).exists():
+                _remove_others(root)
+                made.rename(folder)
+                marker_of(folder).touch()
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
     return folder
+
+
+def _remove_others(root: Path) -> None:
+    """Remove the sub-blocks that were adjusted before; temporary files are those of runs that go on."""
+    for path in root.iterdir():
+        if not path.name.startswith("."):
+            shutil.rmtree(path)
 
 
 def read_sub_block(folder: Path, number: int) -> dict[str, NDArray[np.generic]]:
@@ -81,10 +94,7 @@ def _file(folder: Path, number: int) -> Path:
     return folder / f"{number:06d}.npz"
 
 
-def _digest(sub_blocks: Sequence[Arrays]) -> str:
-    found = hashlib.sha256()
-    for arrays in sub_blocks:
-        for name, array in arrays.items():
-            found.update(f"{name} {array.dtype.str} {array.shape} ".encode())
-            found.update(np.ascontiguousarray(array).data)
-    return found.hexdigest()[:32]
+def _add(digest: hashlib._Hash, arrays: Arrays) -> None:
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        digest.update(np.ascontiguousarray(array).data)

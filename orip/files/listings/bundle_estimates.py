@@ -110,7 +110,7 @@ def point_lines(solution: Solution) -> Iterator[str]:
         [
             Column("Point", points.names, align="left"),
             Column("Kind", solution.point_kinds, align="left"),
-            Column("Rays", [str(rays) for rays in solution.point_rays]),
+            Column("Rays", list(map(str, solution.point_rays.tolist()))),
             *(Column(axis, FixedCells(points.values[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
             *(Column(f"s{axis}", deviation_cells(points.sd[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
         ]

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import copy
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Annotated, Any, Literal, get_args, get_origin
+from collections.abc import Iterable, Sequence
+from typing import Any
 
-from pydantic import BaseModel
-
+from orip.files.project.forms import Choice, Form, ListOf, Table, Text
 from orip.files.project.record_values import TomlTable
-from orip.files.project.tables import CheckedTable, keys_of, table_of
+from orip.files.project.tables import keys_of, table_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
 from orip.records.project.definition import RECORD_TYPES
@@ -47,26 +46,25 @@ def _word_fault(kind: str, key: str, equals: str) -> str | None:
     return None
 
 
-def _assign(form: type[BaseModel], table: TomlTable, path: Sequence[str], text: str) -> str | None:
+def _assign(known: Table, table: TomlTable, path: Sequence[str], text: str) -> str | None:
     """Assign in place; return what is wrong, or None."""
     key, *rest = path
-    annotation = _annotation(form, key)
+    form = known.keys[key].form if key in known.keys else None
     if not rest:
-        if not text and annotation is None:
-            return unknown_key(key, "the record", keys_of(form))
-        return _set(table, key, annotation, text)
-    inner = _table_in(annotation) or CheckedTable
-    if get_origin(_without_none(annotation)) is list:
-        return _assign_to_named(inner, table, key, rest, text)
+        if not text and form is None:
+            return unknown_key(key, "the record", keys_of(known))
+        return _set(table, key, form, text)
+    if isinstance(form, ListOf):
+        return _assign_to_named(form.item, table, key, rest, text)
     if not isinstance(table.setdefault(key, {}), dict):
         return f"{key} has no parts"
-    return _assign(inner, table[key], rest, text)
+    return _assign(form if isinstance(form, Table) else Table({}), table[key], rest, text)
 
 
-def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
+def _assign_to_named(form: Form, table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
     """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
     name, *inner = rest
-    if form is CheckedTable:
+    if not isinstance(form, Table):
         return f"the items of {key} have no names; write all of them in one list"
     elements: list[TomlTable] = table.setdefault(key, [])
     known = next((element for element in elements if element["name"] == name), None)
@@ -89,17 +87,16 @@ def _assign_to_named(form: type[BaseModel], table: TomlTable, key: str, rest: Se
     return fault
 
 
-def _set(table: TomlTable, key: str, annotation: Any, text: str) -> str | None:
+def _set(table: TomlTable, key: str, form: Form | None, text: str) -> str | None:
     if not text:
         table.pop(key, None)
         return None
-    wanted = _without_none(annotation)
     value = _toml(text)
-    if value is None and get_origin(wanted) is list:
+    if value is None and isinstance(form, ListOf):
         value = _toml(f"[{text}]")
-    if _is_text(wanted):
+    if isinstance(form, Text | Choice):
         value = value if isinstance(value, str) else text
-    elif get_origin(wanted) is list and _is_text(_without_none(get_args(wanted)[0])):
+    elif isinstance(form, ListOf) and isinstance(form.item, Text | Choice):
         value = value if _is_texts(value) else _words(text)
     elif value is None and text[0] in "[{\"'":
         return "this is not TOML; check brackets and quotation marks, and keep the shell from removing them: '...'"
@@ -125,32 +122,3 @@ def _is_texts(value: Any) -> bool:
 def _words(text: str) -> list[str]:
     """Return ``[C, "A3"]`` or ``C,A3`` as words, whichever brackets and quotation marks a shell has removed."""
     return list(filter(None, (word.strip().strip("\"'") for word in text.strip("[]").split(","))))
-
-
-def _annotation(form: type[BaseModel], key: str) -> Any:
-    return info.annotation if (info := form.model_fields.get(key)) is not None else None
-
-
-def _without_none(annotation: Any) -> Any:
-    """Return the type of an optional value without None and without its limits."""
-    origin = get_origin(annotation)
-    if origin is None or origin in {list, Literal}:
-        return annotation
-    if origin is Annotated:
-        return _without_none(get_args(annotation)[0])
-    return next((_without_none(part) for part in get_args(annotation) if part is not type(None)), annotation)
-
-
-def _is_text(annotation: Any) -> bool:
-    return annotation is str or get_origin(annotation) is Literal
-
-
-def _table_in(annotation: Any) -> type[BaseModel] | None:
-    return next(_tables(annotation), None)
-
-
-def _tables(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for part in get_args(annotation):
-        yield from _tables(part)

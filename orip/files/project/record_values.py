@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias, TypeVar, cast, get_args
 
 from msgspec import Struct
 
-from orip.files.project.tables import CheckedTable
 from orip.records.project.definition import Precision
 from orip.records.project.fields import Part, RecordField, fields_by_key, fields_of
 
@@ -18,8 +17,8 @@ TomlTable: TypeAlias = dict[str, Any]
 T = TypeVar("T")
 
 
-def record_of(record: type[T], table: CheckedTable) -> T:
-    """Return the record that a table says; a key that is missing has the record's default."""
+def record_of(record: type[T], table: Mapping[str, Any]) -> T:
+    """Return the record that a table says, as its form has read it; a key that is missing has the record's default."""
     given, kind = {}, cast(type, record)
     for record_field in fields_of(kind):
         if record_field.field.parts:
@@ -27,15 +26,15 @@ def record_of(record: type[T], table: CheckedTable) -> T:
             # a camera with the lens of another one has no principal distance of its own: not a number
             optional = float not in get_args(record_field.type)
             given[record_field.name] = tuple(math.nan if value is None and not optional else value for value in values)
-        elif record_field.key in table.model_fields_set:
-            given[record_field.name] = _value(record_field, getattr(table, record_field.key))
+        elif record_field.key in table:
+            given[record_field.name] = _value(record_field, table[record_field.key])
     return record(**given)
 
 
-def _elements(part: Part, table: CheckedTable) -> Sequence[Any]:
-    value = getattr(table, part.key)
+def _elements(part: Part, table: Mapping[str, Any]) -> Sequence[Any]:
+    value = table.get(part.key)
     if part.names:
-        return [0.0 if value is None else getattr(value, name) for name in part.names]
+        return [(value or {}).get(name, 0.0) for name in part.names]
     if part.size > 1:
         return (0.0,) * part.size if value is None else value
     return (value,)
@@ -43,13 +42,13 @@ def _elements(part: Part, table: CheckedTable) -> Sequence[Any]:
 
 def _value(record_field: RecordField, value: Any) -> Any:
     if record_field.field.names:
-        return tuple(getattr(value, name) for name in record_field.field.names)
+        return tuple(value.get(name, 0.0) for name in record_field.field.names)
     return _converted(record_field.item or record_field.type, value)
 
 
 def _converted(kind: Any, value: Any) -> Any:
     """Return a checked value as records hold it: tuples in place of lists, structures in place of tables."""
-    if isinstance(value, CheckedTable):
+    if isinstance(value, dict):
         return record_of(kind, value)
     if isinstance(value, list):
         return tuple(_converted(kind, item) for item in value)

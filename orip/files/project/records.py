@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import ProjectTable, ReportTable
+from orip.files.project.tables import ProjectTable
 from orip.records.names import record_key
 from orip.records.project.definition import BundleDefinition, ProjectDefinition, StereoModel
 from orip.records.project.photo import Template
-from orip.records.project.report_details import ReportDetails
 from orip.records.project.shared_lens import with_shared_lenses
 from orip.structs import replace
 
@@ -32,7 +31,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         temtick_file=project.temtick_file,
         project_files=project.name if project.project_files is None else project.project_files,
         control_files=project.name if project.control_files is None else project.control_files,
-        measurement_files=tuple(project.measurement_files),
+        measurement_files=project.measurement_files,
         ground_unit=project.ground_unit,
         crs=project.crs,
         cameras=with_shared_lenses(camera.record for camera in source.cameras),
@@ -40,17 +39,12 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         templates=tuple(_with_photos(template.record, photo_names, photos_of) for template in source.templates),
         photos=tuple(replace(p.record, template=template_of.get(record_key(p.record.name))) for p in source.photos),
         bundles=tuple(_with_models(bundle, source.models) for bundle in source.bundles),
-        gates=tuple(source.check.gates),
+        gates=source.check.gates,
         test_level=source.check.test_level,
-        report=_report(source.report),
+        report=source.report,
         antennas=tuple(antenna.record for antenna in source.antennas),
         output_folder=project.output_folder,
     )
-
-
-def _report(table: ReportTable) -> ReportDetails:
-    keys = table.model_dump()
-    return ReportDetails(**{**keys, "remarks": tuple(keys["remarks"])})
 
 
 def _with_photos(template: Template, photo_names: dict[str, str], photos_of: dict[str, list[str]]) -> Template:

@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Generic, TypeVar, cast
 
 from msgspec import Struct, field
-from pydantic import ValidationError
 
+from orip.files.project.forms import Finding
 from orip.files.project.record_values import record_of
-from orip.files.project.tables import SECTIONS, CheckedTable, CheckTable, ProjectTable, ReportTable, table_of
+from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, table_of
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
@@ -17,8 +17,8 @@ from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.project.report_details import ReportDetails
 
-AnyTable = TypeVar("AnyTable", bound=CheckedTable)
 Record = TypeVar("Record")
 
 
@@ -46,7 +46,7 @@ class ProjectSource(Struct):
 
     project: ProjectTable | None = None
     check: CheckTable = field(default_factory=CheckTable)
-    report: ReportTable = field(default_factory=ReportTable)
+    report: ReportDetails = field(default_factory=ReportDetails)
     cameras: list[Located[Camera]] = field(default_factory=list)
     temticks: list[Located[Temtick]] = field(default_factory=list)
     templates: list[Located[Template]] = field(default_factory=list)
@@ -65,8 +65,8 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
         if key not in SECTIONS:
             source.faults.append(((key,), unknown_key(key, "the project", SECTIONS)))
     source.project = _project(document, source)
-    source.check = _table(document.get("check", {}), CheckTable, "[check]", ("check",), source) or CheckTable()
-    source.report = _table(document.get("report", {}), ReportTable, "[report]", ("report",), source) or ReportTable()
+    source.check = _single(document, "check", CheckTable, source) or CheckTable()
+    source.report = _single(document, "report", ReportDetails, source) or ReportDetails()
     source.cameras = _records(document, "camera", Camera, source)
     source.temticks = _records(document, "temtick", Temtick, source)
     source.templates = _records(document, "template", Template, source)
@@ -82,12 +82,19 @@ def _project(document: Mapping[str, Any], source: ProjectSource) -> ProjectTable
         source.faults.append(((), message))
         return None
     raw = document["project"]
-    project = _table(raw, ProjectTable, "[project]", ("project",), source)
+    project = _single(document, "project", ProjectTable, source)
     if project is None and isinstance(raw, dict):
         # What is right is still checked: the keys of this table do not depend on each other.
         faulty = {place[1] for place, _ in source.faults if place[:1] == ("project",) and len(place) > 1}
-        return _table({key: raw[key] for key in raw if key not in faulty}, ProjectTable, "", (), ProjectSource())
+        right = {"project": {key: raw[key] for key in raw if key not in faulty}}
+        return _single(right, "project", ProjectTable, ProjectSource())
     return project
+
+
+def _single(document: Mapping[str, Any], section: str, kind: type[Record], source: ProjectSource) -> Record | None:
+    """Return a table that comes once; None if it has faults."""
+    values = _table(document.get(section, {}), kind, f"[{section}]", (section,), source)
+    return None if values is None else record_of(kind, values)
 
 
 def _records(
@@ -103,11 +110,11 @@ def _record(
     raw: Any, kind: type[Record], section: str, title: str, place: KeyPath, source: ProjectSource
 ) -> list[Located[Record]]:
     """Return the record, or nothing if it has faults; its name is kept."""
-    table = _table(raw, table_of(cast(type, kind)), title, place, source)
+    values = _table(raw, kind, title, place, source)
     name = raw.get("name") if isinstance(raw, dict) else None
     if isinstance(name, str):
         source.names.setdefault(section, []).append(NamePlace(name, place))
-    return [] if table is None else [Located(place, record_of(kind, table), frozenset(table.model_fields_set))]
+    return [] if values is None else [Located(place, record_of(kind, values), frozenset(values))]
 
 
 def _bundles(document: Mapping[str, Any], source: ProjectSource) -> None:
@@ -138,12 +145,12 @@ def _elements(around: Mapping[str, Any], key: str, place: KeyPath, source: Proje
     source.faults.append((place, message))
 
 
-def _table(raw: Any, table: type[AnyTable], title: str, place: KeyPath, source: ProjectSource) -> AnyTable | None:
-    try:
-        return table.model_validate(raw)
-    except ValidationError as error:
-        source.faults += table_faults(error, table, title, place)
-        return None
+def _table(raw: Any, kind: type[Record], title: str, place: KeyPath, source: ProjectSource) -> dict[str, Any] | None:
+    """Return the values of the table of a kind of record; None if it has faults."""
+    table, findings = table_of(cast(type, kind)), list[Finding]()
+    values: dict[str, Any] = table.read(raw, (), findings)
+    source.faults += table_faults(findings, table, title, place)
+    return None if findings else values
 
 
 def _title(section: str, index: int, raw: Any) -> str:

@@ -1,7 +1,7 @@
-"""The tables and keys of orip.toml as the text has them: types, limits and defaults.
+"""The tables and keys of orip.toml as the text has them: forms, limits and examples.
 
-Those of the records follow from the fields of the records. Each key carries an example; messages about a wrong value
-show it. What concerns several records together is looked at in `checks`.
+All follow from the fields of structures: those of the records, and of the tables that are no records. Each key carries
+an example; messages about a wrong value show it. What concerns several records together is looked at in `checks`.
 """
 
 from __future__ import annotations
@@ -9,97 +9,125 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import date, datetime
 from functools import cache
-from typing import Annotated, Any, TypeAlias, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
-from msgspec import StructMeta
-from pydantic import AfterValidator, BaseModel, ConfigDict, PlainValidator, create_model
-from pydantic import Field as Limits
+from msgspec import Struct, StructMeta
 
+from orip.files.project.forms import Choice, Form, Key, ListOf, Number, OwnForm, Table, Text
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.project.definition import Precision
 from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
 
-ShortText: TypeAlias = Annotated[str, Limits(max_length=20)]
-FilledText: TypeAlias = Annotated[str, Limits(min_length=1)]
-
 SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "photo", "antenna", "bundle")
 """Tables of orip.toml; all but the first three may come several times."""
 
 
-class CheckedTable(BaseModel):
-    """A TOML table: no unknown keys, no conversion of types, no NaN."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True, defer_build=True)
-
-
-class ProjectTable(CheckedTable):
+class ProjectTable(Struct, frozen=True):
     """``[project]``."""
 
-    name: Annotated[str, Limits(min_length=1, max_length=20, examples=['"ZURICH"'])]
-    user: Annotated[ShortText, Limits(examples=['"K. Dueholm"'])] = ""
-    camera_file: Annotated[FilledText, Limits(examples=['"CAMERAS.CAM"'])] = "CAMERAS.CAM"
-    temtick_file: Annotated[FilledText, Limits(examples=['"TEMTICKS.TIK"'])] = "TEMTICKS.TIK"
-    project_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
-    control_files: Annotated[str | None, Limits(examples=['"ZURICH"'])] = None
-    measurement_files: Annotated[list[FilledText], Limits(examples=['["*.MEA"]'])] = ["*.MEA"]
-    output_folder: Annotated[str | None, Limits(examples=['"results"'])] = None
-    ground_unit: Annotated[FilledText, Limits(examples=['"m"'])] = "m"
-    crs: Annotated[str | None, Limits(min_length=1, examples=['"EPSG:2056"'])] = None
+    name: Annotated[str, Field(shortest=1, longest=20, example='"ZURICH"')]
+    user: Annotated[str, Field(longest=20, example='"K. Dueholm"')] = ""
+    camera_file: Annotated[str, Field(shortest=1, example='"CAMERAS.CAM"')] = "CAMERAS.CAM"
+    temtick_file: Annotated[str, Field(shortest=1, example='"TEMTICKS.TIK"')] = "TEMTICKS.TIK"
+    project_files: Annotated[str | None, Field(example='"ZURICH"')] = None
+    control_files: Annotated[str | None, Field(example='"ZURICH"')] = None
+    measurement_files: Annotated[tuple[str, ...], Field(shortest=1, example='["*.MEA"]')] = ("*.MEA",)
+    output_folder: Annotated[str | None, Field(example='"results"')] = None
+    ground_unit: Annotated[str, Field(shortest=1, example='"m"')] = "m"
+    crs: Annotated[str | None, Field(shortest=1, example='"EPSG:2056"')] = None
 
 
-class CheckTable(CheckedTable):
+class CheckTable(Struct, frozen=True):
     """``[check]``."""
 
-    gates: Annotated[list[FilledText], Limits(examples=['["sigma0<=1.5"]'])] = []
-    test_level: Annotated[float | None, Limits(ge=1e-9, le=0.5, examples=["0.001"])] = None
+    gates: Annotated[tuple[str, ...], Field(shortest=1, example='["sigma0<=1.5"]')] = ()
+    test_level: Annotated[float | None, Field(least=1e-9, most=0.5, example="0.001")] = None
 
 
-def _printable(text: str) -> str:
-    if not text.isprintable():
-        message = "only a text on one line is allowed"
-        raise ValueError(message)
-    return text
+def example_of(table: Table, key: str) -> str | None:
+    """Return how the value of a key may be written."""
+    return table.keys[key].example or None if key in table.keys else None
+
+
+def keys_of(table: Table) -> list[str]:
+    """Return the keys that a table may have, in their order."""
+    return list(table.keys)
+
+
+@cache
+def table_of(record: type) -> Table:
+    """Return the table that a record is in orip.toml; records in it that have headers of their own are not part of it.
+
+    A key that is missing has the record's default.
+    """
+    keys: dict[str, Key] = {}
+    for record_field in fields_by_key(record):
+        if record_field.field.parts:
+            element = without_none(get_args(record_field.type)[0])
+            keys |= {
+                part.key: Key(_part(element, part), part.example, part.required) for part in record_field.field.parts
+            }
+        elif not record_field.field.own_records:
+            form = _own_form(record_field) or _form(record_field.type, record_field.field)
+            keys[record_field.key] = Key(form, record_field.field.example, record_field.required)
+    return Table(keys)
+
+
+def _own_form(record_field: RecordField) -> Form | None:
+    """Return the form of a value that may be written in several ways; None for all others."""
+    if record_field.type is Precision:
+        return OwnForm(_precision)
+    return OwnForm(_one_for_both) if record_field.field.one_for_all else None
+
+
+def _part(element: Any, part: Part) -> Form:
+    if part.names:
+        return _elements(part.names)
+    value = _single(element, Field(above=part.above))
+    return value if part.size == 1 else ListOf(value, part.size)
+
+
+def _form(kind: Any, field: Field) -> Form:
+    """Return the form of a value: a table, a list of any or of a certain length, or a single value."""
+    items = get_args(kind) if get_origin(kind) is tuple else ()
+    if field.names:
+        return _elements(field.names)
+    if isinstance(kind, StructMeta):
+        return table_of(kind)
+    if items:
+        return ListOf(_form(items[0], field), None if items[1:] == (...,) else len(items))
+    return _single(kind, field)
+
+
+def _elements(names: Sequence[str]) -> Table:
+    """Return the table of the elements of a tuple; those that are missing are 0."""
+    return Table(dict.fromkeys(names, Key(Number())))
+
+
+def _single(kind: Any, field: Field) -> Form:
+    if get_origin(kind) is Literal:
+        return Choice(get_args(kind))
+    if kind is str:
+        is_one_line = field.text == "line"
+        return OwnForm(_day) if field.text == "date" else Text(field.shortest, field.longest, is_one_line)
+    return Number(kind is int, field.above, field.least, field.most)
+
+
+# values that may be written in several ways
 
 
 def _day(value: object) -> str:
     """Return a date as text, written as a TOML date or in words."""
-    if isinstance(value, str):
-        return _printable(value)
     if isinstance(value, date) and not isinstance(value, datetime):
         return value.isoformat()
-    message = "only a date such as 2026-05-04 or a text is allowed"
-    raise ValueError(message)
-
-
-OneLine: TypeAlias = Annotated[str, AfterValidator(_printable)]
-Day: TypeAlias = Annotated[Any, PlainValidator(_day)]
-
-
-class ReportTable(CheckedTable):
-    """``[report]``."""
-
-    title: Annotated[OneLine, Limits(examples=['"Quarry Hohenfels, flight 3"'])] = ""
-    client: Annotated[OneLine, Limits(examples=['"Kalkwerk Hohenfels GmbH"'])] = ""
-    contractor: Annotated[OneLine, Limits(examples=['"Vermessung Huber"'])] = ""
-    author: Annotated[OneLine, Limits(examples=['"K. Huber"'])] = ""
-    order: Annotated[OneLine, Limits(examples=['"2026-117"'])] = ""
-    location: Annotated[OneLine, Limits(examples=['"Hohenfels"'])] = ""
-    flown: Annotated[Day, Limits(examples=["2026-04-28"])] = ""
-    date: Annotated[Day, Limits(examples=["2026-05-04"])] = ""
-    equipment: Annotated[OneLine, Limits(examples=['"DJI M3E, RTK by SAPOS"'])] = ""
-    remarks: Annotated[list[OneLine], Limits(examples=['["Signalled points were set out by the client."]'])] = []
-
-
-def example_of(table: type[BaseModel], key: str) -> str | None:
-    """Return how the value of a key may be written."""
-    info = table.model_fields.get(key)
-    return str(info.examples[0]) if info is not None and info.examples else None
-
-
-def keys_of(table: type[BaseModel]) -> list[str]:
-    """Return the keys that a table may have, in their order."""
-    return list(table.model_fields)
+    if not isinstance(value, str):
+        message = "only a date such as 2026-05-04 or a text is allowed"
+        raise ValueError(message)  # noqa: TRY004  # what is allowed is told by a ValueError
+    fault = Text(is_one_line=True).fault(value)
+    if fault is not None:
+        raise ValueError(fault)
+    return value
 
 
 def _as_number(value: object) -> float | None:
@@ -137,73 +165,3 @@ def _one_for_both(value: object) -> tuple[float, float]:
         message = "only a number above 0 (mm) or two of them, [px, py], are allowed"
         raise ValueError(message)
     return numbers[0], numbers[1]
-
-
-@cache
-def table_of(record: type) -> type[CheckedTable]:
-    """Return the table that a record is in orip.toml; records in it that have headers of their own are not part of it.
-
-    A key that may be missing is None without it; its default is that of the record.
-    """
-    keys: dict[str, Any] = {}
-    for record_field in fields_by_key(record):
-        if record_field.field.parts:
-            element = without_none(get_args(record_field.type)[0])
-            keys |= {
-                part.key: _key(_part(element, part), part, required=part.required) for part in record_field.field.parts
-            }
-        elif not record_field.field.own_records:
-            keys[record_field.key] = _key(
-                _read_by(record_field) or _value(record_field.type, record_field.field),
-                record_field.field,
-                required=record_field.required,
-            )
-    return create_model(f"{record.__name__}Table", __base__=CheckedTable, **keys)
-
-
-def _key(annotation: Any, field: Field | Part, *, required: bool) -> Any:
-    examples = [field.example] if field.example else None
-    return Annotated[annotation, Limits(examples=examples)], ... if required else None
-
-
-def _read_by(record_field: RecordField) -> Any:
-    """Return the type of a value that may be written in several forms; None for all others."""
-    if record_field.type is Precision:
-        return Annotated[Any, PlainValidator(_precision)]
-    return Annotated[Any, PlainValidator(_one_for_both)] if record_field.field.one_for_all else None
-
-
-def _part(element: Any, part: Part) -> Any:
-    if part.names:
-        return _elements_table(part.names)
-    value = _limited(element, above=part.above)
-    return value if part.size == 1 else _list_of(value, part.size)
-
-
-def _value(kind: Any, field: Field) -> Any:
-    """Return the type of a value as pydantic checks it: a table, a list of any or of a certain length, or itself."""
-    items = get_args(kind) if get_origin(kind) is tuple else ()
-    if field.names:
-        return _elements_table(field.names)
-    if isinstance(kind, StructMeta):
-        return table_of(kind)
-    if items[1:] == (...,):
-        return _list_of(_value(items[0], field), None)
-    if items:
-        return _list_of(_value(items[0], field), len(items))
-    return _limited(kind, above=field.above, least=field.least, most=field.most)
-
-
-def _elements_table(names: Sequence[str]) -> type[CheckedTable]:
-    elements: dict[str, Any] = dict.fromkeys(names, (float, 0.0))
-    return create_model("ElementsTable", __base__=CheckedTable, **elements)
-
-
-def _list_of(item: Any, length: int | None) -> Any:
-    return list[item] if length is None else Annotated[list[item], Limits(min_length=length, max_length=length)]
-
-
-def _limited(kind: Any, above: float | None = None, least: float | None = None, most: float | None = None) -> Any:
-    if above is None and least is None and most is None:
-        return kind
-    return Annotated[kind, Limits(gt=above, ge=least, le=most)]

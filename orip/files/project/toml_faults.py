@@ -3,56 +3,35 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, get_args
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
-
+from orip.files.project.forms import Finding, Place, Table, UnknownKey, WrongValue
 from orip.files.project.tables import example_of, keys_of
 from orip.files.text.shown import shown_token
 
 Fault = tuple[tuple[str | int, ...], str]
 """Where in the text (keys and indices), and the message."""
 
-_ALLOWED: Mapping[str, Callable[[Mapping[str, Any]], str]] = {
-    "string_type": lambda _: "a text in quotes",
-    "float_type": lambda _: "a number",
-    "int_type": lambda _: "a whole number",
-    "int_from_float": lambda _: "a whole number",
-    "list_type": lambda _: "a list in brackets",
-    "model_type": lambda _: "a table in braces",
-    "finite_number": lambda _: "a finite number",
-    "literal_error": lambda limits: str(limits["expected"]),
-    "greater_than": lambda limits: f"a number above {limits['gt']:g}",
-    "greater_than_equal": lambda limits: f"a number of at least {limits['ge']:g}",
-    "less_than_equal": lambda limits: f"a number of at most {limits['le']:g}",
-    "too_short": lambda limits: f"a list of {limits['min_length']} elements",
-    "too_long": lambda limits: f"a list of {limits['max_length']} elements",
-    "string_too_short": lambda _: "a text that is not empty",
-    "string_too_long": lambda limits: f"a text of at most {limits['max_length']} characters",
-}
-"""What is allowed, by pydantic's name of the fault and its limits."""
-
 _MOST_COMPARED = 500
 """With more names than that no nearest one is looked for: thousands of wrong names would take minutes."""
 
 
-def table_faults(error: ValidationError, table: type[BaseModel], title: str, place: Sequence[str | int]) -> list[Fault]:
-    """Return a sentence for each thing that pydantic found wrong in one table.
+def table_faults(findings: Sequence[Finding], table: Table, title: str, place: Place) -> Iterator[Fault]:
+    """Yield a sentence for each thing that was found wrong in one table.
 
     Parameters
     ----------
-    error : ValidationError
-    table : type of BaseModel
+    findings : sequence of Finding
+    table : Table
         The keys that were allowed.
     title : str
         The record as messages call it, e.g. ``camera 'OLYMPUS'``.
-    place : sequence of str or int
+    place : tuple of str or int
         Keys and indices that lead to the table.
     """
-    details = error.errors(include_url=False)
-    return [((*place, *detail["loc"]), _sentence(detail, table, title)) for detail in details]
+    for finding in findings:
+        yield (*place, *finding.place), _sentence(finding, table, title)
 
 
 def unknown_key(key: str, title: str, allowed: Sequence[str]) -> str:
@@ -78,35 +57,25 @@ def _nearest(word: str, known: Sequence[str]) -> str | None:
     return by_upper[near[0]] if near else None
 
 
-def _sentence(detail: ErrorDetails, table: type[BaseModel], title: str) -> str:
-    if not detail["loc"]:
-        return f"{title} is {_found(detail)}, but a table is required; write its keys below a header in brackets"
-    *around, last = detail["loc"]
-    innermost = _inner_table(table, around)
+def _sentence(finding: Finding, table: Table, title: str) -> str:
+    if isinstance(finding, WrongValue):
+        return _wrong_value(finding, table, title)
+    around, last = finding.place[:-1], finding.place[-1]
     where = " of ".join([*_places(around), title])
-    if detail["type"] == "extra_forbidden":
-        return unknown_key(str(last), where, keys_of(innermost) if innermost else [])
-    if detail["type"] == "missing":
-        example = example_of(innermost, str(last)) if innermost else None
-        return f"{where} has no {last}; it is required, write for example {last} = {example}"
-    key = next((str(part) for part in reversed(detail["loc"]) if isinstance(part, str)), "")
-    holder = _inner_table(table, detail["loc"][: _last_key(detail["loc"])])
-    example = example_of(holder, key) if holder else None
-    remedy = f"write for example {key} = {example or 0.0}"
-    what = " of ".join([*_places(detail["loc"]), title])
-    return f"{what} is {_found(detail)}, but {_allowed(detail)}; {remedy}"
+    holder = table.around(around)
+    if isinstance(finding, UnknownKey):
+        return unknown_key(str(last), where, keys_of(holder))
+    return f"{where} has no {last}; it is required, write for example {last} = {example_of(holder, str(last))}"
 
 
-def _last_key(location: Sequence[str | int]) -> int:
-    return max((index for index, part in enumerate(location) if isinstance(part, str)), default=0)
-
-
-def _allowed(detail: ErrorDetails) -> str:
-    limits = detail.get("ctx", {})
-    if detail["type"] == "value_error":
-        return str(limits["error"])
-    phrase = _ALLOWED.get(detail["type"])
-    return f"{phrase(limits)} is required" if phrase else detail["msg"]
+def _wrong_value(finding: WrongValue, table: Table, title: str) -> str:
+    if not finding.place:
+        return f"{title} is {_found(finding.found)}, but a table is required; write its keys below a header in brackets"
+    last = max(index for index, part in enumerate(finding.place) if isinstance(part, str))
+    key = str(finding.place[last])
+    example = example_of(table.around(finding.place[:last]), key)
+    what = " of ".join([*_places(finding.place), title])
+    return f"{what} is {_found(finding.found)}, but {finding.allowed}; write for example {key} = {example or 0.0}"
 
 
 def _places(location: Sequence[str | int]) -> list[str]:
@@ -121,8 +90,7 @@ def _places(location: Sequence[str | int]) -> list[str]:
     return steps[::-1]
 
 
-def _found(detail: ErrorDetails) -> str:
-    value = detail["input"]
+def _found(value: Any) -> str:
     if isinstance(value, str):
         return f'"{shown_token(value)}"'
     if isinstance(value, bool):
@@ -135,25 +103,3 @@ def _found(detail: ErrorDetails) -> str:
         return shown_token(str(value))
     except ValueError:  # Python refuses to print whole numbers of thousands of digits
         return "a very large number"
-
-
-def _inner_table(table: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel] | None:
-    """Follow keys into nested tables; None where a key is not that of a known table."""
-    current: type[BaseModel] | None = table
-    for part in location:
-        if isinstance(part, int) or current is None:
-            continue
-        info = current.model_fields.get(part)
-        current = _table_in(info.annotation) if info else None
-    return current
-
-
-def _table_in(annotation: Any) -> type[BaseModel] | None:
-    """Find the table in an annotation such as ``SensorTable | None`` or ``list[MarkTable]``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for part in get_args(annotation):
-        found = _table_in(part)
-        if found is not None:
-            return found
-    return None

@@ -191,8 +191,8 @@ def _stations(solution: Solution) -> dict[str, dict[str, object]]:
 
 def _points(solution: Solution) -> dict[str, dict[str, object]]:
     points = _estimates(solution.points, ("X", "Y", "Z"))
-    for point, rays, kind in zip(points.values(), solution.point_rays, solution.point_kinds, strict=True):
-        point.update(rays=int(rays), kind=kind)
+    for point, rays, kind in zip(points.values(), solution.point_rays.tolist(), solution.point_kinds, strict=True):
+        point.update(rays=rays, kind=kind)
     return points
 
 
@@ -225,8 +225,8 @@ class _Points(Struct, frozen=True):
             columns = [
                 list(map(_compact, points.names[part])),
                 *figures,
-                list(map(str, rays[part])),
-                kinds[part],
+                list(map(str, rays[part].tolist())),
+                list(kinds[part]),
             ]
             yield ("," if start else "") + _woven(between, columns)
         yield f"\n{margin}}}"
@@ -235,10 +235,9 @@ class _Points(Struct, frozen=True):
 def _woven(between: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
     """Return the rows of columns of texts, separated by commas, with one more text around and between their cells."""
     count, width = len(columns[0]), 2 * len(columns) + 1
-    texts = ["," + between[0], *between[1:]]
-    cells = [""] * (width * count)
-    for place, text in enumerate(texts):
-        cells[2 * place :: width] = [text] * count
+    row = [""] * width
+    row[::2] = ["," + between[0], *between[1:]]
+    cells = row * count
     for place, column in enumerate(columns):
         cells[2 * place + 1 :: width] = column
     cells[0] = between[0]

@@ -24,6 +24,9 @@ def measured_before(photo: IntArray, point: IntArray) -> IntArray:
         0 for the first measurement.
     """
     both = photo * (point.max(initial=0) + 1) + point
+    ordered = np.sort(both)
+    if (ordered[1:] != ordered[:-1]).all():  # mostly; to sort without places is several times faster
+        return np.zeros(len(both), dtype=np.int64)
     order = np.argsort(both, kind="stable")
     first = np.flatnonzero(np.diff(both[order], prepend=-1))
     before = np.empty(len(both), dtype=np.int64)
@@ -56,5 +59,7 @@ def point_of_measurement(name: str) -> str:
 
 def photos_per_point(photo: IntArray, point: IntArray, chosen: BoolArray, points: int) -> IntArray:
     """Return in how many photos each point (points,) is measured by the chosen ones of n photo points."""
-    first = measured_before(photo[chosen], point[chosen]) == 0
-    return np.bincount(point[chosen][first], minlength=points)
+    if not chosen.all():
+        photo, point = photo[chosen], point[chosen]
+    before = measured_before(photo, point)
+    return np.bincount(point[before == 0] if before.any() else point, minlength=points)

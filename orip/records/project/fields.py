@@ -10,9 +10,12 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator
 from functools import cache
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from msgspec import Struct, StructMeta
+
+TextKind = Literal["any", "line", "date"]
+"""A text, one that can be printed on a line, or a date or such a text."""
 
 GROUND_UNIT = "ground unit"
 """In place of a unit: that of the project."""
@@ -60,6 +63,10 @@ class Field(Struct, frozen=True, kw_only=True):
         One, or with `names` one for each; `GROUND_UNIT` for that of the project.
     above, least, most : float or None
         Limits: greater than, at least, at most.
+    shortest, longest : int or None
+        Limits of the number of characters.
+    text : {"any", "line", "date"}
+        What a text may be.
     names_record : bool
         The name of a record: case does not count.
     names : tuple of str
@@ -86,6 +93,9 @@ class Field(Struct, frozen=True, kw_only=True):
     above: float | None = None
     least: float | None = None
     most: float | None = None
+    shortest: int = 0
+    longest: int | None = None
+    text: TextKind = "any"
     names_record: bool = False
     names: tuple[str, ...] = ()
     one_for_all: bool = False

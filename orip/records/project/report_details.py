@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from msgspec import Struct
+
+from orip.records.project.fields import Field
 
 
 class ReportDetails(Struct, frozen=True):
@@ -27,13 +31,15 @@ class ReportDetails(Struct, frozen=True):
         Paragraphs.
     """
 
-    title: str = ""
-    client: str = ""
-    contractor: str = ""
-    author: str = ""
-    order: str = ""
-    location: str = ""
-    flown: str = ""
-    date: str = ""
-    equipment: str = ""
-    remarks: tuple[str, ...] = ()
+    title: Annotated[str, Field(text="line", example='"Quarry Hohenfels, flight 3"')] = ""
+    client: Annotated[str, Field(text="line", example='"Kalkwerk Hohenfels GmbH"')] = ""
+    contractor: Annotated[str, Field(text="line", example='"Vermessung Huber"')] = ""
+    author: Annotated[str, Field(text="line", example='"K. Huber"')] = ""
+    order: Annotated[str, Field(text="line", example='"2026-117"')] = ""
+    location: Annotated[str, Field(text="line", example='"Hohenfels"')] = ""
+    flown: Annotated[str, Field(text="date", example="2026-04-28")] = ""
+    date: Annotated[str, Field(text="date", example="2026-05-04")] = ""
+    equipment: Annotated[str, Field(text="line", example='"DJI M3E, RTK by SAPOS"')] = ""
+    remarks: Annotated[
+        tuple[str, ...], Field(text="line", example='["Signalled points were set out by the client."]')
+    ] = ()

@@ -8,8 +8,7 @@ from typing import Literal
 import numpy as np
 from msgspec import Struct, field
 
-from orip.arrays import FloatArray
-from orip.records.observations.control import PointKind
+from orip.arrays import FloatArray, IntArray
 from orip.records.project.camera import Projection
 from orip.records.results.group_test import GroupTest
 from orip.records.results.status import Status
@@ -278,8 +277,8 @@ class Solution(Struct, frozen=True):
     cameras: Estimates
     photos: Estimates
     points: Estimates
-    point_rays: tuple[int, ...]
-    point_kinds: tuple[PointKind, ...]
+    point_rays: IntArray
+    point_kinds: Sequence[str]
     residuals: Residuals
     photo_rotation_sd_about_axes: tuple[bool, ...]
     singular: tuple[SingularUnknown, ...] = ()

@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
+from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
@@ -82,7 +83,8 @@ def block_plan(given: ReportInput) -> BlockPlan | None:
     longest = max(float(np.ptp(places, axis=0).max()), 1e-9)
     plane = map_plane(places.min(axis=0) - _MARGIN * longest, places.max(axis=0) + _MARGIN * longest)
     picture, enlargement = _plan(given, scene, plane)
-    kinds = tuple(kind for kind in ("control", "check", "rejected", "tie") if kind in set(solution.point_kinds))
+    found = coded(solution.point_kinds).occurring()
+    kinds = tuple(kind for kind in ("control", "check", "rejected", "tie") if kind in found)
     rings = _RINGS if doubted_photos(given) else ""
     note = " ".join([_note(scene, enlargement, len(solution.points.names)), rings, up.note]).strip()
     return BlockPlan(side.title, picture, note, kinds, _overlap(given, scene, plane))

@@ -11,6 +11,7 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
+from orip.records.coded_names import coded
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.labels import labels
 from orip.report.drawings.map_plane import WIDTH, MapPlane, labels_of, map_plane
@@ -80,8 +81,7 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
 
 def drawn_points(solution: Solution, most: int) -> IntArray:
     """Return the rows of the points to draw: all that are not tie points, and an even selection of tie points."""
-    kinds = solution.point_kinds
-    is_tie = np.fromiter(map("tie".__eq__, kinds), np.bool_, len(kinds))
+    is_tie = coded(solution.point_kinds).where("tie".__eq__)
     ties, others = np.flatnonzero(is_tie), np.flatnonzero(~is_tie)[:most]
     room = max(most - len(others), 0)
     if len(ties) > room:

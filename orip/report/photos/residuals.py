@@ -90,8 +90,7 @@ def _of_w(solution: Solution) -> Markup:
 
 
 def _of_rays(solution: Solution) -> Markup:
-    rays = np.array(solution.point_rays, dtype=np.int64)
-    rays = rays[rays > 0]
+    rays = solution.point_rays[solution.point_rays > 0]
     if not rays.size:
         return Markup("")
     last = int(min(rays.max(), _MOST_RAYS))

@@ -80,7 +80,7 @@ def _chosen(
     return replace(
         solution,
         points=part,
-        point_rays=tuple(solution.point_rays[row] for row in rows),
+        point_rays=solution.point_rays[rows],
         point_kinds=tuple(solution.point_kinds[row] for row in rows),
     )
 

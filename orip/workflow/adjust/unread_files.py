@@ -32,8 +32,8 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         What is read.
     """
     project = bundle.project
-    measured = set(coded(bundle.observations.points).occurring())
-    has_control = any(point.name in measured for point in control.points)
+    measured = coded(bundle.observations.points).occurring()
+    has_control = not {point.name for point in control.points}.isdisjoint(measured)
     photos = (
         {record_key(name): name for name in coded(bundle.observations.photos).occurring()}
         if not control.stations
@@ -41,8 +41,9 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
     )
     if has_control and not photos:
         return
+    known_points = frozenset[str]() if has_control else frozenset(measured)
     for path, names in tables_in_folder(project.folder).items():
-        known = [name for name in names if name in measured]
+        known = [name for name in names if name in known_points]
         placed = [photos[key] for name in names if (key := record_key(name.partition(".")[0])) in photos]
         base = project.definition.control_files
         if not has_control and _FEWEST <= len(known) <= _MOST * len(measured):

@@ -59,5 +59,6 @@ def _stores(folder: Path) -> tuple[str, ...]:
     except (OSError, ValueError):
         return ()
     given = table if isinstance(table, dict) else {}
-    names = (given.get(key, ProjectTable.model_fields[key].default) for key in _STORE_KEYS)
+    usual = ProjectTable(name="")
+    names = (given.get(key, getattr(usual, key)) for key in _STORE_KEYS)
     return tuple(os.path.realpath(folder / name) for name in names if isinstance(name, str) and "\0" not in name)

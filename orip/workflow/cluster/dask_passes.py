@@ -1,15 +1,19 @@
 """Passes over a dissection tree as graphs of Dask.
 
 The lower parts of the tree are one task each, and so is every node above them. What a task returns stays with the
-worker; where that dies, Dask computes it again from what it was computed from: values that were sent, and files.
+worker; where that dies, Dask computes it again from what it was computed from: files that the workers read. The
+scheduler keeps nothing that grows with the number of photo points.
 """
 
 from __future__ import annotations
 
+import asyncio
 import pickle
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +26,7 @@ from orip.errors import OripError
 from orip.structs import replace
 from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
+from orip.workflow.cluster.task_files import StoredTask, TaskFile, stored_tasks
 from orip.workflow.cluster.worker_watch import LOOK_SECONDS, WorkerWatch, memory_advice
 
 if TYPE_CHECKING:
@@ -40,10 +45,21 @@ _AGAIN = "it begins from the start"
 
 
 class Spot(Struct, frozen=True):
-    """Values of nodes that are with the workers: a future for each group of nodes, and the numbers of these nodes."""
+    """Values of nodes that are with the workers.
+
+    Parameters
+    ----------
+    futures : tuple of Future
+        One for each group of nodes.
+    groups : tuple of tuples of int
+        Numbers of these nodes, ascending.
+    files : frozenset of TaskFile
+        From which the values can be computed again.
+    """
 
     futures: tuple[Future, ...]
     groups: tuple[tuple[int, ...], ...]
+    files: frozenset[TaskFile]
 
 
 class Sent(Struct):
@@ -124,23 +140,28 @@ def as_sent(values: bytes) -> Values:
     return Values(pickle.loads(values))
 
 
-def run_each(task: bytes, *arguments: Values) -> Values:
+def read_values(task: StoredTask) -> Values:
+    """Return values that were sent to be kept."""
+    return Values(task.read())
+
+
+def run_each(task: StoredTask, *arguments: Values) -> Values:
     """Apply a function to nodes of a group."""
-    found: _Task = pickle.loads(task)
+    found: _Task = task.read()
     return Values([found.function(*row) for row in found.rows(arguments)])
 
 
-def run_upward(task: bytes, *arguments: Values) -> Values:
+def run_upward(task: StoredTask, *arguments: Values) -> Values:
     """Apply a function to a group from the bottom up, and return what is kept and what is passed up."""
-    found: _Task = pickle.loads(task)
+    found: _Task = task.read()
     given = {child: arguments[number][0] for child, number in found.passed.items()}
     kept, passed = upward(found.nodes, found.rows(arguments), found.function, given)
     return Values([Values(kept), Values([passed])])
 
 
-def run_downward(task: bytes, *arguments: Values) -> Values:
+def run_downward(task: StoredTask, *arguments: Values) -> Values:
     """Apply a function to a group from its root down, and return what is kept and, by children, what is passed down."""
-    found: _Task = pickle.loads(task)
+    found: _Task = task.read()
     given = None if found.given is None else arguments[found.given][0]
     kept, passed = downward(found.nodes, found.rows(arguments), found.function, given)
     return Values([Values(kept), *(Values([passed[child]]) for child in sorted(passed))])
@@ -161,103 +182,127 @@ class DaskPasses(Struct, frozen=True):
     groups : tuple of tuples of int
         Numbers of the nodes that are computed together, ascending: parts of the tree, and single nodes above these.
     sent : Sent
+    folder : Path
+        Where client and workers read and write.
     """
 
     client: Client
     tree: DissectionTree
     groups: tuple[tuple[int, ...], ...]
     sent: Sent
+    folder: Path
 
     def kept(self, items: Sequence[Any]) -> Spot:
         """Send values of nodes to the workers that are to compute these."""
         with self._told():
+            file = self._stored([items[node] for node in nodes] for nodes in self.groups)
             workers = sorted(self.client.scheduler_info(n_workers=-1)["workers"])
             futures = []
-            for number, nodes in enumerate(self.groups):
-                values = self._pickled([items[node] for node in nodes])
+            for number, task in enumerate(file.tasks):
                 # where there is none at the moment, Dask waits for one
                 chosen = [workers[number * len(workers) // len(self.groups)]] if workers else None
                 futures.append(
                     self.client.submit(
-                        as_sent, values, workers=chosen, allow_other_workers=chosen is not None, pure=False
+                        read_values, task, workers=chosen, allow_other_workers=chosen is not None, pure=False
                     )
                 )
-            return Spot(tuple(futures), self.groups)
+            return Spot(tuple(futures), self.groups, frozenset({file}))
 
     def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Spot:
-        """Apply a function to every node, or to some."""
+        """Apply a function to every node, or to some, which are in ascending order."""
         with self._told():
-            futures, groups = [], []
-            for number, nodes in enumerate(self.groups):
-                chosen = nodes if only is None else tuple(node for node in only if node in nodes)
-                if not chosen:
-                    continue
-                values = chosen if only is None else [only.index(node) for node in chosen]
-                task, arguments = self._task(function, number, items, values)
-                if only is not None:
-                    task = replace(task, chosen=[nodes.index(node) for node in chosen])
-                futures.append(self._submit(run_each, task, arguments))
-                groups.append(chosen)
-            return Spot(tuple(futures), tuple(groups))
+            chosen = [nodes if only is None else tuple(node for node in only if node in nodes) for nodes in self.groups]
+            numbers = [number for number, nodes in enumerate(chosen) if nodes]
+
+            def tasks() -> Iterator[_Task]:
+                for number in numbers:
+                    nodes, some = self.groups[number], chosen[number]
+                    values = nodes if only is None else [only.index(node) for node in some]
+                    task = self._task(function, number, items, values)
+                    yield task if only is None else replace(task, chosen=[nodes.index(node) for node in some])
+
+            file = self._stored(tasks())
+            futures = [
+                self._submit(run_each, task, _arguments(items, number))
+                for task, number in zip(file.tasks, numbers, strict=True)
+            ]
+            return Spot(tuple(futures), tuple(chosen[number] for number in numbers), _lineage(file, items))
 
     def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Spot:
         """Apply a function from the bottom up."""
         with self._told():
+
+            def tasks() -> Iterator[_Task]:
+                given = len(_arguments(items, 0))
+                for number, nodes in enumerate(self.groups):
+                    task = self._task(function, number, items, nodes)
+                    outside = self._children_outside(nodes)
+                    yield replace(task, passed={child: given + place for place, child in enumerate(outside)})
+
+            file = self._stored(tasks())
             kept: list[Any] = []
             passed: dict[int, Any] = {}
             for number, nodes in enumerate(self.groups):
-                task, arguments = self._task(function, number, items, nodes)
-                for child in self._children_outside(nodes):
-                    task.passed[child] = len(arguments)
-                    arguments.append(passed.pop(child))
-                found = self._submit(run_upward, task, arguments)
+                arguments = [*_arguments(items, number), *map(passed.pop, self._children_outside(nodes))]
+                found = self._submit(run_upward, file.tasks[number], arguments)
                 kept.append(self._part(found, 0))
                 if self.tree.nodes[nodes[-1]].parent >= 0:
                     passed[nodes[-1]] = self._part(found, 1)
-            return Spot(tuple(kept), self.groups)
+            return Spot(tuple(kept), self.groups, _lineage(file, items))
 
     def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Spot:
         """Apply a function from the root down."""
         with self._told():
+
+            def tasks() -> Iterator[_Task]:
+                place = len(_arguments(items, 0))
+                for number, nodes in enumerate(self.groups):
+                    task = self._task(function, number, items, nodes)
+                    yield task if self.tree.nodes[nodes[-1]].parent < 0 else replace(task, given=place)
+
+            file = self._stored(tasks())
             kept: list[Any] = []
             passed: dict[int, Any] = {}
             for number, nodes in reversed(list(enumerate(self.groups))):
-                task, arguments = self._task(function, number, items, nodes)
+                arguments = _arguments(items, number)
                 if nodes[-1] in passed:
-                    task = replace(task, given=len(arguments))
                     arguments.append(passed.pop(nodes[-1]))
-                found = self._submit(run_downward, task, arguments)
+                found = self._submit(run_downward, file.tasks[number], arguments)
                 kept.append(self._part(found, 0))
                 for place, child in enumerate(sorted(self._children_outside(nodes))):
                     passed[child] = self._part(found, 1 + place)
-            return Spot(tuple(reversed(kept)), self.groups)
+            return Spot(tuple(reversed(kept)), self.groups, _lineage(file, items))
 
-    def gathered(self, handles: Spot) -> list[Any]:
-        """Return the values of handles, in the order of the nodes."""
-        with self._told():
-            self._wait_for(handles)
-            found = self.client.gather(list(handles.futures))
-        self.sent.back += sum(map(array_bytes, found))
-        values = {
-            node: value
-            for nodes, of_group in zip(handles.groups, found, strict=True)
-            for node, value in zip(nodes, of_group, strict=True)
-        }
-        return [values[node] for node in sorted(values)]
-
-    def _wait_for(self, handles: Spot) -> None:
-        """Wait until values are there, as long as the workers get on with them."""
-        from distributed import wait
-
+    def gathered(self, handles: Spot) -> Iterator[Any]:
+        """Yield the values of handles in the order of the nodes; those of one group are here at a time."""
         watch = WorkerWatch(least_memory(self.tree))
-        while True:
-            try:
-                wait(handles.futures, timeout=LOOK_SECONDS)
-            except TimeoutError:
-                watch.look(self.client.scheduler_info(n_workers=-1)["workers"])
-                self._free_from_the_dead()
-            else:
-                return
+        for future in handles.futures:
+            with self._told():
+                found = self._fetched(future, watch)
+            self.sent.back += array_bytes(found)
+            yield from found
+
+    def _fetched(self, future: Future, watch: WorkerWatch) -> Values:
+        """Return the value of a future, as long as the workers get on with it.
+
+        A worker may die when its value is there: it is computed again then, and whether others do so is watched, too.
+        """
+        fetching = asyncio.run_coroutine_threadsafe(
+            self.client.gather(future, asynchronous=True), self.client.loop.asyncio_loop
+        )
+        try:
+            while True:
+                try:
+                    found: Values = fetching.result(timeout=LOOK_SECONDS)
+                except TimeoutError:
+                    if fetching.done():
+                        raise
+                    watch.look(self.client.scheduler_info(n_workers=-1)["workers"])
+                    self._free_from_the_dead()
+                else:
+                    return found
+        finally:
+            fetching.cancel()
 
     def _free_from_the_dead(self) -> None:
         """Let other workers compute what was to be where a worker died.
@@ -287,6 +332,7 @@ class DaskPasses(Struct, frozen=True):
             If a worker is not fit.
         """
         from asyncio import CancelledError
+        from concurrent.futures import CancelledError as FetchCancelledError
 
         try:
             yield
@@ -294,7 +340,7 @@ class DaskPasses(Struct, frozen=True):
             raise
         except UnfitWorkerError as error:
             raise OripError(str(error)) from None
-        except (CancelledError, OSError, TimeoutError) as error:
+        except (CancelledError, FetchCancelledError, OSError, TimeoutError) as error:
             raise lost_cluster(self.client, _AGAIN) from error
         except Exception as error:
             if self.client.status != "running":
@@ -309,31 +355,37 @@ class DaskPasses(Struct, frozen=True):
         inside = set(nodes)
         return [child for node in nodes for child in self.tree.nodes[node].children if child not in inside]
 
-    def _task(
-        self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]
-    ) -> tuple[_Task, list[Future]]:
-        """Return the task of a group, and the futures that are its arguments."""
-        arguments: list[Future] = []
-        of_task: list[Any] = []
-        for item in items:
-            if isinstance(item, Spot):
-                of_task.append(_Argument(len(arguments)))
-                arguments.append(item.futures[number])
-            else:
-                of_task.append([item[value] for value in values])
+    def _task(self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]) -> _Task:
+        """Return the task of a group; its arguments are those of `_arguments`."""
+        arguments = count()
+        of_task = [
+            _Argument(next(arguments)) if isinstance(item, Spot) else [item[value] for value in values]
+            for item in items
+        ]
         topology = [(node, self.tree.nodes[node].children) for node in self.groups[number]]
-        return _Task(function, topology, of_task), arguments
+        return _Task(function, topology, of_task)
 
     def _part(self, found: Future, which: int) -> Future:
         return self.client.submit(part_of, found, which, pure=False)
 
-    def _submit(self, run: Callable[..., Any], task: _Task, arguments: Sequence[Future]) -> Future:
-        return self.client.submit(run, self._pickled(task), *arguments, pure=False)
+    def _submit(self, run: Callable[..., Any], task: StoredTask, arguments: Sequence[Future]) -> Future:
+        return self.client.submit(run, task, *arguments, pure=False)
 
-    def _pickled(self, values: Any) -> bytes:
-        found = pickle.dumps(values)
-        self.sent.there += len(found)
-        return found
+    def _stored(self, tasks: Iterable[Any]) -> TaskFile:
+        """Write what is sent to the workers."""
+        file = stored_tasks(self.folder, tasks)
+        self.sent.there += file.bytes
+        return file
+
+
+def _arguments(items: Sequence[Any], number: int) -> list[Future]:
+    """Return the futures that are arguments of the task of a group."""
+    return [item.futures[number] for item in items if isinstance(item, Spot)]
+
+
+def _lineage(file: TaskFile, items: Sequence[Any]) -> frozenset[TaskFile]:
+    """Return the files from which the results of a pass can be computed again."""
+    return frozenset({file}).union(*(item.files for item in items if isinstance(item, Spot)))
 
 
 def array_bytes(found: Any) -> int:
@@ -345,8 +397,8 @@ def array_bytes(found: Any) -> int:
     return sum(map(array_bytes, astuple(found))) if isinstance(found, Struct) else 0
 
 
-def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
-    """Return the passes of a tree over the workers of a client.
+def dask_passes(client: Client, tree: DissectionTree, sent: Sent, folder: Path) -> DaskPasses:
+    """Return the passes of a tree over the workers of a client; both read and write in a folder.
 
     Raises
     ------
@@ -359,7 +411,7 @@ def dask_passes(client: Client, tree: DissectionTree, sent: Sent) -> DaskPasses:
         message = f"the workers are too small; {memory_advice(least_memory(tree), workers)}"
         raise OripError(message)
     even = sum(map(front_bytes, tree.nodes)) // (_PARTS_A_WORKER * max(len(workers), 1))
-    return DaskPasses(client, tree, grouped(tree, min([even, *(limit // _PIECES for limit in limits)])), sent)
+    return DaskPasses(client, tree, grouped(tree, min([even, *(limit // _PIECES for limit in limits)])), sent, folder)
 
 
 def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:

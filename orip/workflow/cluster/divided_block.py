@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -95,11 +95,11 @@ class DividedBlocks(Struct):
         self.told = now
         return Moved(there, back, between, self.trees[-1].border_bytes if self.trees else 0)
 
-    def _spread(self, tree: DissectionTree, sub_blocks: Sequence[SubBlock]) -> Spread:
+    def _spread(self, tree: DissectionTree, sub_blocks: Iterable[SubBlock]) -> Spread:
         sources = store_sub_blocks(self.project, sub_blocks)
         require_fit_workers(self.client, marker_of(Path(sources[0].folder)), forking=False)
         self.trees.append(tree)
-        return Spread(dask_passes(self.client, tree, self.sent), sources)
+        return Spread(dask_passes(self.client, tree, self.sent, Path(sources[0].folder).parent), sources)
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import cast
 
@@ -73,16 +73,24 @@ class StoredSubBlock(Struct, frozen=True):
             raise UnfitWorkerError(message) from None
 
 
-def store_sub_blocks(project: Path, sub_blocks: Sequence[SubBlock]) -> list[StoredSubBlock]:
-    """Write the sub-blocks of a project unless they are there already.
+def store_sub_blocks(project: Path, sub_blocks: Iterable[SubBlock]) -> list[StoredSubBlock]:
+    """Write the sub-blocks of a project, one after the other; they stay as they are if they are there already.
 
     Raises
     ------
     OripError
         If they cannot be written.
     """
-    folder = write_sub_blocks(project.resolve(), [_arrays(sub_block) for sub_block in sub_blocks])
-    return [StoredSubBlock(str(folder), number) for number in range(len(sub_blocks))]
+    count = 0
+
+    def all_arrays() -> Iterator[dict[str, NDArray[np.generic]]]:
+        nonlocal count
+        for sub_block in sub_blocks:
+            count += 1
+            yield _arrays(sub_block)
+
+    folder = write_sub_blocks(project.resolve(), all_arrays())
+    return [StoredSubBlock(str(folder), number) for number in range(count)]
 
 
 def _arrays(sub_block: SubBlock) -> dict[str, NDArray[np.generic]]:

@@ -118,6 +118,6 @@ def _ground_coordinates(bundle: BundleState) -> dict[str, tuple[float, float, fl
             known[control.name] = x, y, z
     solution = bundle.solution
     if solution is not None:
-        rows = zip(solution.points.names, solution.points.values.tolist(), solution.point_rays, strict=True)
+        rows = zip(solution.points.names, solution.points.values.tolist(), solution.point_rays.tolist(), strict=True)
         known.update({name: (x, y, z) for name, (x, y, z), rays in rows if rays >= _LEAST_RAYS})
     return known

@@ -85,7 +85,7 @@ def rich_solution(bundle="MAIN"):
         projections=("perspective", "equidistant"),
         photos=estimates(("P1", "p2", "фото3"), len(PHOTO_PARAMETERS)),
         points=estimates(("1001", "a", "A", "点"), 3),
-        point_rays=(2, 3, 0, 9),
+        point_rays=np.array([2, 3, 0, 9]),
         point_kinds=("tie", "control", "check", "rejected"),
         residuals=Residuals(
             ("photo", "photo", "control", "element", "distance"),
@@ -261,7 +261,7 @@ def any_solution(draw):
         camera_part,
         photo_part,
         point_part,
-        tuple(draw(st.lists(st.integers(0, 99), min_size=points, max_size=points))),
+        np.array(draw(st.lists(st.integers(0, 99), min_size=points, max_size=points)), dtype=np.int64),
         tuple(draw(st.lists(kinds, min_size=points, max_size=points))),
         residuals,
         tuple(draw(flags(len(photo_part.names)))),

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,7 +21,8 @@ from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
 from orip.structs import replace
-from orip.workflow.cluster import dask_passes, sub_block_files
+from orip.workflow.cluster import dask_passes, sub_block_files, worker_watch
+from orip.workflow.cluster.connection import LostClusterError
 from orip.workflow.cluster.dask_passes import front_bytes, grouped
 from orip.workflow.cluster.divided_block import DividedBlocks
 from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
@@ -136,3 +141,60 @@ def test_groups_are_subtrees_and_single_nodes_above_them():
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():
     assert len(repr(StoredSubBlock("/folder", 7))) < 200
+
+
+@contextmanager
+def whose_worker_dies_before_results_are_fetched(folder: Path) -> Iterator[tuple[object, object, object]]:
+    """Yield a cluster, passes over a tree, and results that are there; their only worker ends as they are fetched."""
+    with (
+        distributed.LocalCluster(
+            processes=False, n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        distributed.Client(cluster) as found,
+    ):
+        loop, _ = DividedBlocks(found, folder, LARGEST_PART).pose(BLOCK).streamed
+        results = loop.passes.each(abs, [-node for node in range(len(loop.tree))])
+        distributed.wait(results.futures)
+        fetch = found._gather_remote
+
+        async def fetch_too_late(*arguments: object) -> object:
+            found._gather_remote = fetch
+            cluster.scale(0)
+            while cluster.scheduler.workers:
+                await asyncio.sleep(0.01)
+            return await fetch(*arguments)
+
+        found._gather_remote = fetch_too_late
+        yield cluster, loop.passes, results
+
+
+def test_results_of_a_worker_that_died_are_computed_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.05)
+    with whose_worker_dies_before_results_are_fetched(tmp_path) as (cluster, passes, results):
+        started = threading.Timer(0.3, cluster.scale, [1])
+        started.start()
+        assert list(passes.gathered(results)) == list(range(len(passes.tree)))
+        started.join()
+
+
+@pytest.mark.timeout(60)
+def test_results_that_no_worker_can_compute_again_are_not_waited_for(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_passes, "LOOK_SECONDS", 0.05)
+    monkeypatch.setattr(worker_watch, "_MOST_LONELY", 3)
+    with (
+        whose_worker_dies_before_results_are_fetched(tmp_path) as (_, passes, results),
+        pytest.raises(LostClusterError, match="no worker is left; start workers again"),
+    ):
+        list(passes.gathered(results))
+
+
+def test_what_tasks_are_computed_from_is_in_a_file_as_long_as_they_may_be_repeated(blocks, tmp_path):
+    loop, _ = blocks.pose(BLOCK).streamed
+    (folder,) = (tmp_path / FOLDER).iterdir()
+    first = loop.passes.kept(list(range(len(loop.tree))))
+    second = loop.passes.each(abs, first)
+    del first
+    assert list(loop.passes.gathered(second)) == list(range(len(loop.tree)))
+    assert len(list((tmp_path / FOLDER).iterdir())) == 3
+    del second
+    assert list((tmp_path / FOLDER).iterdir()) == [folder]

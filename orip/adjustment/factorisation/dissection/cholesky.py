@@ -5,7 +5,7 @@ A full matrix of the same unknowns names the same ones as not determined (`orip.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 import numpy as np
@@ -74,7 +74,7 @@ class DissectedFactor(Struct, frozen=True):
             found.scale((~self.removed).astype(np.float64))
         return found
 
-    def _put_together(self, of_nodes: Sequence[FloatArray], like: FloatArray) -> FloatArray:
+    def _put_together(self, of_nodes: Iterable[FloatArray], like: FloatArray) -> FloatArray:
         found = np.zeros_like(like)
         for node, values in zip(self.tree.nodes, of_nodes, strict=True):
             found[node.own] = values.reshape(-1, *like.shape[1:])

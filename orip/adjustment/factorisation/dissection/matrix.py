@@ -156,7 +156,7 @@ class DissectedMatrix(Struct):
         """Return the rows (o, f) of a node's own unknowns; of every element the place that comes first is one."""
         if number not in self._rows:
             handles = self.passes.each(own_rows, self.parts, [len(self.tree.nodes[number].own)], only=(number,))
-            self._rows[number] = self.passes.gathered(handles)[0]
+            (self._rows[number],) = self.passes.gathered(handles)
             if len(self._rows) > _KEPT_NODES:
                 self._rows.popitem(last=False)
         self._rows.move_to_end(number)

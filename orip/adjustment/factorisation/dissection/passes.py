@@ -6,7 +6,7 @@ passed on as a handle; only what is gathered comes back.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 from msgspec import Struct
@@ -38,8 +38,8 @@ class Passes(Protocol):
         It returns what is kept, and what is passed down to each of its children.
         """
 
-    def gathered(self, handles: Handles) -> list[Any]:
-        """Return the values of handles."""
+    def gathered(self, handles: Handles) -> Iterator[Any]:
+        """Yield the values of handles, node after node."""
 
 
 class InTurn(Struct, frozen=True):
@@ -65,9 +65,9 @@ class InTurn(Struct, frozen=True):
         """Apply a function from the root down."""
         return downward(topology(self.tree), list(zip(*items, strict=True)), function, None)[0]
 
-    def gathered(self, handles: Handles) -> list[Any]:
-        """Return the values themselves."""
-        return list(handles)
+    def gathered(self, handles: Handles) -> Iterator[Any]:
+        """Yield the values themselves."""
+        return iter(handles)
 
 
 Topology = Sequence[tuple[int, tuple[int, ...]]]

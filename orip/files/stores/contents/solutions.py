@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from msgspec.structs import astuple
 
+from orip.files.stores.column_arrays import ColumnValues
 from orip.files.stores.contents.solution_tables import (
     CAMERAS,
     ITEM_LISTS,
@@ -21,9 +23,9 @@ from orip.files.stores.contents.solution_tables import (
     items,
 )
 from orip.files.stores.digest import same_record
-from orip.files.stores.store import ColumnValues, Store
+from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
-from orip.records.coded_names import repeated
+from orip.records.coded_names import CodedNames, repeated
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupTest
@@ -97,8 +99,8 @@ def _read(store: Store, name: str, residuals: Residuals) -> Solution:
         projections=tuple(projections),
         photos=photos,
         points=points,
-        point_rays=tuple(rays.tolist()),
-        point_kinds=tuple(kinds),
+        point_rays=rays,
+        point_kinds=kinds,
         residuals=residuals,
         photo_rotation_sd_about_axes=tuple(about_axes.tolist()),
         photo_correlations=np.column_stack(store.columns(PHOTO_CORRELATIONS, name)[2:]),
@@ -121,8 +123,7 @@ def write(store: Store, solution: Solution) -> None:
     _write_estimates(store, CAMERAS, bundle, solution.cameras, solution.projections)
     about_axes = np.array(solution.photo_rotation_sd_about_axes, dtype=np.bool_)
     _write_estimates(store, PHOTOS, bundle, solution.photos, about_axes)
-    rays = np.array(solution.point_rays, dtype=np.int64)
-    _write_estimates(store, POINTS, bundle, solution.points, rays, solution.point_kinds)
+    _write_estimates(store, POINTS, bundle, solution.points, solution.point_rays, solution.point_kinds)
     residuals = astuple(solution.residuals)
     _insert(store, RESIDUALS, bundle, *residuals)
     _insert(store, PHOTO_CORRELATIONS, bundle, *solution.photo_correlations.T)
@@ -151,13 +152,13 @@ def _write_estimates(
     store: Store, table: StoreTable, bundle: str, estimates: Estimates, *further: ColumnValues
 ) -> None:
     count = len(estimates.names)
-    figures = np.stack([estimates.values, estimates.sd], axis=-1).reshape(count, -1) if count else np.empty((0, 0))
-    expected = len(table.columns) - 3 - len(further)
-    if count and figures.shape[1] != expected:
-        message = f"table {table.name} has {expected // 2} parameters, the solution {figures.shape[1] // 2}"
+    expected = (len(table.columns) - 3 - len(further)) // 2
+    pairs = list(zip(estimates.values.T, estimates.sd.T, strict=True)) if count else [(np.empty(0),) * 2] * expected
+    if len(pairs) != expected:
+        message = f"table {table.name} has {expected} parameters, the solution {len(pairs)}"
         raise ValueError(message)
-    columns = figures.T if count else np.empty((expected, 0))
-    _insert(store, table, bundle, estimates.names, *columns, *further)
+    names = CodedNames(estimates.names, np.arange(count))  # each one of its own
+    _insert(store, table, bundle, names, *chain.from_iterable(pairs), *further)
 
 
 def _read_estimates(store: Store, table: StoreTable, bundle: str, count: int) -> tuple[Estimates, tuple[Any, ...]]:
