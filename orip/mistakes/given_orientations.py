@@ -19,12 +19,12 @@ from orip.wording import counted_names
 _FAR_AWAY, _FAR_TURNED = 0.2, 0.35
 """Shift over the distance to the points, and rotation in radians, above which an orientation is no approximation."""
 
-_UNUSUAL = 10.0
-"""Multiple of the usual difference from which a photo counts as given wrong. By chance alone, one of five to twelve
-photos is five times as far off as the usual one in 1 to 4 % of all blocks, and ten times in 0.02 to 0.1 %."""
+_UNUSUAL = 7.0
+"""Multiple of the usual difference from which a photo counts as given wrong: by chance alone one photo is as far off in
+less than 0.2 % of all blocks, whatever the number of photos, if all are given equally roughly."""
 
 _MOST_ARE_RIGHT = 0.25
-"""Quantile of the differences that counts as usual: of four photos, two may be exchanged."""
+"""Quantile of the differences that counts as usual, the second of four photos: two of them may be exchanged."""
 
 _MOVED, _MOST_MOVED = 0.05, 40
 """Shift over the distance plus rotation from which photos may be exchanged, and most photos that are compared."""
@@ -143,7 +143,7 @@ def _wrong(compared: ComparedOrientations) -> BoolArray:
     """Return which photos (n,) were given far from where they are, and much farther than most."""
     wrong = np.zeros(len(compared.names), dtype=bool)
     for size, far in ((compared.shifts, _FAR_AWAY), (compared.turns, _FAR_TURNED)):
-        usual = float(np.nanquantile(size, _MOST_ARE_RIGHT, method="lower")) if np.isfinite(size).any() else 0.0
+        usual = float(np.nanquantile(size, _MOST_ARE_RIGHT, method="higher")) if np.isfinite(size).any() else 0.0
         wrong |= np.nan_to_num(size) > max(far, _UNUSUAL * usual)
     return wrong
 
