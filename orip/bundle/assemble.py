@@ -257,11 +257,11 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
 
 
 def _ground_observations(
-    point_names: Sequence[str], photos: Sequence[Photo], cameras: Sequence[Camera], inputs: BlockInput
+    point_names: tuple[str, ...], photos: Sequence[Photo], cameras: Sequence[Camera], inputs: BlockInput
 ) -> Control:
     """Return the control whose points, photos and cameras are all in the block."""
     control = inputs.control
-    points = set(point_names)
+    points = places_of_names(point_names).keys()
     records = {
         "PHOTO": {record_key(photo.name) for photo in photos},
         "CAMERA": {record_key(camera.name) for camera in cameras},
