@@ -141,11 +141,12 @@ INLINE void multiply(const double *matrix, const double *vector, double *result)
         result[i] = matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2];
 }
 
-/* Normal equations of a group. matrix: column j from its element j, every column `stride` long; coupling: the three rows
- * that couple a point with the group's unknowns, each `stride` long. */
+/* Normal equations of a group. matrix: column j from its element j, or from the first row that is not of the common columns
+ * of cameras, every column `of_rows` long; cameras: the triangle of these; coupling: the three rows that couple a point with
+ * the group's columns, each `stride` long. */
 typedef struct {
-    int64_t stride;
-    double *matrix, *right, *diagonal, *coupling;
+    int64_t stride, of_rows, common;
+    double *matrix, *cameras, *right, *diagonal, *coupling;
 } Sums;
 
 /* Length of a column of the sums of a group; it is padded, as additions are by whole lanes. */
@@ -154,18 +155,52 @@ static int64_t stride_of(int64_t size)
     return PADDED(size) + 2 * LANES;
 }
 
-static int64_t numbers_of_sums(int64_t size)
+static int64_t numbers_of_sums(int64_t size, int64_t common)
 {
-    return (size + 5 + COLUMNS_AT_ONCE) * stride_of(size);
+    return 5 * stride_of(size) + (size + COLUMNS_AT_ONCE) * stride_of(size - common);
 }
 
-INLINE void place_sums(double *room, int64_t size, Sums *sums)
+static int64_t numbers_of_cameras(int64_t common)
 {
+    return common ? (common + COLUMNS_AT_ONCE) * stride_of(common) : 0;
+}
+
+/* Place the sums of a group in the room, after those of its cameras, which it may share with the groups before it; return
+ * where the room goes on. */
+INLINE double *place_sums(const Block *b, const Pattern *p, Share share, int64_t group, const Local *local, double *room,
+                          Sums *sums)
+{
+    const int64_t size = local->size, common = local->common;
+    if (group == share.first || !has_same_cameras(b, p, group)) {
+        sums->cameras = room;
+        room += numbers_of_cameras(common);
+    }
+    sums->common = common;
     sums->stride = stride_of(size);
+    sums->of_rows = stride_of(size - common);
     sums->right = room;
     sums->diagonal = room + sums->stride;
     sums->coupling = room + 2 * sums->stride;
     sums->matrix = room + 5 * sums->stride;
+    return room + numbers_of_sums(size, common);
+}
+
+/* Whether no group after this one adds to the sums of its cameras. */
+INLINE int ends_cameras(const Block *b, const Pattern *p, Share share, int64_t group)
+{
+    return group + 1 == share.end || !has_same_cameras(b, p, group + 1);
+}
+
+/* The element of a row and a column of a group's sums, and how far columns are apart there. */
+INLINE double *at_row(const Sums *s, int64_t column, int64_t row)
+{
+    return row < s->common ? s->cameras + column * stride_of(s->common) + row
+                           : s->matrix + column * s->of_rows + row - s->common;
+}
+
+INLINE int64_t stride_at(const Sums *s, int64_t row)
+{
+    return row < s->common ? stride_of(s->common) : s->of_rows;
 }
 
 INLINE void add_to(double *sums, double x, const double *of_x, double y, const double *of_y, int64_t count)
@@ -261,9 +296,9 @@ INLINE void add_camera_rows(const Sums *s, const PhotoRows *kept, int64_t first,
                             int64_t step)
 {
     const double *photo = kept->row[0][c], *camera = photo + PHOTO_ROW;
-    double *matrix = s->matrix + first * s->stride;
-    add_products(matrix + first, s->stride, camera, columns, camera, PADDED(columns), rows, step * ROW, 1);
-    add_products(matrix + kept->at.photo, s->stride, camera, columns, photo, PHOTO_ROW, rows, step * ROW, 0);
+    const int64_t row = kept->at.photo;
+    add_products(at_row(s, first, first), stride_at(s, first), camera, columns, camera, PADDED(columns), rows, step * ROW, 1);
+    add_products(at_row(s, first, row), stride_at(s, row), camera, columns, photo, PHOTO_ROW, rows, step * ROW, 0);
     add_right(s, first, camera, kept->misclosure[0] + c, PADDED(columns), rows, step);
 }
 
@@ -281,7 +316,7 @@ static void add_photo_rows(const Sums *s, PhotoRows *kept)
     else
         for (int c = 0; c < 2; c++)
             add_camera_rows(s, kept, at->camera[c], at->camera_columns, c, rays, 2);
-    add_products(s->matrix + at->photo * s->stride + at->photo, s->stride, photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW,
+    add_products(at_row(s, at->photo, at->photo), stride_at(s, at->photo), photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW,
                  2 * rays, ROW, 1);
     add_right(s, at->photo, photo, kept->misclosure[0], PHOTO_ROW, 2 * rays, 1);
 }
@@ -367,17 +402,16 @@ INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64
             points[count++] = p;
     for (int64_t u = first; count && u < first + columns_of_own; u += COLUMNS_OF_PANEL) {
         const double *of_column[COLUMNS_OF_PANEL];
-        double *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
+        double nowhere[STRIP] = {0.0};
         const int64_t own = first + columns_of_own - u;
         for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
             const int64_t j = c < own ? u + c : u;
             of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
-            columns[c] = s->matrix + j * s->stride;
         }
         for (int64_t i = u / STRIP * STRIP; i < size; i += STRIP) {
             double *at[COLUMNS_OF_PANEL];
             for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
-                at[c] = c < own ? columns[c] + i : nowhere;
+                at[c] = c < own ? at_row(s, u + c, i) : nowhere;
             subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
         }
     }
@@ -403,36 +437,47 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
-/* Add a group's sums to the reduced system, one stretch of consecutive places after the other. Cameras with the same lens
- * have common places: where two unknowns of the group are one, both triangles of the sums go to the diagonal. */
-INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
+/* Add a part of column j of a group's sums, from the i-th row on, to the reduced system, one stretch of consecutive places
+ * after the other. Cameras with the same lens have common places: where two unknowns of the group are one, both triangles
+ * of the sums go to the diagonal. */
+INLINE void scatter_column(const double *column, int64_t j, int64_t i, int64_t end, const Local *local, const Reduced *m,
+                           const int32_t *stretch)
+{
+    const int64_t own = local->place[j];
+    for (int64_t length; i < end; i += length) {
+        const int64_t place = local->place[i], room = own + m->stride + 1 - place;
+        length = stretch[i] < end - i ? stretch[i] : end - i;
+        if (place >= own && place + length <= m->banded) {
+            double *banded = m->band + own * m->stride + place;
+            for (int64_t k = 0; k < length && k < room; k++)
+                banded[k] += column[i + k];
+        } else if (own >= m->banded && place >= 0 && place + length <= own) {
+            double *row = m->border + (own - m->banded) * m->size + place;
+            for (int64_t k = 0; k < length; k++)
+                row[k] += column[i + k];
+        } else
+            for (int64_t k = 0; place >= 0 && k < length; k++)
+                if (is_stored(m, own, place + k))
+                    *element_at(m, own, place + k) += column[i + k];
+        if (i != j && place >= 0 && place <= own && own < place + length)
+            *element_at(m, own, own) += column[i + own - place];
+    }
+}
+
+/* Add a group's sums to the reduced system; with_cameras: those that it shares with other groups, too. */
+INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch, int with_cameras)
 {
     const Reduced *m = &n->reduced;
     find_stretches(local, stretch);
     for (int64_t j = 0; j < local->size; j++) {
-        const int64_t own = local->place[j];
-        const double *column = s->matrix + j * s->stride;
+        const int64_t own = local->place[j], from = j < s->common ? s->common : j;
         if (own < 0)
             continue;
         n->right[own] += s->right[j];
         n->diagonal[own] += s->diagonal[j];
-        for (int64_t i = j; i < local->size; i += stretch[i]) {
-            const int64_t place = local->place[i], length = stretch[i], room = own + m->stride + 1 - place;
-            if (place >= own && place + length <= m->banded) {
-                double *banded = m->band + own * m->stride + place;
-                for (int64_t k = 0; k < length && k < room; k++)
-                    banded[k] += column[i + k];
-            } else if (own >= m->banded && place >= 0 && place + length <= own) {
-                double *row = m->border + (own - m->banded) * m->size + place;
-                for (int64_t k = 0; k < length; k++)
-                    row[k] += column[i + k];
-            } else
-                for (int64_t k = 0; place >= 0 && k < length; k++)
-                    if (is_stored(m, own, place + k))
-                        *element_at(m, own, place + k) += column[i + k];
-            if (i != j && place >= 0 && place <= own && own < place + length)
-                *element_at(m, own, own) += column[i + own - place];
-        }
+        if (with_cameras && j < s->common)
+            scatter_column(s->cameras + j * stride_of(s->common), j, j, s->common, local, m, stretch);
+        scatter_column(s->matrix + j * s->of_rows - s->common, j, from, local->size, local, m, stretch);
     }
 }
 
@@ -452,15 +497,15 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
     PhotoRows kept[KEPT_PHOTOS];
     Local local = local_in(p, numbers);
     Panel panel = {.rows = of_panel, .seen = numbers + ARRAYS_OF_LOCAL * p->longest};
+    Sums s;
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
-        Sums s;
         local_unknowns(b, p, group, &local);
-        place_sums(room, local.size, &s);
+        double *const next = place_sums(b, p, share, group, &local, room, &s);
         for (int photo = 0; photo < KEPT_PHOTOS; photo++)
             kept[photo].rays = 0;
         memset(panel.seen, 0, sizeof(int32_t) * (size_t)(local.camera_runs + local.photo_runs));
-        memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
+        memset(room, 0, sizeof(double) * (size_t)(next - room));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const int64_t block = p->block[place];
             double V[9] = {0.0}, full[3], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
@@ -512,8 +557,10 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
         eliminate_panel(b, p, &local, &s, &panel);
         for (int photo = 0; photo < KEPT_PHOTOS; photo++)
             add_photo_rows(&s, &kept[photo]);
-        matrix_to_unknowns(p, &local, s.matrix, s.stride, s.right, s.diagonal);
-        room += numbers_of_sums(local.size);
+        if (ends_cameras(b, p, share, group))
+            matrix_to_unknowns(p, &local, s.cameras, stride_of(s.common));
+        rows_to_unknowns(p, &local, s.matrix, s.of_rows, s.right, s.diagonal);
+        room = next;
     }
 }
 
@@ -521,12 +568,11 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
 static void add_normals(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
     Local local = local_in(p, numbers);
+    Sums s;
     for (int64_t group = share.first; group < share.end; group++) {
-        Sums s;
         local_unknowns(b, p, group, &local);
-        place_sums(room, local.size, &s);
-        scatter(&s, &local, n, numbers + ARRAYS_OF_LOCAL * p->longest);
-        room += numbers_of_sums(local.size);
+        room = place_sums(b, p, share, group, &local, room, &s);
+        scatter(&s, &local, n, numbers + ARRAYS_OF_LOCAL * p->longest, ends_cameras(b, p, share, group));
     }
     if (share.end == p->groups && has_both_triangles(&n->reduced))
         mirror(&n->reduced);
