@@ -402,16 +402,17 @@ INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64
             points[count++] = p;
     for (int64_t u = first; count && u < first + columns_of_own; u += COLUMNS_OF_PANEL) {
         const double *of_column[COLUMNS_OF_PANEL];
-        double nowhere[STRIP] = {0.0};
+        double *cameras[COLUMNS_OF_PANEL], *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
         const int64_t own = first + columns_of_own - u;
         for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
             const int64_t j = c < own ? u + c : u;
             of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
+            cameras[c] = at_row(s, j, 0), columns[c] = at_row(s, j, s->common) - s->common;
         }
         for (int64_t i = u / STRIP * STRIP; i < size; i += STRIP) {
             double *at[COLUMNS_OF_PANEL];
             for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
-                at[c] = c < own ? at_row(s, u + c, i) : nowhere;
+                at[c] = c < own ? (i < s->common ? cameras[c] : columns[c]) + i : nowhere;
             subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
         }
     }
