@@ -405,6 +405,20 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
+/* Columns of the reduced system that are fetched before numbers are added to them. */
+#define COLUMNS_BEFORE 2
+
+/* Fetch what a group's sums of a column are added to, from the j-th local unknown on. */
+INLINE void fetch_column(const Reduced *m, const Local *local, int64_t j, const int32_t *stretch)
+{
+    if (j >= local->size || local->place[j] < 0)
+        return;
+    const double *column = m->band + local->place[j] * m->stride;
+    for (int64_t i = j; i < local->size; i += stretch[i])
+        for (int64_t k = 0; local->place[i] >= local->place[j] && k < stretch[i]; k += NUMBERS_OF_LINE)
+            FETCH(column + local->place[i] + k);
+}
+
 /* Add a group's sums to the reduced system, one stretch of consecutive places after the other. Cameras with the same lens
  * have common places: where two unknowns of the group are one, both triangles of the sums go to the diagonal. */
 INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
@@ -414,6 +428,7 @@ INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t
     for (int64_t j = 0; j < local->size; j++) {
         const int64_t own = local->place[j];
         const double *column = s->matrix + j * s->stride;
+        fetch_column(m, local, j + COLUMNS_BEFORE, stretch);
         if (own < 0)
             continue;
         n->right[own] += s->right[j];
