@@ -411,7 +411,7 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
 /* Fetch what a group's sums of a column are added to, from the j-th local unknown on. */
 INLINE void fetch_column(const Reduced *m, const Local *local, int64_t j, const int32_t *stretch)
 {
-    if (j >= local->size || local->place[j] < 0)
+    if (j >= local->size || local->place[j] < 0 || local->place[j] >= m->banded)
         return;
     const double *column = m->band + local->place[j] * m->stride;
     for (int64_t i = j; i < local->size; i += stretch[i])
