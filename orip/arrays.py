@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orip.waiting_modules import let_wait
 
-let_wait(np, "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
+let_wait(np, "char", "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

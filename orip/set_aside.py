@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
-from threading import Event, Thread
+from threading import Event, Lock, Thread
 from typing import Any, Generic, TypeVar
 from weakref import WeakSet
 
@@ -38,6 +38,7 @@ _M_MMAP_THRESHOLD = -3
 
 _folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 _mappings: WeakSet[mmap.mmap] = WeakSet()
+_alone = Lock()
 
 
 @contextmanager
@@ -110,7 +111,8 @@ class ColumnByParts(Generic[ScalarT]):
             if not os.fstat(self._file.fileno()).st_size:
                 return np.zeros(0, dtype=self._dtype)
             mapping = mmap.mmap(self._file.fileno(), 0, access=mmap.ACCESS_READ)
-        _mappings.add(mapping)
+        with _alone:
+            _mappings.add(mapping)
         return np.frombuffer(mapping, dtype=self._dtype)
 
 
@@ -129,7 +131,9 @@ def _release_until(ends: Event) -> None:
     The system does the same where it lacks memory, but counts until then all that was ever looked at.
     """
     while not ends.wait(_LOOKED_AT_SECONDS):
-        for mapping in list(_mappings):
+        with _alone:
+            mappings = list(_mappings)
+        for mapping in mappings:
             with suppress(AttributeError, OSError):  # some systems have no such advice
                 mapping.madvise(mmap.MADV_DONTNEED)
 

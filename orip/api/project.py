@@ -34,7 +34,7 @@ from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 from orip.workflow.records.initialise_step import initialise_step
 from orip.workflow.status import STATUS_FROM, project_status
 
-_READ: frozenset[Part] = frozenset({*INITIALISED_FROM, *MEASURED_FROM, *ADJUSTED_FROM, *STATUS_FROM})
+_READ: frozenset[Part] = frozenset({*INITIALISED_FROM, *MEASURED_FROM, *ADJUSTED_FROM, *STATUS_FROM} - {"digests"})
 
 
 def open_project(folder: str | PathLike[str]) -> Project:

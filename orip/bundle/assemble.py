@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.bundle.station_orientations import with_orientations_of_stations
@@ -256,11 +257,11 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
 
 
 def _ground_observations(
-    point_names: Sequence[str], photos: Sequence[Photo], cameras: Sequence[Camera], inputs: BlockInput
+    point_names: tuple[str, ...], photos: Sequence[Photo], cameras: Sequence[Camera], inputs: BlockInput
 ) -> Control:
     """Return the control whose points, photos and cameras are all in the block."""
     control = inputs.control
-    points = set(point_names)
+    points = places_of_names(point_names).keys()
     records = {
         "PHOTO": {record_key(photo.name) for photo in photos},
         "CAMERA": {record_key(camera.name) for camera in cameras},
@@ -327,8 +328,7 @@ def _photo_points(keys: Sequence[str], point_names: tuple[str, ...], inputs: Blo
     xy = np.empty(observations.measured.shape)
     default = np.empty(observations.measured.shape)
     precision = inputs.definition.measurement_precision
-    by_photo = np.split(np.argsort(photo, kind="stable"), np.cumsum(np.bincount(photo, minlength=len(keys)))[:-1])
-    for rows, key in zip(by_photo, keys, strict=True):
+    for rows, key in zip(_rows_by_photo(photo, len(keys)), keys, strict=True):
         xy[rows] = inputs.interior.to_photo[key].apply(observations.measured[rows])
         unit = np.array(inputs.interior.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
         default[rows] = precision.value * unit
@@ -337,3 +337,11 @@ def _photo_points(keys: Sequence[str], point_names: tuple[str, ...], inputs: Blo
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
     error = set_aside(np.where(own, np.abs(observations.errors), default))
     return IndexedPhotoPoints(photo, point, xy, error, set_aside(used))
+
+
+def _rows_by_photo(photo: IntArray, count: int) -> Sequence[slice | IntArray]:
+    """Return the rows of each photo; `photo` (n,) is that of each row."""
+    if (photo[1:] >= photo[:-1]).all():  # as they are stored: what lies together need not be gathered
+        ends = np.cumsum(np.bincount(photo, minlength=count)).tolist()
+        return [slice(start, end) for start, end in pairwise([0, *ends])]
+    return rows_of_groups(photo, count)

@@ -17,7 +17,7 @@ from orip.geometry.rays import intersect_rays
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point: of two neither can be called wrong; of many the right ones outweigh the others."""
 
-_OF_TWO = 2.0
+OF_TWO = 2.0
 
 
 class PhotoRays(NamedTuple):
@@ -79,7 +79,7 @@ def where_most_rays_meet(rays: PhotoRays, point: IntArray, start: FloatArray, li
         if _FEWEST_RAYS <= count <= _MOST_RAYS:
             alike = counts == count
             rows = order[first[alike][:, None] + np.arange(count)]
-            found[points[alike]] = _best_positions(rays, rows, start[points[alike]], _OF_TWO * limit)
+            found[points[alike]] = _best_positions(rays, rows, start[points[alike]], OF_TWO * limit)
     return found
 
 
@@ -121,7 +121,7 @@ def rival_positions(rays: PhotoRays, rows: IntArray, fitting: BoolArray, limit: 
     best, least = np.full((len(rows), 3), np.nan), np.full(len(rows), np.inf)
     for pair in combinations(range(rows.shape[1]), 2):
         tried = _meeting(rays, rows, _of_pair(rows, pair))
-        costs = _costs(rays, rows, tried, _OF_TWO * limit)
+        costs = _costs(rays, rows, tried, OF_TWO * limit)
         better = (costs < least) & ~fitting[:, pair].all(axis=1) & np.isfinite(tried).all(axis=1)
         best, least = np.where(better[:, None], tried, best), np.where(better, costs, least)
     return best

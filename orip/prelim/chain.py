@@ -97,10 +97,23 @@ def preliminary_values_soon(block: Block) -> PreliminaryValues:
 
 
 class _Search(NamedTuple):
-    """The best outcome of the routes tried, the route by models, whether that is enough, and the number of routes."""
+    """The best outcome of the routes tried, and whether it is enough.
+
+    Attributes
+    ----------
+    measured : MeasuredBlock
+    best : Outcome or None
+    lengths : array (n,)
+        Its `lengths_of_residuals`; none without an outcome.
+    by_models : Route or None
+    is_enough : bool
+    tried : int
+        Number of routes.
+    """
 
     measured: MeasuredBlock
     best: Outcome | None
+    lengths: FloatArray
     by_models: Route | None
     is_enough: bool
     tried: int
@@ -120,7 +133,7 @@ class _End(NamedTuple):
 
 def _values(found: _Search) -> PreliminaryValues:
     at_once = found.is_enough and found.tried == 1
-    return found_values(found.measured, found.best, found.by_models, name_weak_connections=not at_once)
+    return found_values(found.measured, found.best, found.lengths, found.by_models, name_weak_connections=not at_once)
 
 
 def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
@@ -145,6 +158,7 @@ def _ended(searches: Iterator[_Search]) -> _Search:
 def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Iterator[_Search]:
     """Try routes until nothing better is to be expected; yield what has been found after each."""
     best: Outcome | None = None
+    of_best: FloatArray = np.empty(0)
     beaten = (False, -np.inf)
     ends: list[_End] = []
     by_the_models: Route | None = None
@@ -159,11 +173,11 @@ def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Ite
                 lengths = lengths_of_residuals(measured, outcome)
                 misfit = _misfit(measured.rays, outcome.grown, lengths)
                 if (outcome.is_final, -misfit) > beaten:
-                    best, beaten = outcome, (outcome.is_final, -_BETTER * misfit)
+                    best, of_best, beaten = outcome, lengths, (outcome.is_final, -_BETTER * misfit)
                 if _is_complete(measured, outcome):
                     ends.append(_end(measured, outcome, lengths, misfit))
         is_enough = _is_enough(ends)
-        yield _Search(measured, best, by_the_models, is_enough, tried)
+        yield _Search(measured, best, of_best, by_the_models, is_enough, tried)
         if is_enough:
             return
 

@@ -7,6 +7,7 @@ from itertools import compress
 
 import numpy as np
 
+from orip.arrays import FloatArray
 from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
 from orip.prelim.growing.reasons import doubtful_photos, why_not_oriented
 from orip.prelim.intersection.consensus import with_consensus
@@ -14,14 +15,19 @@ from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.refinement.camera_corrections import parameters_with
 from orip.prelim.routes import Route
-from orip.prelim.to_ground import Outcome, lengths_of_residuals
+from orip.prelim.to_ground import Outcome
 from orip.prelim.weak_connections import weak_connections
 from orip.records.results.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
 from orip.wording import counted
 
 
 def found_values(
-    measured: MeasuredBlock, best: Outcome | None, by_models: Route | None, *, name_weak_connections: bool
+    measured: MeasuredBlock,
+    best: Outcome | None,
+    lengths: FloatArray,
+    by_models: Route | None,
+    *,
+    name_weak_connections: bool,
 ) -> PreliminaryValues:
     """Return the values of the best outcome.
 
@@ -30,6 +36,8 @@ def found_values(
     measured : MeasuredBlock
     best : Outcome or None
         None where no route oriented a photo.
+    lengths : array (n,)
+        Its `lengths_of_residuals`.
     by_models : Route or None
         The route by the user's models. Its steps are always listed: what failed there is what the user has to correct.
     name_weak_connections : bool
@@ -41,7 +49,7 @@ def found_values(
     if best is not None and not findings and best.reading is None:
         # for a photo that could not be oriented the listing says what is missing
         weak = _weak_connections(measured) if name_weak_connections and grown.oriented.all() else ()
-        findings = (*_doubtful_photos(measured, best), *weak)
+        findings = (*_doubtful_photos(measured, best, lengths), *weak)
     findings = (*_contradicted_rays(measured), *findings)
     on_ground = best is not None and best.on_ground
     return PreliminaryValues(
@@ -104,9 +112,8 @@ def _cameras(measured: MeasuredBlock, grown: GrowingBlock) -> Iterator[CameraSta
         yield CameraStart(camera.name, parameters_with(camera, correction))
 
 
-def _doubtful_photos(measured: MeasuredBlock, best: Outcome) -> Iterator[str]:
+def _doubtful_photos(measured: MeasuredBlock, best: Outcome, lengths: FloatArray) -> Iterator[str]:
     if best.on_ground:
-        lengths = lengths_of_residuals(measured, best)
         yield from doubtful_photos(measured.rays, best.grown, lengths, measured.blunders)
 
 

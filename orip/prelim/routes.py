@@ -13,6 +13,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block, growing_block_of
+from orip.prelim.medians import median
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.refinement import ROUGH
@@ -169,4 +170,4 @@ def _worth(pair: RelativeOrientation) -> float:
     if not len(lengths):
         return 0.0
     angles = np.arccos(np.clip(np.sum(to_left * to_right, axis=1) / lengths, -1.0, 1.0))
-    return float(np.sqrt(len(angles)) * min(float(np.median(angles)), _GOOD_ANGLE))
+    return float(np.sqrt(len(angles)) * min(median(angles), _GOOD_ANGLE))

@@ -32,10 +32,11 @@ class CodedNames(Sequence[str]):
         Numbers of the rows' names among them; kept with as few bits as all names need.
     """
 
-    __slots__ = ("codes", "distinct")
+    __slots__ = ("_occurring", "codes", "distinct")
 
     def __init__(self, distinct: Sequence[str], codes: NDArray[np.integer[Any]]) -> None:
         self.distinct = tuple(distinct)
+        self._occurring: tuple[str, ...] | None = None
         fewest = np.min_scalar_type(max(len(self.distinct) - 1, 0))
         self.codes: NDArray[np.unsignedinteger[Any]] = codes.astype(fewest, copy=False)
 
@@ -70,10 +71,12 @@ class CodedNames(Sequence[str]):
         return f"CodedNames({tuple(self)!r})"
 
     def occurring(self) -> tuple[str, ...]:
-        """Return the different names among the rows, in the order of their first ones."""
-        first = self.first_rows()
-        there = np.flatnonzero(first < len(self))
-        return tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+        """Return the different names among the rows, in the order of their first ones; remembered."""
+        if self._occurring is None:
+            first = self.first_rows()
+            there = np.flatnonzero(first < len(self))
+            self._occurring = tuple(map(self.distinct.__getitem__, there[np.argsort(first[there])].tolist()))
+        return self._occurring
 
     def first_rows(self) -> IntArray:
         """Return the first row (m,) of each different name; n for a name that no row has."""

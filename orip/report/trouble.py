@@ -189,9 +189,9 @@ def _unchecked(solution: Solution) -> list[Spot]:
     has_few = np.zeros(len(names) + 1, dtype=bool)  # the last one: of what is no point of the solution
     rays = solution.point_rays
     has_few[:-1] = _without_control(solution) & (rays >= 1) & (rays <= 2)
-    open_rows = coded(residuals.kind).where(lambda kind: kind in {"photo", "control"})
-    open_rows &= (residuals.redundancy_number < UNCHECKED) & ~np.isnan(residuals.weight_factor)
-    rows = np.flatnonzero(open_rows)
+    rows = np.flatnonzero(residuals.redundancy_number < UNCHECKED)  # few of millions
+    rows = rows[coded(residuals.kind)[rows].where(lambda kind: kind in {"photo", "control"})]
+    rows = rows[~np.isnan(residuals.weight_factor[rows])]
     point = coded(residuals.point)[rows]
     is_open = ~has_few[point.places_among(names)]
     rows, point = rows[is_open], point[is_open]

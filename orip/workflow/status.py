@@ -20,7 +20,7 @@ from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.step import Step
 from orip.workflow.records.initialise_step import initialise_step
 
-STATUS_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "replay", "heads")
+STATUS_FROM: tuple[Part, ...] = ("definitions", "digests", "replay", "heads")
 """What `project_status` needs of the stores."""
 
 _HEAD_OF_REPORT = 4096
@@ -81,7 +81,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
         ("template", _count(project, text.templates, stored.templates)),
         ("photo", _count(project, text.photos, stored.photos)),
         ("bundle", len(bundles)),
-        ("photo point", sum(len(bundle.observations.points) for bundle in bundles)),
+        ("photo point", sum(bundle.number_of_observations for bundle in bundles)),
         *_stations(state),
     )
     following = next((step.following for step in steps if step.state != "up to date"), None)

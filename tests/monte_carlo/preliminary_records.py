@@ -84,8 +84,10 @@ def started_at(
 ) -> Block:
     """Return a gathered block started at (centre, rotation) of its photos and coordinates of its points."""
     both = [orientations[record_key(photo.name)] for photo in block.photos]
-    start = np.array([np.r_[centre, angles_from_rotation(rotation)] for centre, rotation in both])
-    preliminary = tuple(PreliminaryPoint(name, tuple(np.asarray(xyz).tolist())) for name, xyz in coordinates.items())
+    centres, rotations = (np.array(part) for part in zip(*both, strict=True))
+    start = np.column_stack([centres, angles_from_rotation(rotations)])
+    known = np.array([*coordinates.values()], dtype=np.float64).reshape(-1, 3).tolist()
+    preliminary = tuple(PreliminaryPoint(name, tuple(xyz)) for name, xyz in zip(coordinates, known, strict=True))
     return with_starting_values(replace(block, photo_orientation=start, preliminary=preliminary))[0]
 
 

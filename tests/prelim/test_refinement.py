@@ -163,11 +163,11 @@ def test_a_step_that_cannot_be_solved_is_damped_more(monkeypatch):
     solver = refinement.CompiledSolver if is_compiled() else refinement.ArraySolver
     moved, dampings = solver.moved, []
 
-    def failing_at_first(self, state, at, factors, damping):
+    def failing_at_first(self, state, factors, damping):
         dampings.append(damping)
         if len(dampings) < 3:
             raise np.linalg.LinAlgError
-        return moved(self, state, at, factors, damping)
+        return moved(self, state, factors, damping)
 
     monkeypatch.setattr(solver, "moved", failing_at_first)
     found = refine(*given, held_points=held)

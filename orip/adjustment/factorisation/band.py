@@ -6,7 +6,6 @@ import numpy as np
 from msgspec import Struct
 from scipy.linalg import eigh
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
 from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
@@ -208,7 +207,7 @@ def _narrow(groups: IntArray, pattern: csr_array, sizes: IntArray, central: Bool
     if not len(inner):
         return None
     graph = pattern[inner][:, inner]
-    orders = [np.arange(len(inner)), reverse_cuthill_mckee(graph, symmetric_mode=True)]
+    orders = [np.arange(len(inner)), _neighbours_together(graph)]
     lasts = [_last_places(graph, order, sizes[inner]) for order in orders]
     widths = [int((last - np.arange(len(last))).max(initial=1)) for last in lasts]
     best = int(np.argmin(widths))
@@ -226,7 +225,7 @@ def _wide(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolAr
     if len(inner) < 2:
         return None
     graph = pattern[inner][:, inner]
-    orders = [reverse_cuthill_mckee(graph, symmetric_mode=True), _spectral_order(graph)]
+    orders = [_neighbours_together(graph), _spectral_order(graph)]
     reaches = [reach_of_panels(_last_places(graph, order, sizes[inner])) for order in orders]
     efforts = [effort_of(reach) for reach in reaches]
     best = int(np.argmin(efforts))
@@ -235,6 +234,13 @@ def _wide(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolAr
     if efforts[best] + banded * border * (2.0 * width + border) > _WIDE_GAIN * len(groups) ** 3 / 6:
         return None
     return Arrangement(_places(groups, sizes, inner[orders[best]], is_border), banded, width, reach)
+
+
+def _neighbours_together(graph: csr_array) -> IntArray:
+    """Return the order of nodes of Cuthill and McKee, reversed."""
+    from scipy.sparse.csgraph import reverse_cuthill_mckee  # takes its time to import; small blocks do without
+
+    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True))
 
 
 def _spectral_order(graph: csr_array) -> IntArray:

@@ -297,9 +297,10 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
 
 /* The columns that the points of a group are coupled with: those of its cameras, then six of each photo, in the order of
  * their places. The unknowns of a camera take the first places of its columns, and those behind them have none. first: of
- * each run; sorted: the runs in the order of their columns. */
+ * each run; sorted: the runs in the order of their columns; common: columns of cameras whose sums groups that follow each
+ * other share, padded, 0 if none has a set. */
 typedef struct {
-    int64_t size;
+    int64_t size, common;
     const int32_t *runs;
     int32_t camera_runs, photo_runs;
     int32_t *first, *place, *sorted;
@@ -334,12 +335,23 @@ INLINE void insert_run(const Block *b, const Pattern *p, Local *local, int32_t r
     local->sorted[at] = r;
 }
 
+/* Pad the columns of cameras, if one has a set, so that their sums are whole strips of the columns. */
+INLINE void end_cameras(const Pattern *p, Local *local)
+{
+    int has_set = 0;
+    for (int32_t r = 0; r < local->camera_runs; r++)
+        has_set |= p->camera_products[local->runs[r]] > 0;
+    while (has_set && local->size % PADDED(1))
+        local->place[local->size++] = -1;
+    local->common = has_set ? local->size : 0;
+}
+
 INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
 {
     const int32_t *runs = p->runs + p->runs_start[group];
     const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
     local->runs = runs;
-    local->size = 0;
+    local->size = local->common = 0;
     local->camera_runs = 0;
     for (int32_t r = 0; r < count; r++) {
         local->camera_runs += runs[r] < b->camera_count;
@@ -355,6 +367,24 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
         local->first[local->sorted[at]] = (int32_t)local->size;
         for (int32_t u = 0; u < columns; u++)
             local->place[local->size++] = u < unknowns ? places[u] : -1;
+        if (at + 1 == local->camera_runs)
+            end_cameras(p, local);
+    }
+}
+
+/* Whether a group has the same cameras as that before it. */
+INLINE int has_same_cameras(const Block *b, const Pattern *p, int64_t group)
+{
+    const int32_t *runs = p->runs + p->runs_start[group], *before = p->runs + p->runs_start[group - 1];
+    const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
+    const int32_t of_before = p->runs_start[group] - p->runs_start[group - 1];
+    for (int32_t r = 0;; r++) {
+        const int is_camera = r < count && runs[r] < b->camera_count;
+        const int was_camera = r < of_before && before[r] < b->camera_count;
+        if (!is_camera || !was_camera)
+            return is_camera == was_camera;
+        if (runs[r] != before[r])
+            return 0;
     }
 }
 

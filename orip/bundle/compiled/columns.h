@@ -68,10 +68,9 @@ INLINE void lanes_to_columns(const Terms *t, double *numbers, int64_t stride)
         AT(numbers + k * stride) = found[k];
 }
 
-/* Replace the lower triangle of a symmetric matrix by columns, column j from its element j and each `stride` long, by
- * that by unknowns; `right` is a vector, `diagonal` sums of squares. */
-static void matrix_to_unknowns(const Pattern *p, const Local *local, double *matrix, int64_t stride, double *right,
-                               double *diagonal)
+/* Replace the lower triangle of the symmetric matrix of the cameras of a group by columns, column j from its element j and
+ * each `stride` long, by that by unknowns. */
+static void matrix_to_unknowns(const Pattern *p, const Local *local, double *matrix, int64_t stride)
 {
     for (int32_t r = 0; r < local->camera_runs; r++) {
         const int64_t first = local->first[r];
@@ -83,11 +82,26 @@ static void matrix_to_unknowns(const Pattern *p, const Local *local, double *mat
                 matrix[j * stride + i] = matrix[i * stride + j];
         for (int64_t j = 0; j < first; j++)
             to_unknowns(&t, matrix + j * stride + first);
-        for (int64_t i = first; i < local->size; i += LANES)
+        for (int64_t i = first; i < local->common; i += LANES)
             lanes_to_unknowns(&t, matrix + first * stride + i, stride);
         for (int64_t j = first; j < first + t.unknowns; j++)
             to_unknowns(&t, matrix + j * stride + first);
+    }
+}
+
+/* The same of rows of other unknowns, of which each column has `stride`, with a vector `right` and the sums of squares on
+ * the diagonal. */
+static void rows_to_unknowns(const Pattern *p, const Local *local, double *matrix, int64_t stride, double *right,
+                             double *diagonal)
+{
+    for (int32_t r = 0; r < local->camera_runs; r++) {
+        const int64_t first = local->first[r];
         double squares[MOST_CAMERA_COLUMNS];
+        Terms t;
+        if (!has_terms(p, local->runs[r], &t))
+            continue;
+        for (int64_t i = 0; i < local->size - local->common; i += LANES)
+            lanes_to_unknowns(&t, matrix + first * stride + i, stride);
         memcpy(squares, diagonal + first, sizeof(double) * (size_t)t.columns);
         for (int32_t u = 0; u < t.unknowns; u++) {
             const double *f = t.factors + 2 * u;

@@ -40,7 +40,6 @@ typedef double Lanes;
 #else
 #define FETCH(address) ((void)(address))
 #endif
-#define NUMBERS_OF_LINE 8
 
 /* Loops for processors with AVX2 beside those for all. Not on Windows, where gcc does not align the stack for them. */
 #if LANES == 4 && defined(__x86_64__) && !defined(_WIN32)

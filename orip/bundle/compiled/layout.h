@@ -143,17 +143,18 @@ static int is_pattern_sound(const Block *b, const Pattern *p)
     return sound;
 }
 
-/* The columns of a group, or those of its cameras. A run of constants alone has a place among the first ones, too. */
+/* The columns of a group, or those of its cameras, which are padded. A run of constants alone has a place among the first ones, too. */
 static int64_t size_of_group(const Block *b, const Pattern *p, int64_t group, int only_cameras)
 {
     const int64_t runs = p->runs_start[group + 1] - p->runs_start[group];
-    int64_t size = 0;
+    int64_t size = 0, of_photos = 0;
     for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
         if (p->runs[r] < b->camera_count)
             size += columns_of(p, p->runs[r]);
         else if (!only_cameras)
-            size += PHOTO_UNKNOWNS;
-    return size > runs ? size : runs;
+            of_photos += PHOTO_UNKNOWNS;
+    size = PADDED(size) + of_photos;
+    return only_cameras || size > runs ? size : runs;
 }
 
 static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
@@ -166,11 +167,21 @@ static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
     return most;
 }
 
-/* Numbers that the sums of a group need, or the part of the inverse, or vectors. */
-static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group)
+static int has_sets(const Pattern *p, int64_t group, const Block *b)
 {
-    const int64_t size = size_of_group(b, p, group, 0), rows = size + 6 < MOST_VECTORS ? MOST_VECTORS : size + 6;
-    return rows * stride_of(size);
+    for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
+        if (p->runs[r] < b->camera_count && p->camera_products[p->runs[r]])
+            return 1;
+    return 0;
+}
+
+/* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
+static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
+{
+    const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
+    const int64_t common = has_sets(p, group, b) ? size_of_group(b, p, group, 1) : 0;
+    const int64_t sums = numbers_of_sums(size, common) + (is_first ? numbers_of_cameras(common) : 0);
+    return sums > vectors ? sums : vectors;
 }
 
 /* Cut the groups into shares of about the same room, which stays in a processor's cache. */
@@ -179,10 +190,11 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
     int64_t numbers = 0;
     p->share_start = share_start;
     for (int64_t group = 0; group < p->groups; group++) {
-        const int64_t of_group = numbers_of_group(b, p, group);
+        int64_t of_group = numbers_of_group(b, p, group, !group || !has_same_cameras(b, p, group));
         if (!group || numbers + of_group > NUMBERS_OF_SHARE) {
             share_start[p->shares++] = (int32_t)group;
             numbers = 0;
+            of_group = numbers_of_group(b, p, group, 1);
         }
         numbers += of_group;
         p->room = numbers > p->room ? numbers : p->room;

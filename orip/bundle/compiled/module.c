@@ -23,8 +23,11 @@ typedef struct {
     int64_t points;
     int32_t *numbers;
     double *room;
+    void *memory;
     Turns *turns;
 } Call;
+
+#define LINE_OF_CACHE 64
 
 /* What is done with a share. */
 typedef void (*Step)(const Call *c, int64_t share, const void *arrays);
@@ -55,6 +58,12 @@ static int take_block(Call *call)
         && has(a, ERROR, 2 * b->count);
 }
 
+/* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */
+static double *line_from(void *memory)
+{
+    return (double *)(((uintptr_t)memory + LINE_OF_CACHE - 1) / LINE_OF_CACHE * LINE_OF_CACHE);
+}
+
 /* Take the places in a reduced system of `size` unknowns, and get the room that the largest share needs. */
 static int take_pattern(Call *call, int64_t size)
 {
@@ -67,17 +76,18 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
     call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
-    call->room = PyMem_Malloc(sizeof(double) * (size_t)(p->room + numbers_of_panel(p->longest)));
-    if (!call->numbers || !call->room)
+    call->memory = PyMem_Malloc(sizeof(double) * (size_t)(p->room + numbers_of_panel(p->longest)) + LINE_OF_CACHE);
+    call->room = call->memory ? line_from(call->memory) : NULL;
+    if (!call->numbers || !call->memory)
         PyErr_NoMemory();
-    return call->numbers && call->room;
+    return call->numbers && call->memory;
 }
 
 static void finish(Call *call)
 {
     release(&call->a);
     PyMem_Free(call->numbers);
-    PyMem_Free(call->room);
+    PyMem_Free(call->memory);
 }
 
 static PyObject *refuse(Call *call)

@@ -9,6 +9,7 @@
 #include "columns.h"
 
 #define AS_LARGE 1e-9
+#define COLUMNS_AT_ONCE 4
 
 /* Lower triangle of a symmetric matrix of `size` unknowns in the order of their places. Element (i, j) of the first
  * `banded` rows is band[j * stride + i]; a full matrix has stride = size. The rows after them are full, in `border`.
@@ -140,11 +141,12 @@ INLINE void multiply(const double *matrix, const double *vector, double *result)
         result[i] = matrix[3 * i] * vector[0] + matrix[3 * i + 1] * vector[1] + matrix[3 * i + 2] * vector[2];
 }
 
-/* Normal equations of a group. matrix: column j from its element j, every column `stride` long; coupling: the three rows
- * that couple a point with the group's unknowns, each `stride` long. */
+/* Normal equations of a group. matrix: column j from its element j, or from the first row that is not of the common columns
+ * of cameras, every column `of_rows` long; cameras: the triangle of these; coupling: the three rows that couple a point with
+ * the group's columns, each `stride` long. */
 typedef struct {
-    int64_t stride;
-    double *matrix, *right, *diagonal, *coupling;
+    int64_t stride, of_rows, common;
+    double *matrix, *cameras, *right, *diagonal, *coupling;
 } Sums;
 
 /* Length of a column of the sums of a group; it is padded, as additions are by whole lanes. */
@@ -153,18 +155,52 @@ static int64_t stride_of(int64_t size)
     return PADDED(size) + 2 * LANES;
 }
 
-static int64_t numbers_of_sums(int64_t size)
+static int64_t numbers_of_sums(int64_t size, int64_t common)
 {
-    return (size + 5) * stride_of(size);
+    return 5 * stride_of(size) + (size + COLUMNS_AT_ONCE) * stride_of(size - common);
 }
 
-INLINE void place_sums(double *room, int64_t size, Sums *sums)
+static int64_t numbers_of_cameras(int64_t common)
 {
+    return common ? (common + COLUMNS_AT_ONCE) * stride_of(common) : 0;
+}
+
+/* Place the sums of a group in the room, after those of its cameras, which it may share with the groups before it; return
+ * where the room goes on. */
+INLINE double *place_sums(const Block *b, const Pattern *p, Share share, int64_t group, const Local *local, double *room,
+                          Sums *sums)
+{
+    const int64_t size = local->size, common = local->common;
+    if (group == share.first || !has_same_cameras(b, p, group)) {
+        sums->cameras = room;
+        room += numbers_of_cameras(common);
+    }
+    sums->common = common;
     sums->stride = stride_of(size);
+    sums->of_rows = stride_of(size - common);
     sums->right = room;
     sums->diagonal = room + sums->stride;
     sums->coupling = room + 2 * sums->stride;
     sums->matrix = room + 5 * sums->stride;
+    return room + numbers_of_sums(size, common);
+}
+
+/* Whether no group after this one adds to the sums of its cameras. */
+INLINE int ends_cameras(const Block *b, const Pattern *p, Share share, int64_t group)
+{
+    return group + 1 == share.end || !has_same_cameras(b, p, group + 1);
+}
+
+/* The element of a row and a column of a group's sums, and how far columns are apart there. */
+INLINE double *at_row(const Sums *s, int64_t column, int64_t row)
+{
+    return row < s->common ? s->cameras + column * stride_of(s->common) + row
+                           : s->matrix + column * s->of_rows + row - s->common;
+}
+
+INLINE int64_t stride_at(const Sums *s, int64_t row)
+{
+    return row < s->common ? stride_of(s->common) : s->of_rows;
 }
 
 INLINE void add_to(double *sums, double x, const double *of_x, double y, const double *of_y, int64_t count)
@@ -177,12 +213,6 @@ INLINE void add_multiple(double *sums, double x, const double *of_x, int64_t cou
 {
     for (int64_t k = 0; k < count; k += LANES)
         AT(sums + k) += x * AT(of_x + k);
-}
-
-INLINE void add_squares(double *sums, const double *of_x, const double *of_y, int64_t count)
-{
-    for (int64_t k = 0; k < count; k += LANES)
-        AT(sums + k) += AT(of_x + k) * AT(of_x + k) + AT(of_y + k) * AT(of_y + k);
 }
 
 /* Add a photo point's rows by the columns of its camera, times x and y; common: whether both have the same columns. */
@@ -208,100 +238,103 @@ INLINE void add_coupling(double *coupling, int64_t stride, const Places *at, int
     }
 }
 
-/* Add what a photo point contributes to the equations of its photo, and to those of its photo and its camera. */
-INLINE void add_photo_point(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y)
-{
-    const double *x_camera = row[0] + PHOTO_ROW, *y_camera = row[1] + PHOTO_ROW;
-    double *of_x = s->matrix + at->camera[0] * s->stride + at->photo, *of_y = s->matrix + at->camera[1] * s->stride + at->photo;
-    if (common)
-        for (int64_t u = 0; u < at->camera_columns; u++)
-            add_to(of_x + u * s->stride, x_camera[u], row[0], y_camera[u], row[1], PHOTO_UNKNOWNS);
-    else
-        for (int64_t u = 0; u < at->camera_columns; u++) {
-            add_multiple(of_x + u * s->stride, x_camera[u], row[0], PHOTO_UNKNOWNS);
-            add_multiple(of_y + u * s->stride, y_camera[u], row[1], PHOTO_UNKNOWNS);
-        }
-    for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
-        add_to(s->matrix + (at->photo + u) * s->stride + at->photo, row[0][u], row[0], row[1][u], row[1], PHOTO_UNKNOWNS);
-    add_to(s->right + at->photo, y[0], row[0], y[1], row[1], PHOTO_UNKNOWNS);
-    add_squares(s->diagonal + at->photo, row[0], row[1], PHOTO_UNKNOWNS);
-}
+#define KEPT_RAYS 8
+#define KEPT_PHOTOS 8
 
-#define KEPT_ROWS 32
-#define COLUMNS_AT_ONCE 4
-
-/* Rows of partials by the same columns of a camera, from the first one on. Many photo points that follow each other have
- * the same camera: the products of many rows are summed in registers. */
+/* Rows of some photo points of a photo, those of x and of y in turn. Points that follow each other are in the same photos:
+ * the products of several rows are summed in registers. */
 typedef struct {
-    int32_t count, first, columns;
-    double row[KEPT_ROWS][CAMERA_ROW], misclosure[KEPT_ROWS];
-} CameraRows;
+    double row[KEPT_RAYS][2][ROW], misclosure[KEPT_RAYS][2];
+    Places at;
+    int32_t rays;
+} IN_LINES PhotoRows;
 
-/* Add the products of the rows that are kept; none is kept then. Columns of the padding are of other unknowns: nothing is
- * added to them. */
-static void add_camera_rows(const Sums *s, CameraRows *kept)
+/* Add products of numbers of some rows, `length` apart, to columns of a matrix; is_lower: of its lower triangle. Columns and
+ * width are padded: the numbers of the padding are zeros, which add nothing to the columns that follow. */
+INLINE void add_products(double *matrix, int64_t stride, const double *of_column, int64_t columns, const double *of_row,
+                         int64_t width, int64_t rows, int64_t length, int is_lower)
 {
-    const int64_t width = PADDED(kept->columns);
-    double *right = s->right + kept->first, *diagonal = s->diagonal + kept->first;
-    for (int64_t u = 0; u < kept->columns; u += COLUMNS_AT_ONCE) {
+    for (int64_t u = 0; u < columns; u += COLUMNS_AT_ONCE) {
         double *column[COLUMNS_AT_ONCE];
         for (int c = 0; c < COLUMNS_AT_ONCE; c++)
-            column[c] = s->matrix + (kept->first + u + c) * s->stride + kept->first;
-        for (int64_t k = u / (2 * LANES) * (2 * LANES); k < width; k += 2 * LANES) {
+            column[c] = matrix + (u + c) * stride;
+        for (int64_t k = is_lower ? u / (2 * LANES) * (2 * LANES) : 0; k < width; k += 2 * LANES) {
             Lanes sums[COLUMNS_AT_ONCE][2];
             for (int c = 0; c < COLUMNS_AT_ONCE; c++)
                 sums[c][0] = AT(column[c] + k), sums[c][1] = AT(column[c] + k + LANES);
-            for (int32_t r = 0; r < kept->count; r++) {
-                const double *row = kept->row[r];
-                const Lanes one = AT(row + k), other = AT(row + k + LANES);
+            for (int64_t r = 0; r < rows; r++) {
+                const double *own = of_column + r * length + u;
+                const Lanes one = AT(of_row + r * length + k), other = AT(of_row + r * length + k + LANES);
                 for (int c = 0; c < COLUMNS_AT_ONCE; c++) {
-                    sums[c][0] += row[u + c] * one;
-                    sums[c][1] += row[u + c] * other;
+                    sums[c][0] += own[c] * one;
+                    sums[c][1] += own[c] * other;
                 }
             }
             for (int c = 0; c < COLUMNS_AT_ONCE; c++)
                 AT(column[c] + k) = sums[c][0], AT(column[c] + k + LANES) = sums[c][1];
         }
     }
+}
+
+/* Add products of numbers of some rows with misclosures, and their squares. */
+INLINE void add_right(const Sums *s, int64_t first, const double *of_row, const double *misclosure, int64_t width,
+                      int64_t rows, int64_t step)
+{
     for (int64_t k = 0; k < width; k += LANES) {
-        Lanes of_right = AT(right + k), squares = AT(diagonal + k);
-        for (int32_t r = 0; r < kept->count; r++) {
-            const Lanes x = AT(kept->row[r] + k);
-            of_right += kept->misclosure[r] * x;
+        Lanes right = AT(s->right + first + k), squares = AT(s->diagonal + first + k);
+        for (int64_t r = 0; r < rows; r++) {
+            const Lanes x = AT(of_row + r * step * ROW + k);
+            right += misclosure[r * step] * x;
             squares += x * x;
         }
-        AT(right + k) = of_right, AT(diagonal + k) = squares;
+        AT(s->right + first + k) = right, AT(s->diagonal + first + k) = squares;
     }
-    kept->count = 0;
 }
 
-/* Keep the rows of a photo point by the columns of its camera, those of y apart where they have columns of their own. */
-INLINE void keep_camera_rows(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y,
-                             CameraRows *kept)
+/* Add what rows contribute by the columns of their camera, from the first one on: all rows, or each second one. */
+INLINE void add_camera_rows(const Sums *s, const PhotoRows *kept, int64_t first, int64_t columns, int c, int64_t rows,
+                            int64_t step)
 {
-    if (!at->camera_columns)
+    const double *photo = kept->row[0][c], *camera = photo + PHOTO_ROW;
+    const int64_t row = kept->at.photo;
+    add_products(at_row(s, first, first), stride_at(s, first), camera, columns, camera, PADDED(columns), rows, step * ROW, 1);
+    add_products(at_row(s, first, row), stride_at(s, row), camera, columns, photo, PHOTO_ROW, rows, step * ROW, 0);
+    add_right(s, first, camera, kept->misclosure[0] + c, PADDED(columns), rows, step);
+}
+
+/* Add what the rows that are kept of a photo contribute; none is kept then. */
+static void add_photo_rows(const Sums *s, PhotoRows *kept)
+{
+    const Places *at = &kept->at;
+    const double *photo = kept->row[0][0];
+    const int64_t rays = kept->rays;
+    kept->rays = 0;
+    if (!rays)
         return;
-    const int64_t width = PADDED(at->camera_columns);
-    for (int c = 0; c < 2; c++) {
-        CameraRows *k = kept + !common * c;
-        if (k->count == KEPT_ROWS || at->camera[c] != k->first || at->camera_columns != k->columns) {
-            add_camera_rows(s, k);
-            k->first = at->camera[c], k->columns = at->camera_columns;
-        }
-        double *to = k->row[k->count];
-        for (int64_t i = 0; i < width; i += LANES)
-            AT(to + i) = AT(row[c] + PHOTO_ROW + i);
-        k->misclosure[k->count++] = y[c];
-    }
+    if (has_common_columns(at))
+        add_camera_rows(s, kept, at->camera[0], at->camera_columns, 0, 2 * rays, 1);
+    else
+        for (int c = 0; c < 2; c++)
+            add_camera_rows(s, kept, at->camera[c], at->camera_columns, c, rays, 2);
+    add_products(at_row(s, at->photo, at->photo), stride_at(s, at->photo), photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW,
+                 2 * rays, ROW, 1);
+    add_right(s, at->photo, photo, kept->misclosure[0], PHOTO_ROW, 2 * rays, 1);
 }
 
-/* Add what a photo point contributes to the sums of its group. */
-INLINE void add_ray(const Sums *s, const Places *at, int common, const double (*row)[ROW], const double *y, const double *px,
-                    const double *py, CameraRows *kept)
+/* Keep the rows of a photo point among those of its photo, after adding those that have no room beside them. */
+INLINE void keep_rows(const Sums *s, const Places *at, const double (*row)[ROW], const double *y, PhotoRows *kept)
 {
-    add_coupling(s->coupling, s->stride, at, common, row, px, py);
-    add_photo_point(s, at, common, row, y);
-    keep_camera_rows(s, at, common, row, y, kept);
+    if (kept->rays == KEPT_RAYS || (kept->rays && at->photo != kept->at.photo))
+        add_photo_rows(s, kept);
+    kept->at = *at;
+    const int64_t width = PHOTO_ROW + PADDED(at->camera_columns);
+    for (int c = 0; c < 2; c++) {
+        double *to = kept->row[kept->rays][c];
+        for (int64_t k = 0; k < width; k += LANES)
+            AT(to + k) = AT(row[c] + k);
+        kept->misclosure[kept->rays][c] = y[c];
+    }
+    kept->rays++;
 }
 
 /* Points that are eliminated together, and the products that they make in an element of the sums. */
@@ -369,17 +402,17 @@ INLINE void eliminate_from_run(const Sums *s, int64_t size, int64_t first, int64
             points[count++] = p;
     for (int64_t u = first; count && u < first + columns_of_own; u += COLUMNS_OF_PANEL) {
         const double *of_column[COLUMNS_OF_PANEL];
-        double *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
+        double *cameras[COLUMNS_OF_PANEL], *columns[COLUMNS_OF_PANEL], nowhere[STRIP] = {0.0};
         const int64_t own = first + columns_of_own - u;
         for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
             const int64_t j = c < own ? u + c : u;
             of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
-            columns[c] = s->matrix + j * s->stride;
+            cameras[c] = at_row(s, j, 0), columns[c] = at_row(s, j, s->common) - s->common;
         }
         for (int64_t i = u / STRIP * STRIP; i < size; i += STRIP) {
             double *at[COLUMNS_OF_PANEL];
             for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
-                at[c] = c < own ? columns[c] + i : nowhere;
+                at[c] = c < own ? (i < s->common ? cameras[c] : columns[c]) + i : nowhere;
             subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
         }
     }
@@ -405,51 +438,47 @@ INLINE void find_stretches(const Local *local, int32_t *stretch)
     }
 }
 
-/* Columns of the reduced system that are fetched before numbers are added to them. */
-#define COLUMNS_BEFORE 2
-
-/* Fetch what a group's sums of a column are added to, from the j-th local unknown on. */
-INLINE void fetch_column(const Reduced *m, const Local *local, int64_t j, const int32_t *stretch)
+/* Add a part of column j of a group's sums, from the i-th row on, to the reduced system, one stretch of consecutive places
+ * after the other. Cameras with the same lens have common places: where two unknowns of the group are one, both triangles
+ * of the sums go to the diagonal. */
+INLINE void scatter_column(const double *column, int64_t j, int64_t i, int64_t end, const Local *local, const Reduced *m,
+                           const int32_t *stretch)
 {
-    if (j >= local->size || local->place[j] < 0 || local->place[j] >= m->banded)
-        return;
-    const double *column = m->band + local->place[j] * m->stride;
-    for (int64_t i = j; i < local->size; i += stretch[i])
-        for (int64_t k = 0; local->place[i] >= local->place[j] && k < stretch[i]; k += NUMBERS_OF_LINE)
-            FETCH(column + local->place[i] + k);
+    const int64_t own = local->place[j];
+    for (int64_t length; i < end; i += length) {
+        const int64_t place = local->place[i], room = own + m->stride + 1 - place;
+        length = stretch[i] < end - i ? stretch[i] : end - i;
+        if (place >= own && place + length <= m->banded) {
+            double *banded = m->band + own * m->stride + place;
+            for (int64_t k = 0; k < length && k < room; k++)
+                banded[k] += column[i + k];
+        } else if (own >= m->banded && place >= 0 && place + length <= own) {
+            double *row = m->border + (own - m->banded) * m->size + place;
+            for (int64_t k = 0; k < length; k++)
+                row[k] += column[i + k];
+        } else
+            for (int64_t k = 0; place >= 0 && k < length; k++)
+                if (is_stored(m, own, place + k))
+                    *element_at(m, own, place + k) += column[i + k];
+        if (i != j && place >= 0 && place <= own && own < place + length)
+            *element_at(m, own, own) += column[i + own - place];
+    }
 }
 
-/* Add a group's sums to the reduced system, one stretch of consecutive places after the other. Cameras with the same lens
- * have common places: where two unknowns of the group are one, both triangles of the sums go to the diagonal. */
-INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch)
+/* Add a group's sums to the reduced system; with_cameras: those that it shares with other groups, too. */
+INLINE void scatter(const Sums *s, const Local *local, const Normals *n, int32_t *stretch, int with_cameras)
 {
     const Reduced *m = &n->reduced;
     find_stretches(local, stretch);
     for (int64_t j = 0; j < local->size; j++) {
-        const int64_t own = local->place[j];
-        const double *column = s->matrix + j * s->stride;
-        fetch_column(m, local, j + COLUMNS_BEFORE, stretch);
+        const int64_t own = local->place[j], from = j < s->common ? s->common : j;
         if (own < 0)
             continue;
         n->right[own] += s->right[j];
         n->diagonal[own] += s->diagonal[j];
-        for (int64_t i = j; i < local->size; i += stretch[i]) {
-            const int64_t place = local->place[i], length = stretch[i], room = own + m->stride + 1 - place;
-            if (place >= own && place + length <= m->banded) {
-                double *banded = m->band + own * m->stride + place;
-                for (int64_t k = 0; k < length && k < room; k++)
-                    banded[k] += column[i + k];
-            } else if (own >= m->banded && place >= 0 && place + length <= own) {
-                double *row = m->border + (own - m->banded) * m->size + place;
-                for (int64_t k = 0; k < length; k++)
-                    row[k] += column[i + k];
-            } else
-                for (int64_t k = 0; place >= 0 && k < length; k++)
-                    if (is_stored(m, own, place + k))
-                        *element_at(m, own, place + k) += column[i + k];
-            if (i != j && place >= 0 && place <= own && own < place + length)
-                *element_at(m, own, own) += column[i + own - place];
-        }
+        if (with_cameras && j < s->common)
+            scatter_column(s->cameras + j * stride_of(s->common), j, j, s->common, local, m, stretch);
+        scatter_column(s->matrix + j * s->of_rows - s->common, j, from, local->size, local, m, stretch);
     }
 }
 
@@ -466,18 +495,18 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                          double *of_panel)
 {
     Ahead a;
-    CameraRows kept[2];
+    PhotoRows kept[KEPT_PHOTOS];
     Local local = local_in(p, numbers);
     Panel panel = {.rows = of_panel, .seen = numbers + ARRAYS_OF_LOCAL * p->longest};
+    Sums s;
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
-        Sums s;
         local_unknowns(b, p, group, &local);
-        place_sums(room, local.size, &s);
-        for (int c = 0; c < 2; c++)
-            kept[c].count = kept[c].first = kept[c].columns = 0;
+        double *const next = place_sums(b, p, share, group, &local, room, &s);
+        for (int photo = 0; photo < KEPT_PHOTOS; photo++)
+            kept[photo].rays = 0;
         memset(panel.seen, 0, sizeof(int32_t) * (size_t)(local.camera_runs + local.photo_runs));
-        memset(room, 0, sizeof(double) * (size_t)numbers_of_sums(local.size));
+        memset(room, 0, sizeof(double) * (size_t)(next - room));
         for (int64_t place = p->group_start[group]; place < p->group_start[group + 1]; place++) {
             const int64_t block = p->block[place];
             double V[9] = {0.0}, full[3], *g = n->block_right + 3 * block, *H = n->half + 9 * block;
@@ -502,9 +531,10 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                 panel.seen[local.camera_runs + last[0]] |= 1 << panel.points;
                 panel.seen[last[1]] |= 1 << panel.points;
                 if (has_common_columns(&at))
-                    add_ray(&s, &at, 1, a.row[lane], y, px, py, kept);
+                    add_coupling(s.coupling, s.stride, &at, 1, a.row[lane], px, py);
                 else
-                    add_ray(&s, &at, 0, a.row[lane], y, px, py, kept);
+                    add_coupling(s.coupling, s.stride, &at, 0, a.row[lane], px, py);
+                keep_rows(&s, &at, a.row[lane], y, &kept[last[0] % KEPT_PHOTOS]);
             }
             /* every ray counts for all three coordinates, other observations for their own */
             const double of_rays = V[0] + V[4] + V[8];
@@ -526,10 +556,12 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
                 eliminate_panel(b, p, &local, &s, &panel);
         }
         eliminate_panel(b, p, &local, &s, &panel);
-        for (int c = 0; c < 2; c++)
-            add_camera_rows(&s, &kept[c]);
-        matrix_to_unknowns(p, &local, s.matrix, s.stride, s.right, s.diagonal);
-        room += numbers_of_sums(local.size);
+        for (int photo = 0; photo < KEPT_PHOTOS; photo++)
+            add_photo_rows(&s, &kept[photo]);
+        if (ends_cameras(b, p, share, group))
+            matrix_to_unknowns(p, &local, s.cameras, stride_of(s.common));
+        rows_to_unknowns(p, &local, s.matrix, s.of_rows, s.right, s.diagonal);
+        room = next;
     }
 }
 
@@ -537,12 +569,11 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
 static void add_normals(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
     Local local = local_in(p, numbers);
+    Sums s;
     for (int64_t group = share.first; group < share.end; group++) {
-        Sums s;
         local_unknowns(b, p, group, &local);
-        place_sums(room, local.size, &s);
-        scatter(&s, &local, n, numbers + ARRAYS_OF_LOCAL * p->longest);
-        room += numbers_of_sums(local.size);
+        room = place_sums(b, p, share, group, &local, room, &s);
+        scatter(&s, &local, n, numbers + ARRAYS_OF_LOCAL * p->longest, ends_cameras(b, p, share, group));
     }
     if (share.end == p->groups && has_both_triangles(&n->reduced))
         mirror(&n->reduced);

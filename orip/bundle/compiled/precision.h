@@ -12,7 +12,7 @@ typedef struct {
     Reduced inverse;
 } Precision;
 
-/* Points of a group whose products with the inverse are formed together, where all of its photos show them. */
+/* Points of a group whose products with the inverse are formed together, where most of its photos show them. */
 #define POINTS_AT_ONCE 4
 
 /* The part of the inverse Q that a group needs: whole columns, each `stride` long; B: couplings of points with the group's
@@ -85,6 +85,8 @@ INLINE void take_part(const Pattern *p, const Reduced *inverse, const Local *loc
     part->coupling = room;
     part->product = room + 3 * POINTS_AT_ONCE * stride;
     part->inverse = room + 6 * POINTS_AT_ONCE * stride;
+    /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
+    memset(part->product, 0, sizeof(double) * 3 * POINTS_AT_ONCE * (size_t)stride);
     find_stretches(local, stretch);
     take_cameras_part(p, inverse, local, stretch, cameras);
     for (int64_t j = 0; j < of_cameras; j++)
@@ -146,12 +148,13 @@ INLINE void times_inverse(const Part *part, int64_t size, const double *const *b
 
 #define ROWS_AT_ONCE 6
 
-/* product = B Q for several points of a small group, which all of its photos show: a strip of the inverse at a time, and
- * sums in registers. */
-INLINE void times_inverse_together(const Part *part, int64_t size)
+/* product = B Q for several points of a group, a strip of the inverse at a time, and sums in registers. */
+INLINE void times_inverse_together(const Part *part, int64_t size, int64_t points)
 {
+    if (3 * points % ROWS_AT_ONCE)
+        memset(part->coupling + 3 * points * part->stride, 0, sizeof(double) * 3 * (size_t)part->stride);
     for (int64_t i = 0; i < size; i += 2 * LANES)
-        for (int row = 0; row < 3 * POINTS_AT_ONCE; row += ROWS_AT_ONCE) {
+        for (int64_t row = 0; row < 3 * points; row += ROWS_AT_ONCE) {
             const double *b = part->coupling + row * part->stride;
             Lanes sums[ROWS_AT_ONCE][2];
             for (int r = 0; r < ROWS_AT_ONCE; r++)
@@ -188,7 +191,7 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
 }
 
 /* The rows of B and B Q of one of the points. */
-INLINE void rows_of_point(const Part *part, int point, double **b, double **q)
+INLINE void rows_of_point(const Part *part, int64_t point, double **b, double **q)
 {
     for (int k = 0; k < 3; k++) {
         b[k] = part->coupling + (3 * point + k) * part->stride;
@@ -219,7 +222,7 @@ INLINE void find_inner(double *const *b, double *const *q, int64_t size, double 
         inner[k] = sum_of(sums[k]) + (k % 4 == 0);
 }
 
-#define VECTORS_AT_ONCE 4
+#define VECTORS_AT_ONCE 8
 
 /* Add some rows of partials a, times columns of a part of the inverse Q from the k-th row on, times rows b, to what is
  * found; so many vectors of each column at once. */
@@ -349,11 +352,11 @@ INLINE void find_precision(const Block *b, const Pattern *p, const Local *local,
     }
 }
 
-/* Whether all photos of a group show all of its points, so that these are coupled with all of its columns. */
-INLINE int is_complete(const Pattern *p, const Local *local, int64_t group)
+/* Whether most photos of a group show most of its points, so that these are coupled with most of its columns. */
+INLINE int is_dense(const Pattern *p, const Local *local, int64_t group)
 {
     const int64_t first = p->group_start[group], end = p->group_start[group + 1];
-    return p->start[end] - p->start[first] >= (end - first) * local->photo_runs;
+    return 4 * (p->start[end] - p->start[first]) >= 3 * (end - first) * local->photo_runs;
 }
 
 static void precision_loop(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers,
@@ -370,24 +373,21 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
         double *coupling[3], *q[3];
         local_unknowns(b, p, group, &local);
         take_part(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
-        const int64_t end = p->group_start[group + 1];
-        int64_t place = p->group_start[group];
-        for (; is_complete(p, &local, group) && place + POINTS_AT_ONCE <= end; place += POINTS_AT_ONCE) {
-            for (int point = 0; point < POINTS_AT_ONCE; point++) {
+        const int64_t end = p->group_start[group + 1], most = is_dense(p, &local, group) ? POINTS_AT_ONCE : 1;
+        for (int64_t place = p->group_start[group], count; place < end; place += count) {
+            count = end - place < most ? end - place : most;
+            for (int64_t point = 0; point < count; point++) {
                 rows_of_point(&part, point, coupling, q);
                 couple(b, p, &local, c, place + point, coupling, &part, &a);
             }
-            times_inverse_together(&part, local.size);
-            for (int point = 0; point < POINTS_AT_ONCE; point++) {
+            if (count > 1)
+                times_inverse_together(&part, local.size, count);
+            else
+                times_inverse(&part, local.size, (const double *const *)coupling, q);
+            for (int64_t point = 0; point < count; point++) {
                 rows_of_point(&part, point, coupling, q);
                 find_precision(b, p, &local, c, place + point, coupling, q, &part, &again);
             }
-        }
-        rows_of_point(&part, 0, coupling, q);
-        for (; place < end; place++) {
-            couple(b, p, &local, c, place, coupling, &part, &a);
-            times_inverse(&part, local.size, (const double *const *)coupling, q);
-            find_precision(b, p, &local, c, place, coupling, q, &part, &again);
         }
     }
 }

@@ -78,10 +78,11 @@ def _of_photo_points(
 ) -> Iterator[ObservationGroup]:
     for index, camera in enumerate(solved.block.cameras):
         for place, component in enumerate("xy"):
-            rows = 2 * np.flatnonzero(kind.camera == index) + place
-            rows = rows[active[rows]]
+            rows = np.flatnonzero((kind.camera == index) & active[place::2])
             if len(rows):
-                yield ObservationGroup("photo", camera.name, component, first + rows)
+                rows *= 2
+                rows += first + place
+                yield ObservationGroup("photo", camera.name, component, rows)
 
 
 def _of_kind(

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
-from orip.number_text import shortest_texts
 from orip.records.names import name_fault
 from orip.records.observations.control import PreliminaryPoint
+
+if TYPE_CHECKING:
+    from orip.arrays import FloatArray
 
 
 def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
@@ -86,6 +86,10 @@ def coordinates_text(names: Sequence[str], coordinates: FloatArray) -> str:
     coordinates : array (m, 3)
         Finite.
     """
+    import numpy as np  # reading takes no arrays
+
+    from orip.number_text import shortest_texts
+
     columns = [shortest_texts(np.ascontiguousarray(values), "nan") for values in coordinates.T]
     return "".join(f"{name} {x} {y} {z}\n" for name, x, y, z in zip(names, *columns, strict=True))
 

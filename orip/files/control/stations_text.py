@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import TextLine, field_lines, read_lines
@@ -198,6 +196,8 @@ def _covariance(reader: FieldReader, errors: Triple) -> tuple[Triple, ...] | Non
     if reader.count < _COUNTS[-1] or all(reader.text(index) == _UNKNOWN for index in (15, 16, 17)):
         return None
     rxy, rxz, ryz = (reader.decimal(index) for index in (15, 16, 17))
+    import numpy as np  # few stations have correlations
+
     correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
     if not np.isfinite(correlation).all():
         return None

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from orip.files.listings.identification import RUN_LABEL
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
 from orip.records.results.status import Status
 from orip.version import __version__
 
 if TYPE_CHECKING:
     from orip.records.results.solution import Solution
-
-RUN_LABEL = "Run id"
-TITLE_LINES = 16
-"""The run id is looked for in so many lines; a listing's tables are not searched."""
 
 STATUS_REMARK: dict[Status, str] = {
     "converged": "",
@@ -61,18 +57,3 @@ def bundle_title(title: str, solution: Solution) -> list[str]:
     lines = title_block(title, solution.run, facts)
     remark = STATUS_REMARK[solution.status]
     return [*lines, "", *paragraph(remark, indent=0)] if remark else lines
-
-
-def run_of_listing(text: str) -> str | None:
-    """Return the run id in a listing's title block, or None where there is none.
-
-    Parameters
-    ----------
-    text : str
-        The listing or its beginning; anything else gives None.
-    """
-    for line in text.split("\n", TITLE_LINES)[:TITLE_LINES]:
-        found = re.fullmatch(rf"{RUN_LABEL} +(\S.*?)\s*", line)
-        if found:
-            return found[1]
-    return None

@@ -235,10 +235,9 @@ class _Points(Struct, frozen=True):
 def _woven(between: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
     """Return the rows of columns of texts, separated by commas, with one more text around and between their cells."""
     count, width = len(columns[0]), 2 * len(columns) + 1
-    texts = ["," + between[0], *between[1:]]
-    cells = [""] * (width * count)
-    for place, text in enumerate(texts):
-        cells[2 * place :: width] = [text] * count
+    row = [""] * width
+    row[::2] = ["," + between[0], *between[1:]]
+    cells = row * count
     for place, column in enumerate(columns):
         cells[2 * place + 1 :: width] = column
     cells[0] = between[0]

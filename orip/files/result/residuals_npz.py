@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from orip.records.coded_names import coded
 from orip.records.results.solution import Reliability, Residuals
 
-_SAMPLE, _GAIN = 1 << 16, 0.5
+_SAMPLE, _GAIN = 1 << 14, 0.5
 """Bytes by which it is judged whether an array compresses, and to which part it has to: measured and adjusted numbers
 lose a sixth, and would take longer than all else that is written."""
 
@@ -29,12 +29,14 @@ _SINGLE = np.dtype(np.float32)
 def residuals_npz_pieces(residuals: Residuals, reliability: Reliability) -> Iterator[bytes | memoryview]:
     """Yield the bytes of residuals.npz, array by array; equal residuals give equal bytes."""
     written = _Appended()
-    with zipfile.ZipFile(cast("IO[bytes]", written), "w", allowZip64=True) as archive:
+    with zipfile.ZipFile(cast("IO[bytes]", written), "w", compresslevel=_LEVEL) as archive:
         for name, values in _arrays(residuals, reliability):
-            data = _npy(values)
-            entry = zipfile.ZipInfo(f"{name}.npy")  # of 1980: no clock goes in
-            entry.compress_type = zipfile.ZIP_DEFLATED if _compresses(data) else zipfile.ZIP_STORED
-            archive.writestr(entry, data, compresslevel=_LEVEL)
+            head, data = _npy(values)
+            archive.compression = zipfile.ZIP_DEFLATED if _compresses(head, data) else zipfile.ZIP_STORED
+            is_huge = len(data) > zipfile.ZIP64_LIMIT // 2
+            with archive.open(f"{name}.npy", "w", force_zip64=is_huge) as stream:  # of 1980: no clock goes in
+                stream.write(head)
+                stream.write(data)
             yield from written.taken()
     yield from written.taken()
 
@@ -53,14 +55,15 @@ def _arrays(residuals: Residuals, reliability: Reliability) -> Iterator[tuple[st
     yield "external_reliability", reliability.external.astype(_SINGLE)
 
 
-def _npy(values: NDArray[Any]) -> memoryview:
-    stream = io.BytesIO()
-    np.lib.format.write_array(stream, np.ascontiguousarray(values), allow_pickle=False)
-    return stream.getbuffer()
+def _npy(values: NDArray[Any]) -> tuple[bytes, memoryview]:
+    """Return head and content of an array's file."""
+    stream, values = io.BytesIO(), np.ascontiguousarray(values)
+    np.lib.format.write_array_header_1_0(stream, np.lib.format.header_data_from_array_1_0(values))
+    return stream.getvalue(), values.view(np.uint8).data
 
 
-def _compresses(data: memoryview) -> bool:
-    sample = data[:_SAMPLE]
+def _compresses(head: bytes, data: memoryview) -> bool:
+    sample = (head + bytes(data[:_SAMPLE]))[:_SAMPLE]
     return len(zlib.compress(sample, _LEVEL)) < _GAIN * len(sample)
 
 

@@ -8,14 +8,17 @@ never read for its sums alone.
 from __future__ import annotations
 
 import hashlib
+import math
+import sys
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from orip.files.stores.table import StoreColumn, StoreTable, integer, text
 from orip.records.names import record_key
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 CHECKSUM = StoreTable(
     "checksum", (text("of_table"), text("part"), integer("row_count"), text("blake2b")), key=("of_table", "part")
@@ -140,13 +143,29 @@ def _bytes_of(column: StoreColumn, values: Sequence[Any] | NDArray[Any]) -> byte
     if column.type == "TEXT":
         texts = [_NULL_TEXT if value is None else value for value in values] if column.null != "never" else values
         return (_END.join(texts) + _END).encode("utf-8", "surrogatepass")
-    if column.type == "REAL":
-        numbers = np.array(values, dtype="<f8")
-        numbers += 0.0  # SQLite keeps no negative zero
-        unknown = np.isnan(numbers)
-        if unknown.any():
-            numbers[unknown] = np.nan  # nor does it keep which NaN it was
-        return numbers.tobytes()
-    if column.null != "never":
+    if column.type == "INTEGER" and column.null != "never":
         return _END.join(map(repr, values)).encode("ascii") + b"\0"
-    return np.array(values, dtype="<i8").tobytes()
+    if isinstance(values, tuple | list):
+        return _bytes_of_numbers(column, values)
+    import numpy as np  # rows of plain values do without
+
+    if column.type == "INTEGER":
+        return np.array(values, dtype="<i8").tobytes()
+    numbers = np.array(values, dtype="<f8")
+    numbers += 0.0  # SQLite keeps no negative zero
+    unknown = np.isnan(numbers)
+    if unknown.any():
+        numbers[unknown] = np.nan  # nor does it keep which NaN it was
+    return numbers.tobytes()
+
+
+def _bytes_of_numbers(column: StoreColumn, values: Sequence[Any]) -> bytes:
+    """Return the same bytes as of an array."""
+    numbers: array[int] | array[float]
+    if column.type == "INTEGER":
+        numbers = array("q", map(int, values))
+    else:
+        numbers = array("d", (value + 0.0 if value is not None and value == value else math.nan for value in values))
+    if sys.byteorder == "big":
+        numbers.byteswap()
+    return numbers.tobytes()

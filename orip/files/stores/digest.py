@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import asdict, astuple
-
-from orip.records.coded_names import CodedNames
 
 
 def record_digest(record: object) -> str:
@@ -39,8 +37,10 @@ def same_record(one: Any, other: Any) -> bool:
     """
     if type(one) is not type(other):
         return record_digest(one) == record_digest(other)
-    if isinstance(one, np.ndarray) and one.dtype.kind in "biuf" and other.dtype.kind in "biuf":
-        return np.array_equal(one, other, equal_nan=True)
+    if hasattr(one, "dtype") and one.dtype.kind in "biuf" and other.dtype.kind in "biuf":
+        from numpy import array_equal  # most records have no arrays
+
+        return array_equal(one, other, equal_nan=True)
     if isinstance(one, Struct):
         return all(map(same_record, astuple(one), astuple(other)))
     return bool(one == other) or record_digest(one) == record_digest(other)
@@ -51,9 +51,9 @@ def _canonical(value: Any) -> Any:
         return value
     if isinstance(value, int | float):
         return _number(value)
-    if isinstance(value, tuple | list | CodedNames):
+    if isinstance(value, Sequence) and not isinstance(value, bytes):  # also names that are kept by their numbers
         return [_canonical(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # an array, or a number of one
         return _canonical(value.tolist())
     if isinstance(value, Struct):
         return {name: _canonical(own) for name, own in asdict(value).items()}

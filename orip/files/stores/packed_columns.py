@@ -8,7 +8,6 @@ adjusted values not at all, and what does not compress is left as it is.
 from __future__ import annotations
 
 import json
-import struct
 import zlib
 from functools import lru_cache
 from itertools import repeat
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.files.stores.packed_parts import HEAD, LENGTH, WIDTH, unpacked_parts
 from orip.files.stores.table import StoreColumn
 from orip.records.coded_names import CodedNames, coded
 
@@ -28,8 +28,6 @@ _GAIN = 0.5
 _AT_A_TIME = 4096
 """Numbers whose places are taken apart at once."""
 
-_WIDTH = 8
-_HEAD = struct.Struct("<?Q")
 _TYPES = {"REAL": np.dtype("<f8"), "INTEGER": np.dtype("<i8"), "TEXT": np.dtype("<i8")}
 
 
@@ -56,27 +54,17 @@ def unpacked_column(column: StoreColumn, data: bytes, count: int) -> Any:
     ValueError
         If the bytes are not those of so many values.
     """
-    rest = memoryview(data)
-    distinct: list[str] = []
-    if column.type == "TEXT":
-        words, rest = _taken(rest, None)
-        distinct = json.loads(bytes(words).decode("utf-8"))
+    distinct, parts = unpacked_parts(column, data, count)
     kind = _TYPES[column.type]
     numbers: NDArray[Any] = np.empty(count, dtype=kind)
     places = numbers.view(np.uint8).reshape(count, kind.itemsize)
-    for place in range(kind.itemsize):
-        part, rest = _taken(rest, count)
+    for place, part in enumerate(parts):
         places[:, place] = np.frombuffer(part, dtype=np.uint8)
-    if len(rest):
-        raise ValueError(_LENGTH)
     if column.type == "TEXT":
         if len(numbers) and not 0 <= numbers.min() <= numbers.max() < len(distinct):
-            raise ValueError(_LENGTH)
+            raise ValueError(LENGTH)
         return CodedNames(distinct, numbers)
     return numbers.astype(np.bool_) if column.flag else numbers
-
-
-_LENGTH = "it has other values than its length says"
 
 
 def _numbers(values: NDArray[Any]) -> bytes:
@@ -86,7 +74,7 @@ def _numbers(values: NDArray[Any]) -> bytes:
     of_numbers = values.view(np.uint8).reshape(count, size)
     for start in range(0, count, _AT_A_TIME):  # a few lines of the processor's cache
         places[:, start : start + _AT_A_TIME] = of_numbers[start : start + _AT_A_TIME].T
-    return b"".join((*map(_part, places), *repeat(_constant_part(b"\0", count), _WIDTH - size)))
+    return b"".join((*map(_part, places), *repeat(_constant_part(b"\0", count), WIDTH - size)))
 
 
 def _part(place: NDArray[np.uint8]) -> bytes:
@@ -105,29 +93,8 @@ def _judged_part(data: bytes | memoryview) -> bytes:
     sample = data[:_SAMPLE]
     is_compressed = len(_compressed(sample)) < _GAIN * len(sample)
     kept = _compressed(data) if is_compressed else data
-    return b"".join((_HEAD.pack(is_compressed, len(kept)), kept))
+    return b"".join((HEAD.pack(is_compressed, len(kept)), kept))
 
 
 def _compressed(data: bytes | memoryview) -> bytes:
     return zlib.compress(data, _LEVEL)
-
-
-def _taken(data: memoryview, size: int | None) -> tuple[bytes | memoryview, memoryview]:
-    """Return the content of the first part, and what comes after it."""
-    if len(data) < _HEAD.size:
-        raise ValueError(_LENGTH)
-    is_compressed, length = _HEAD.unpack(data[: _HEAD.size])
-    kept, rest = data[_HEAD.size : _HEAD.size + length], data[_HEAD.size + length :]
-    content = _inflated(kept, size) if is_compressed else kept
-    if len(kept) != length or size not in (None, len(content)):
-        raise ValueError(_LENGTH)
-    return content, rest
-
-
-def _inflated(data: memoryview, size: int | None) -> bytes:
-    """Return compressed bytes as they were; no more than expected of a damaged store."""
-    reader = zlib.decompressobj()
-    try:
-        return reader.decompress(data, 0 if size is None else size + 1)
-    except zlib.error as error:
-        raise ValueError(str(error)) from error

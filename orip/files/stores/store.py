@@ -8,24 +8,21 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, groupby
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from orip.errors import InputError
 from orip.files.stores.checksum import CHECKSUM, ContentSums, RunningSum, Sum, part_of
-from orip.files.stores.packed_columns import packed_column, unpacked_column
 from orip.files.stores.table import StoreColumn, StoreTable, quoted
-from orip.records.coded_names import CodedNames, coded, joined, repeated
 from orip.records.names import record_key
 
+if TYPE_CHECKING:
+    from orip.files.stores.column_arrays import ColumnValues
+
 Row = tuple[Any, ...]
-ColumnValues = Sequence[Any] | NDArray[Any]
 
 PYTHON_TYPES = {"TEXT": str, "INTEGER": int, "REAL": float, "BLOB": bytes}
-ARRAY_TYPES = {"INTEGER": np.int64, "REAL": np.float64}
 NOTHING = "SELECT 1 WHERE 0"
 ROWS_AT_A_TIME = 50_000
 """Rows that go at once from arrays and into them: enough to be fast, too few for millions of Python floats."""
@@ -122,13 +119,15 @@ class Store(Struct, frozen=True):
 
     def columns(self, table: StoreTable, owner: str | None = None) -> tuple[ColumnValues, ...]:
         """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
+        from orip.files.stores.column_arrays import column_values, joined_column
+
         if table.packed:
             chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
             for of_row in self._unpacked(table, owner):
                 for values, parts in zip(of_row, chunks, strict=True):
                     parts.append(values)
             # the parts of a column go as soon as it is whole
-            return tuple(_joined(column, chunks.pop(0)) for column in table.columns)
+            return tuple(joined_column(column, chunks.pop(0)) for column in table.columns)
         chunks = [[] for _ in table.columns]
         # A block has far more observations than names: each name is kept once, not once a row.
         known: dict[str, str] = {}
@@ -137,12 +136,12 @@ class Store(Struct, frozen=True):
         while rows := cursor.fetchmany(ROWS_AT_A_TIME):
             for column, values, parts in zip(table.columns, zip(*rows, strict=True), chunks, strict=True):
                 try:
-                    parts.append(_column_values(column, values, known))
+                    parts.append(column_values(column, values, known))
                 except (TypeError, ValueError, OverflowError) as error:
                     raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
             running.add([parts[-1] for parts in chunks])
         self._require_sum(table, owner, running.value())
-        return tuple(_joined(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
+        return tuple(joined_column(column, parts) for column, parts in zip(table.columns, chunks, strict=True))
 
     def holds(self, table: StoreTable, owner: str, columns: Sequence[ColumnValues]) -> bool:
         """Tell whether a packed list of an owner has these columns, without owner and position.
@@ -154,13 +153,15 @@ class Store(Struct, frozen=True):
         InputError
             If the store is damaged.
         """
+        from orip.files.stores.column_arrays import part_of_column, same_column
+
         self._require_sum(table, owner, self._sum_of(table, owner))
         length, place = len(columns[0]), 0
         for _name, first, count, *blobs in self._cursor(table, owner):
             is_whole = count == length
             for column, blob, values in zip(table.packed_columns, blobs, columns, strict=True):
-                wanted = values if is_whole else _part_of(values, first, count)
-                if first != place or not _same_column(self._unpacked_column(table, column, blob, count), wanted):
+                wanted = values if is_whole else part_of_column(values, first, count)
+                if first != place or not same_column(self._unpacked_column(table, column, blob, count), wanted):
                     return False
             place += count
         return place == length
@@ -263,6 +264,9 @@ class Store(Struct, frozen=True):
 
     def _packed(self, table: StoreTable, columns: Sequence[ColumnValues]) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list."""
+        from orip.files.stores.column_arrays import part_of_column
+        from orip.files.stores.packed_columns import packed_column
+
         owner, _position, *rest = columns
         if len({len(column) for column in columns}) > 1:
             message = f"table {table.name}: a column is shorter than another one"
@@ -270,7 +274,7 @@ class Store(Struct, frozen=True):
         most = max(CELLS_OF_PART // len(table.packed_columns), 1)
         for first in range(0, len(owner), most):
             # a list in one row keeps all its names, in the order in which the points of a block are known
-            parts = rest if len(owner) <= most else [_part_of(values, first, most) for values in rest]
+            parts = rest if len(owner) <= most else [part_of_column(values, first, most) for values in rest]
             try:
                 yield (
                     (owner[0],), (first,), (len(parts[0]),),
@@ -279,39 +283,33 @@ class Store(Struct, frozen=True):
             except UnicodeEncodeError as error:
                 raise self._not_text(error) from error
 
-    def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
-        """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
+    def packed_rows(self, table: StoreTable, owner: str | None = None) -> Iterator[Row]:
+        """Yield each row that the file has of a packed list: owner, first position, number, and a BLOB a column."""
         if owner is not None or not table.by_owner:
             self._require_sum(table, owner, self._sum_of(table, owner))
-        for name, first, count, *blobs in self._checked(table.in_file, self._cursor(table, owner)):
+        yield from self._checked(table.in_file, self._cursor(table, owner))
+
+    def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
+        """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
+        from orip.files.stores.column_arrays import positions
+        from orip.records.coded_names import repeated
+
+        for name, first, count, *blobs in self.packed_rows(table, owner):
             columns = zip(table.packed_columns, blobs, strict=True)
             values = [self._unpacked_column(table, column, blob, count) for column, blob in columns]
-            yield (repeated(name, count), np.arange(first, first + count), *values)
+            yield (repeated(name, count), positions(first, count), *values)
 
     def _unpacked_column(self, table: StoreTable, column: StoreColumn, blob: bytes, count: int) -> ColumnValues:
+        from orip.files.stores.column_arrays import unpacked_values
+
         try:
-            values: ColumnValues = unpacked_column(column, blob, count)
-            if column.type == "REAL":
-                _require_numbers(column, np.asarray(values))
+            return unpacked_values(column, blob, count)
         except (ValueError, OverflowError, MemoryError) as error:
             raise damage(self.path, f"table {table.name}, column {column.name}: {error}") from error
-        return values
 
     def _not_text(self, error: UnicodeEncodeError) -> InputError:
         message = f"the text {error.object!a} has characters that no file of text can hold; write it differently"
         return InputError.single(message, str(self.path))
-
-
-def _same_column(one: ColumnValues, other: ColumnValues) -> bool:
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return np.array_equal(one, other, equal_nan=True)
-    return one == coded(other)
-
-
-def _part_of(values: ColumnValues, first: int, count: int) -> ColumnValues:
-    """Return some values of a packed list, which are in one row of the file."""
-    part = values[first : first + count]
-    return part.without_unused() if isinstance(part, CodedNames) else part
 
 
 def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
@@ -322,7 +320,7 @@ def _rows_of(columns: Sequence[ColumnValues]) -> Iterator[Row]:
 
 
 def _plain_values(values: ColumnValues) -> Sequence[Any]:
-    return values.tolist() if isinstance(values, np.ndarray) else values
+    return values.tolist() if hasattr(values, "tolist") else values  # an array
 
 
 def _stored(value: Any) -> Any:
@@ -334,7 +332,7 @@ def _stored(value: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """Return a NumPy scalar as the Python value that sqlite3 can bind."""
-    return value.item() if isinstance(value, np.generic) else value
+    return value.item() if hasattr(value, "item") else value
 
 
 def stored_fault(column: StoreColumn, value: Any) -> str | None:
@@ -352,31 +350,3 @@ def _read(column: StoreColumn, value: Any) -> Any:
     if value is None:
         return math.nan if column.null == "nan" else None
     return bool(value) if column.flag else value
-
-
-def _column_values(column: StoreColumn, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
-    if column.type == "TEXT":
-        return tuple(map(known.setdefault, values, values))
-    array = np.array(values, dtype=ARRAY_TYPES[column.type])
-    if column.type == "REAL":
-        _require_numbers(column, array)
-    return array.astype(np.bool_) if column.flag else array
-
-
-def _require_numbers(column: StoreColumn, values: NDArray[Any]) -> None:
-    if column.null == "never" and np.isnan(values).any():
-        message = "null, but a number is needed"
-        raise ValueError(message)
-    if not column.infinite and np.isinf(values).any():
-        message = "infinite, but a finite number is needed"
-        raise ValueError(message)
-
-
-def _joined(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:
-    if len(parts) == 1:
-        return parts[0]
-    if column.type == "TEXT":
-        names = [part for part in parts if isinstance(part, CodedNames)]
-        return joined(names) if names else tuple(chain.from_iterable(parts))
-    empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else ARRAY_TYPES[column.type])
-    return np.concatenate([empty, *parts])

@@ -8,9 +8,12 @@
 #include "../../array_arguments.h"
 
 #include "../intersection/intersection.h"
+#include "../intersection/consensus.h"
+#include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
-#include "../relative/solution.h"
-#include "../resection/resection.h"
+#include "../relative/common_counts.h"
+#include "../relative/given_scale.h"
+#include "../resection/photo.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
 
@@ -77,6 +80,41 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
     return PyLong_FromLongLong(left);
 }
 
+/* Whether what these rules repeat and choose from are numbers that there is time and room for. */
+static int are_resection_rules_sound(const ResectionRules *r)
+{
+    return r->alike >= 0.0 && is_whole(r->improvements, 0.0, MOST_ITERATIONS)
+        && is_whole(r->iterations, 0.0, MOST_ITERATIONS);
+}
+
+static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { IMAGE, KNOWN, DEVIATIONS, TRIPLES, RULES, ROTATIONS, CENTRES, FACTORS, RESIDUAL, FOUND };
+    Arguments a;
+    Known k;
+    if (!take_arguments(&a, arguments, given, "dddld" "DDDDD", 2))
+        return NULL;
+    const int64_t candidates = length_of(&a, CENTRES) / 3, number = length_of(&a, TRIPLES) / 3;
+    if (!known_from(&a, &k) || k.count <= 3 || !are_rows(&a, TRIPLES, k.count) || !has(&a, TRIPLES, 3 * number)
+        || !has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) || !are_resection_rules_sound(a.views[RULES].buf)
+        || candidates < 1 || candidates > MOST_ORIENTATIONS || !has(&a, CENTRES, 3 * candidates)
+        || !has(&a, ROTATIONS, 9 * candidates) || !has(&a, FACTORS, candidates * k.count)
+        || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, FOUND, sizeof(ResectionFound) / sizeof(double)))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)resection_space(k.count, candidates) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int64_t left = resect_photo(a.views[KNOWN].buf, a.views[DEVIATIONS].buf, k, a.views[RULES].buf,
+                                      a.views[TRIPLES].buf, number, candidates, a.views[ROTATIONS].buf,
+                                      a.views[CENTRES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf, space,
+                                      a.views[FOUND].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyLong_FromLongLong(left);
+}
+
 /* The photo points of all points, one after the other, and what they are computed with. */
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, PROBLEM_END };
 #define PROBLEM "lldd" "ddd"
@@ -136,17 +174,94 @@ static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *argu
     return PyFloat_FromDouble(s0);
 }
 
+static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { ORIENTED = 6, DOUBTFUL, POINTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "lldd" "ddbb" "D", 2))
+        return NULL;
+    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
+                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
+                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
+    const int64_t photos = length_of(&a, ORIENTED);
+    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
+        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, DOUBTFUL, rays.points)
+        || !has(&a, POINTS, 3 * rays.points))
+        return refused(&a);
+    find_consensus(&rays, a.views[DOUBTFUL].buf, a.numbers[0], a.numbers[1], a.views[POINTS].buf);
+    return done(&a);
+}
+
+static PyObject *py_common_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PHOTO_OF, POINT_OF, COUNTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "ll" "L", 0))
+        return NULL;
+    const int64_t points = length_of(&a, POINT_OF) - 1, photos = (int64_t)sqrt((double)length_of(&a, COUNTS));
+    if (points < 0 || !has(&a, COUNTS, photos * photos) || !are_rows(&a, PHOTO_OF, photos)
+        || !are_starts64(a.views[POINT_OF].buf, points, length_of(&a, PHOTO_OF)))
+        return refused(&a);
+    count_common(a.views[PHOTO_OF].buf, a.views[POINT_OF].buf, points, photos, a.views[COUNTS].buf);
+    return done(&a);
+}
+
+static PyObject *py_band_order(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { PHOTO_OF, POINT_OF, PHOTO_FREE, POINT_FREE, ORDER, PLACE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "llbb" "LL", 0))
+        return NULL;
+    PhotoGraph g = {.photo = a.views[PHOTO_OF].buf, .start = a.views[POINT_OF].buf,
+                    .photo_free = a.views[PHOTO_FREE].buf, .point_free = a.views[POINT_FREE].buf,
+                    .count = length_of(&a, PHOTO_OF), .photos = length_of(&a, PHOTO_FREE),
+                    .points = length_of(&a, POINT_FREE)};
+    int64_t free_photos = 0;
+    for (int64_t photo = 0; photo < g.photos; photo++)
+        free_photos += g.photo_free[photo] != 0;
+    if (!has(&a, POINT_OF, g.points + 1) || !are_starts64(g.start, g.points, g.count) || !are_rows(&a, PHOTO_OF, g.photos)
+        || !has(&a, ORDER, free_photos) || !has(&a, PLACE, g.photos))
+        return refused(&a);
+    int64_t *space = PyMem_Malloc((size_t)photo_graph_space(g.count, g.photos) * sizeof(int64_t));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    place_lists(&g, space);
+    order_photos(&g, a.views[ORDER].buf, a.views[PLACE].buf);
+    const int64_t places = places_of_a_point(&g, a.views[PLACE].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyLong_FromLongLong(places);
+}
+
 static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { RESIDUAL = PROBLEM_END, IN_FRONT };
+    enum { SQUARES = PROBLEM_END, LENGTHS };
     Arguments a;
     RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, PROBLEM "DB", 0))
+    if (!take_arguments(&a, arguments, given, PROBLEM "DD", 0))
         return NULL;
-    if (!problem_from(&a, &n) || !has(&a, RESIDUAL, 2 * n.count) || !has(&a, IN_FRONT, n.count))
+    if (!problem_from(&a, &n) || !has(&a, SQUARES, n.count) || !has(&a, LENGTHS, n.count))
         return refused(&a);
-    block_residuals(&n, a.views[RESIDUAL].buf, a.views[IN_FRONT].buf);
+    block_residuals(&n, a.views[SQUARES].buf, a.views[LENGTHS].buf);
     return done(&a);
+}
+
+static PyObject *py_refinement_weights(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { LENGTHS, WEIGHTS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "d" "D", 3))
+        return NULL;
+    const int64_t count = length_of(&a, LENGTHS);
+    if (!has(&a, WEIGHTS, count))
+        return refused(&a);
+    const double scale = weights_by_median(a.views[LENGTHS].buf, count, a.numbers[0], a.numbers[1], a.numbers[2],
+                                           a.views[WEIGHTS].buf);
+    release(&a);
+    return PyFloat_FromDouble(scale);
 }
 
 static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
@@ -189,28 +304,28 @@ static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *co
     return done(&a);
 }
 
-static PyObject *py_refinement_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refinement_step(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { PHOTO_OF, POINT_OF, PLACE, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, POINTS };
+    enum { PLACE = PROBLEM_END, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, ROTATIONS, CENTRES, POINTS };
     Arguments a;
     RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, "lll" "dddddd" "D", 0))
+    if (!take_arguments(&a, arguments, given, PROBLEM "ldddddd" "DDD", 1))
         return NULL;
-    memset(&n, 0, sizeof n);
-    n.photo = a.views[PHOTO_OF].buf, n.start = a.views[POINT_OF].buf, n.place = a.views[PLACE].buf;
-    n.count = length_of(&a, PHOTO_OF), n.point_count = length_of(&a, POINT_OF) - 1;
-    n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
-    if (n.point_count < 0 || !are_starts64(n.start, n.point_count, n.count)
-        || !are_rows(&a, PHOTO_OF, length_of(&a, PLACE))
-        || !are_within64(n.place, length_of(&a, PLACE), INT64_MIN, length_of(&a, SOLUTION) / 6)
-        || !has(&a, OF_CAMERAS, OF_CAMERA * n.cameras) || !has(&a, COUPLING, 18 * n.count)
+    const int64_t photos = length_of(&a, AT) / 3;
+    if (!problem_from(&a, &n) || length_of(&a, SOLUTION) % 6 || !has(&a, PLACE, photos)
+        || !are_within64(a.views[PLACE].buf, photos, INT64_MIN, length_of(&a, SOLUTION) / 6)
+        || length_of(&a, OF_CAMERAS) % OF_CAMERA || !has(&a, COUPLING, 18 * n.count)
         || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, RIGHT, 3 * n.point_count)
-        || !has(&a, POINTS, 3 * n.point_count) || !has(&a, POINT_BORDER, 3 * OF_CAMERA * n.cameras * n.point_count))
+        || !has(&a, POINT_BORDER, 3 * length_of(&a, OF_CAMERAS) * n.point_count) || !has(&a, ROTATIONS, 9 * photos)
+        || !has(&a, CENTRES, 3 * photos) || !has(&a, POINTS, 3 * n.point_count))
         return refused(&a);
+    n.place = a.views[PLACE].buf, n.size = length_of(&a, SOLUTION), n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
     n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
     n.point_border = a.views[POINT_BORDER].buf;
-    point_corrections(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.views[POINTS].buf);
-    return done(&a);
+    const double factor = move_block(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.numbers[0], photos,
+                                     a.views[ROTATIONS].buf, a.views[CENTRES].buf, a.views[POINTS].buf);
+    release(&a);
+    return PyFloat_FromDouble(factor);
 }
 
 /* Whether what these rules keep and repeat are numbers that there is room and time for. */
@@ -249,6 +364,37 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
     }
     const int oriented = orient_relatively(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
                                            a.views[FOUND].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyBool_FromLong(oriented);
+}
+
+static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDBB", 1))
+        return NULL;
+    const RelativeRules *rules = a.views[RULES].buf;
+    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
+    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
+                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
+                                   a.views[USABLE].buf};
+    const int64_t samples = length_of(&a, SAMPLES) / 5;
+    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
+        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
+        || !are_rules_sound(rules) || (double)samples > rules->sampling.at_once
+        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
+        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
+        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int oriented = orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, a.numbers[0],
+                                         space, &points, a.views[FOUND].buf);
     PyMem_Free(space);
     release(&a);
     return PyBool_FromLong(oriented);
@@ -306,14 +452,20 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
 
 static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
+    METHOD(consensus, "Positions of points where most of their rays meet."),
+    METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
+    METHOD(resect, "The orientation of a photo by known points."),
     METHOD(orient_pair, "The relative orientation of two photos."),
+    METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
+    METHOD(band_order, "The order of photos that keeps a band narrow."),
     METHOD(refinement_residuals, "Residuals of a refinement."),
     METHOD(refinement_normals, "Reduced normal equations of a refinement."),
-    METHOD(refinement_points, "Corrections of the points of a refinement."),
+    METHOD(refinement_step, "Photos and points after a step of a refinement."),
+    METHOD(refinement_weights, "Weights of a refinement from the lengths of its residuals."),
     {NULL, NULL, 0, NULL},
 };
 

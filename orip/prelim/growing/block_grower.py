@@ -170,13 +170,13 @@ class BlockGrower(Struct, frozen=True):
 
     def _intersected_again(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
         """Return the block after a new intersection of the points that some of its photos see."""
-        points = np.unique(np.concatenate([self.index.points[photo] for photo in np.flatnonzero(photos)]))
         concerned = np.zeros(len(self.rays.points), dtype=bool)
-        concerned[points] = True
-        rows = np.flatnonzero(concerned[self.rays.point])
-        part = self.rays.of(rows)
-        names = tuple(self.rays.points[point] for point in points)
-        part = replace(part, points=names, point=np.searchsorted(points, part.point))
+        for photo in np.flatnonzero(photos):
+            concerned[self.index.points[photo]] = True
+        points, place = np.flatnonzero(concerned), np.cumsum(concerned) - 1
+        part = self.rays.of(np.flatnonzero(concerned[self.rays.point]))
+        names = tuple(map(self.rays.points.__getitem__, points.tolist()))
+        part = replace(part, points=names, point=place[part.point])
         found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
         coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
         coordinates[points], deviations[points] = found.coordinates, found.deviations

@@ -6,6 +6,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.medians import median
 from orip.prelim.rays.image_rays import ImageRays
 
 MISFIT = 5.0
@@ -38,7 +39,7 @@ def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
 def unfit(lengths: FloatArray) -> BoolArray:
     """Return which of `residual_lengths` (n,) are far larger than usual; NaN is not among them."""
     judged = ~np.isnan(lengths)
-    overall = float(np.median(lengths[judged])) if judged.any() else np.inf
+    overall = median(lengths[judged]) if judged.any() else np.inf
     return judged & ~(lengths <= MISFIT * max(overall, 1.0))
 
 

@@ -78,10 +78,7 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
 def _point_by_point(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
     """Do what `_all_at_once` does in the compiled loop."""
     count, points = len(rays.photo), len(rays.points)
-    ordered = bool((rays.point[1:] >= rays.point[:-1]).all())
-    order = slice(None) if ordered else np.argsort(rays.point, kind="stable")
-    start = np.zeros(points + 1, dtype=np.int64)
-    np.cumsum(np.bincount(rays.point, minlength=points), out=start[1:])
+    order, start = rays.order_by_point(), rays.point_starts()
     coordinates, deviations, angles = np.empty((points, 3)), np.empty((points, 3)), np.empty(points)
     factors, factors_in_order = np.empty(count), np.empty(count)
     of_rays = map(np.ascontiguousarray, (rays.vectors[order], rays.error[order], rotations, centres, oriented))

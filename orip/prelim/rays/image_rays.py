@@ -71,6 +71,17 @@ class ImageRays(Struct, frozen=True):
             self.cameras,
         )
 
+    def order_by_point(self) -> IntArray | slice:
+        """Return the order (n,) in which rays come point by point; where they do, a slice of all."""
+        ordered = bool((self.point[1:] >= self.point[:-1]).all())
+        return slice(None) if ordered else np.argsort(self.point, kind="stable")
+
+    def point_starts(self) -> IntArray:
+        """Return where the rays of each point begin in that order, and where the last ones end (points + 1,)."""
+        starts = np.zeros(len(self.points) + 1, dtype=np.int64)
+        np.cumsum(np.bincount(self.point, minlength=len(self.points)), out=starts[1:])
+        return starts
+
 
 _CORRECTED = "C", "DX", "DY", "A3"
 """Parameters of a camera that the `CAMERA_CORRECTIONS` stand for."""

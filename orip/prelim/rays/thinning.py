@@ -7,6 +7,7 @@ from itertools import compress
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
+from orip.prelim.medians import median
 from orip.prelim.rays.image_rays import ImageRays
 from orip.structs import replace
 
@@ -33,7 +34,7 @@ def thinned(rays: ImageRays, kept: BoolArray, enough: int) -> ImageRays:
         Least number of points kept in a photo, if it has as many.
     """
     per_photo = np.bincount(rays.photo, minlength=len(rays.photos))
-    if len(per_photo) == 0 or np.median(per_photo) <= _MANY * enough:
+    if len(per_photo) == 0 or median(per_photo.astype(np.float64)) <= _MANY * enough:
         return rays
     rays = rays.of(np.lexsort((rays.photo, rays.point)))
     number = np.bincount(rays.point, minlength=len(rays.points))

@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import FloatArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
+from orip.prelim.medians import median
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.refinement.band_order import band_order
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.problem import SQUARE_BEHIND, RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
 
 if TYPE_CHECKING:
@@ -44,19 +47,25 @@ class ArraySolver:
 
     def __init__(self, problem: RefinementProblem) -> None:
         self._problem = problem
-        self._band_order = BandOrder(problem)
+        self._band_order = band_order(problem)
 
     def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""
-        problem = self._problem
         image = self._perspective(state)
-        residual = (image.xy - corrected(problem.rays, state.corrections).vectors[:, :2]) / problem.rays.error[:, None]
-        return RayResiduals(residual, image.in_front, state.of_cameras)
+        squares = np.where(image.in_front, (self._misclosures(state, image) ** 2).sum(axis=1), SQUARE_BEHIND)
+        return RayResiduals(squares, np.where(image.in_front, np.sqrt(squares), np.inf), state.of_cameras)
 
-    def moved(self, state: RefinementState, at: RayResiduals, factors: FloatArray, damping: float) -> RefinementState:
-        """Return the state after one step; the residuals are those of the state."""
+    def weights(self, lengths: FloatArray) -> tuple[FloatArray, float]:
+        """Return the Danish weights (m,) of residuals by their lengths, and their robust scale."""
+        unit = self._problem.median_length
+        scale = median(lengths) / unit if unit else 0.0
+        with np.errstate(invalid="ignore"):  # with coordinates in another unit residuals may overflow
+            return danish_weights(lengths / max(scale, 1.0), LIMIT_OF_TWO_COMPONENTS), scale
+
+    def moved(self, state: RefinementState, factors: FloatArray, damping: float) -> RefinementState:
+        """Return the state after one step with weight factors (m,) of the rays."""
         order, photos, points = self._band_order.order, len(state.centres), len(state.points)
-        rows = self._rows(state, at, factors)
+        rows = self._rows(state, factors)
         inverse = np.linalg.inv(_damped(self._by_points(rows.by_point, rows.by_point), damping))
         half = np.swapaxes(np.linalg.cholesky(inverse), 1, 2)
         # eliminating the points subtracts the product of these with themselves
@@ -80,17 +89,17 @@ class ArraySolver:
         by_photos[order] = -solution.reshape(-1, 6)
         return state.moved(by_photos, -(left @ half)[:, 0], -of_cameras.reshape(-1, CAMERA_CORRECTIONS))
 
-    def _rows(self, state: RefinementState, at: RayResiduals, factors: FloatArray) -> _Rows:
+    def _rows(self, state: RefinementState, factors: FloatArray) -> _Rows:
         problem, rays = self._problem, self._problem.rays
         image = self._perspective(state)
-        root = (np.sqrt(np.where(at.in_front, factors, 0.0)))[:, None]
+        root = (np.sqrt(np.where(image.in_front, factors, 0.0)))[:, None]
         scaled = (root / rays.error[:, None])[:, :, None]
         by_photo = np.concatenate([image.by_rotation, -image.by_point], axis=2) * scaled
         return _Rows(
             by_photo * problem.photo_free[rays.photo, None, None],
             image.by_point * scaled * problem.point_free[rays.point, None, None],
             self._by_camera(image.xy, state.corrections.size) * scaled,
-            (at.residual * root)[:, :, None],
+            (self._misclosures(state, image) * root)[:, :, None],
         )
 
     def _by_photos(self, left: FloatArray, right: FloatArray) -> FloatArray:
@@ -100,6 +109,11 @@ class ArraySolver:
     def _by_points(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return the sums of left^T right over the rays of each point."""
         return group_sums(self._problem.rays.point, np.swapaxes(left, 1, 2) @ right, len(self._problem.point_free))
+
+    def _misclosures(self, state: RefinementState, image: Perspective) -> FloatArray:
+        """Return computed minus measured coordinates (m, 2) over their a-priori errors."""
+        rays = corrected(self._problem.rays, state.corrections)
+        return np.asarray((image.xy - rays.vectors[:, :2]) / rays.error[:, None])
 
     def _perspective(self, state: RefinementState) -> Perspective:
         """Return images of all rays' points, with partials."""

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import FloatArray
 from orip.prelim.compiled import kernels
+from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
+from orip.prelim.refinement.band_order import band_order
 from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import BandOrder, RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
 from orip.prelim.refinement.reduced_equations import ReducedEquations
 
 
@@ -23,61 +26,62 @@ class CompiledSolver:
 
     def __init__(self, problem: RefinementProblem) -> None:
         self._problem = problem
-        self._band_order = BandOrder(problem)
-        points, rays = len(problem.point_free), len(problem.rays.photo)
-        self._start = np.concatenate([[0], np.cumsum(np.bincount(problem.rays.point, minlength=points))])
-        self._coupling = np.empty((rays, 6, 3))
-        self._width = self._band_width()
+        self._band_order = band_order(problem)
+        self._coupling = np.empty((len(problem.rays.photo), 6, 3))
+        self._width = max(6 * self._band_order.places, 6)
         self._camera = camera_of(problem.rays)
         self._seen = np.empty(len(problem.rays.cameras.unknown), dtype=np.int64)
         self._by_camera = by_corrections(problem.rays)
+        self._cameras = problem.rays.cameras.unknown.size
         self._prepared: tuple[RefinementState, tuple[NDArray[np.generic], ...]] | None = None
-
-    def _band_width(self) -> int:
-        """Return 6 times the largest number of places that photos of one point are apart, and the photo itself."""
-        place, point = self._band_order.place[self._problem.rays.photo], self._problem.rays.point
-        taking = (place >= 0) & self._problem.point_free[point]
-        first = np.full(len(self._problem.point_free), len(place) + 1)
-        last = np.full(len(first), -1)
-        np.minimum.at(first, point[taking], place[taking])
-        np.maximum.at(last, point[taking], place[taking])
-        return 6 * (int((last - first).max(initial=0, where=last >= 0)) + 1)
 
     def _arrays(self, state: RefinementState) -> tuple[NDArray[np.generic], ...]:
         # needed twice: for the residuals of a state, and for the step from there
         if self._prepared is None or self._prepared[0] is not state:
             rays = corrected(self._problem.rays, state.corrections)
-            arrays = rays.photo, self._start, rays.vectors, rays.error, state.rotations, state.centres, state.points
+            arrays = (
+                rays.photo,
+                self._problem.point_starts,
+                rays.vectors,
+                rays.error,
+                state.rotations,
+                state.centres,
+                state.points,
+            )
             self._prepared = state, tuple(map(np.ascontiguousarray, arrays))
         return self._prepared[1]
 
     def residuals(self, state: RefinementState) -> RayResiduals:
         """Return the residuals of all rays."""
-        count = len(self._problem.rays.photo)
-        residual, in_front = np.empty((count, 2)), np.empty(count, dtype=np.uint8)
-        kernels.refinement_residuals(*self._arrays(state), residual, in_front)
-        return RayResiduals(residual, in_front.astype(bool), state.of_cameras)
+        squares, lengths = np.empty((2, len(self._problem.rays.photo)))
+        kernels.refinement_residuals(*self._arrays(state), squares, lengths)
+        return RayResiduals(squares, lengths, state.of_cameras)
 
-    def moved(self, state: RefinementState, at: RayResiduals, factors: FloatArray, damping: float) -> RefinementState:
-        """Return the state after one step; the residuals are those of the state."""
+    def weights(self, lengths: FloatArray) -> tuple[FloatArray, float]:
+        """Return the Danish weights (m,) of residuals by their lengths, and their robust scale."""
+        weights = np.empty(len(lengths))
+        unit = self._problem.median_length
+        scale = kernels.refinement_weights(lengths, weights, unit, LIMIT_OF_TWO_COMPONENTS, LEAST_WEIGHT)
+        return weights, scale
+
+    def moved(self, state: RefinementState, factors: FloatArray, damping: float) -> RefinementState:
+        """Return the state after one step with weight factors (m,) of the rays."""
         problem, order, place = self._problem, self._band_order.order, self._band_order.place
-        points, size, cameras = len(problem.point_free), 6 * len(order), state.corrections.size
-        weights = np.where(at.in_front, factors, 0.0)
+        arrays, points, size, cameras = self._arrays(state), len(problem.point_free), 6 * len(order), self._cameras
         inverse, point_right, right = np.empty((points, 3, 3)), np.empty((points, 3)), np.zeros(size)
         band, border = np.zeros((size, self._width)), np.zeros((size, cameras))
         point_border, own, own_right = np.zeros((points, 3, cameras)), np.zeros((cameras, cameras)), np.zeros(cameras)
         kernels.refinement_normals(
-            *self._arrays(state), place, problem.point_free, weights, self._camera, self._by_camera,
+            *arrays, place, problem.point_free, factors, self._camera, self._by_camera,
             np.zeros((len(order), 6, 6)), self._coupling, inverse, point_right, band, right,
             border, point_border, own, own_right, self._seen, damping,
         )  # fmt: skip
         equations = ReducedEquations(band.T, right, border, own, own_right)
         solution, of_cameras = equations.solved(state.corrections)
-        by_points = np.empty((points, 3))
-        kernels.refinement_points(
-            problem.rays.photo, self._start, place, self._coupling, inverse, point_right, point_border, solution,
-            of_cameras, by_points,
+        rotations, centres, ground = (np.empty(values.shape) for values in arrays[4:])
+        factor = kernels.refinement_step(
+            *arrays, place, self._coupling, inverse, point_right, point_border, np.ascontiguousarray(solution),
+            of_cameras, rotations, centres, ground, LARGEST_TURN,
         )  # fmt: skip
-        by_photos = np.zeros((len(place), 6))
-        by_photos[order] = -solution.reshape(-1, 6)
-        return state.moved(by_photos, by_points, -of_cameras.reshape(-1, CAMERA_CORRECTIONS))
+        corrections = state.corrections - factor * of_cameras.reshape(-1, CAMERA_CORRECTIONS)
+        return RefinementState(rotations, centres, ground, corrections)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import EXPECTED
 
-_MEDIAN = np.sqrt(2.0 * np.log(2.0))
+_MEDIAN = math.sqrt(2.0 * math.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
+
+SQUARE_BEHIND = 1e6
+"""Squared standard residual that a ray has whose point lies behind the photo."""
 
 
 class RefinementState(Struct, frozen=True):
@@ -43,22 +48,18 @@ class RefinementState(Struct, frozen=True):
 
 
 class RayResiduals(NamedTuple):
-    """Residuals (m, 2) of m rays over their a-priori errors, and whether the point is in front of the photo (m,).
+    """Squares (m,) and lengths (m,) of the residuals of m rays over their a-priori errors.
 
-    `of_cameras` is what the corrections of the cameras add to the square sum.
+    Of points behind the photo the squares are `SQUARE_BEHIND`, and the lengths infinite. `of_cameras` is what the
+    corrections of the cameras add to the square sum.
     """
 
-    residual: FloatArray
-    in_front: BoolArray
+    squares: FloatArray
+    lengths: FloatArray
     of_cameras: float
 
-    @property
-    def length(self) -> FloatArray:
-        """Return the lengths (m,) of the residuals; infinite behind the photo."""
-        return np.where(self.in_front, np.linalg.norm(self.residual, axis=1), np.inf)
 
-
-class RefinementProblem(Struct, frozen=True):
+class RefinementProblem(Struct, frozen=True, dict=True):
     """Which rays take part, point by point, and which photos and points are unknown.
 
     Parameters
@@ -72,39 +73,18 @@ class RefinementProblem(Struct, frozen=True):
     photo_free: BoolArray
     point_free: BoolArray
 
-    @property
+    @cached_property
+    def point_starts(self) -> IntArray:
+        """Return where the rays of each point begin, and where the last ones end, array (q + 1,)."""
+        return self.rays.point_starts()
+
+    @cached_property
     def redundancy(self) -> int:
         """Return twice the number of rays minus the number of unknowns."""
         return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
 
-    def scale(self, length: FloatArray) -> float:
-        """Return the robust scale of the residuals, from their median; 0 without redundancy."""
+    @cached_property
+    def median_length(self) -> float:
+        """Return the median of the lengths of residuals that are as large as expected; 0 without redundancy."""
         share = self.redundancy / (2 * len(self.rays.photo)) if len(self.rays.photo) else 0.0
-        return float(np.median(length)) / _MEDIAN / np.sqrt(share) if share > 0.0 else 0.0
-
-
-class BandOrder:
-    """The order of the photos of a refinement that keeps the band of their normal equations narrow.
-
-    Attributes
-    ----------
-    order : array (f,)
-        Free photos.
-    place : array (p,)
-        Place of each photo in this order; -1 for a photo that is held.
-    """
-
-    def __init__(self, problem: RefinementProblem) -> None:
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import reverse_cuthill_mckee
-
-        rays = problem.rays
-        free = problem.photo_free[rays.photo]
-        photos, points = len(problem.photo_free), len(problem.point_free)
-        ones = np.ones(np.count_nonzero(free))
-        sees = csr_array((ones, (rays.point[free], rays.photo[free])), shape=(points, photos))
-        sees = sees[problem.point_free]
-        order = reverse_cuthill_mckee((sees.T @ sees).tocsr(), symmetric_mode=True)
-        self.order = order[problem.photo_free[order]]
-        self.place = np.full(photos, -1)
-        self.place[self.order] = np.arange(len(self.order))
+        return _MEDIAN * math.sqrt(share) if share > 0.0 else 0.0

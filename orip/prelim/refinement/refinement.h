@@ -21,15 +21,36 @@ typedef struct {
 
 enum { OF_CAMERA = 4 };
 
-static void block_residuals(const RefinementProblem *n, double *residual, uint8_t *in_front)
+/* As in problem.py: what the square of a ray counts whose point lies behind the photo. */
+#define SQUARE_BEHIND 1e6
+
+/* Squares and lengths of the residuals over their a-priori errors; infinite lengths behind the photo. */
+static void block_residuals(const RefinementProblem *n, double *squares, double *lengths)
 {
     for (int64_t point = 0; point < n->point_count; point++)
         for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
             const int64_t photo = n->photo[row];
-            in_front[row] = (uint8_t)project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
-                                             n->vectors + 3 * row, residual + 2 * row, NULL);
-            residual[2 * row] /= n->error[row], residual[2 * row + 1] /= n->error[row];
+            double residual[2];
+            const int in_front = project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
+                                         n->vectors + 3 * row, residual, NULL);
+            const double x = residual[0] / n->error[row], y = residual[1] / n->error[row];
+            squares[row] = in_front ? x * x + y * y : SQUARE_BEHIND;
+            lengths[row] = in_front ? sqrt(squares[row]) : INFINITY;
         }
+}
+
+/* Danish weights of residuals of some lengths, whose scale is their median over `unit`, at least 1; returns it. */
+static double weights_by_median(const double *lengths, int64_t count, double unit, double limit, double floor,
+                                double *weights)
+{
+    double scale = 0.0;
+    if (count > 0 && unit > 0.0) {
+        memcpy(weights, lengths, (size_t)count * sizeof(double));
+        scale = median_of(weights, count) / unit;
+    }
+    for (int64_t row = 0; row < count; row++)
+        weights[row] = danish_weight(lengths[row] / larger(scale, 1.0), limit, floor);
+    return scale;
 }
 
 /* Enlarge the diagonal, so that even unknowns without any equation are regular. */
@@ -247,4 +268,30 @@ static void point_corrections(const RefinementProblem *n, const double *solution
         for (int j = 0; j < 3; j++)
             corrections[3 * point + j] = -dot3(n->inverse + 9 * point + 3 * j, g);
     }
+}
+
+/* Photos and points after a step; no photo is turned by more than `largest_turn`, and all corrections are shortened
+ * alike. Returns by how much. */
+static double move_block(const RefinementProblem *n, const double *solution, const double *of_cameras,
+                         double largest_turn, int64_t photos, double *rotations, double *centres, double *points)
+{
+    double largest = 0.0;
+    for (int64_t k = 0; k < n->size; k += 6)
+        largest = larger(largest, dot3(solution + k, solution + k));
+    const double factor = smaller(1.0, largest_turn / larger(sqrt(largest), 1e-300));
+    point_corrections(n, solution, of_cameras, points);
+    for (int64_t k = 0; k < 3 * n->point_count; k++)
+        points[k] = n->points[k] + factor * points[k];
+    for (int64_t photo = 0; photo < photos; photo++) {
+        const int64_t place = n->place[photo];
+        const double none[6] = {0.0}, *s = place < 0 ? none : solution + 6 * place;
+        const double turn[3] = {-factor * s[0], -factor * s[1], -factor * s[2]};
+        if (place < 0)
+            memcpy(rotations + 9 * photo, n->rotations + 9 * photo, 9 * sizeof(double));
+        else
+            turn3(turn, n->rotations + 9 * photo, rotations + 9 * photo);
+        for (int i = 0; i < 3; i++)
+            centres[3 * photo + i] = n->centres[3 * photo + i] - factor * s[3 + i];
+    }
+    return factor;
 }

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled
 from orip.prelim.least_squares import E, PrelimProblem, least_squares
@@ -33,9 +32,6 @@ _UPHILL, _UPHILL_STEPS = 10.0, 2
 """Multiple of the weighted square sum up to which uphill steps are taken, and how many of them in succession."""
 
 _NEVER_AGAIN = -1
-
-_SQUARE_BEHIND = 1e6
-"""Squared standard residual that a ray has whose point lies behind the photo."""
 
 _MOST_STEPS = 30
 
@@ -126,7 +122,7 @@ def refine(
     robust = _RobustRefinement(problem, enough)
     found = least_squares(robust, robust.start(start), _UphillSteps(), _MOST_STEPS)
     state, s0, iterations = found.best.state, found.best.s0, found.iterations
-    weight_factors[used] = np.where(found.best.residuals.in_front, found.best.weights, 0.0)
+    weight_factors[used] = found.best.weights
     moved_photos = np.zeros(len(rays.photos), dtype=bool)
     moved_photos[problem.rays.photo] = problem.photo_free[problem.rays.photo]
     moved_points = np.zeros(len(rays.points), dtype=bool)
@@ -180,14 +176,11 @@ class _RobustRefinement:
         return self.reweighted(_Estimate(state, self._solver.residuals(state), 0.0, np.empty(0)))
 
     def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
-        state = self._solver.moved(here.state, here.residuals, here.weights, float(damping[0]))
+        state = self._solver.moved(here.state, here.weights, float(damping[0]))
         return here._replace(state=state, residuals=self._solver.residuals(state))
 
     def reweighted(self, here: _Estimate) -> _Estimate:
-        length = here.residuals.length
-        s0 = self._problem.scale(length)
-        with np.errstate(invalid="ignore"):  # with coordinates in another unit residuals may overflow
-            weights = danish_weights(length / max(s0, 1.0), LIMIT_OF_TWO_COMPONENTS)
+        weights, s0 = self._solver.weights(here.residuals.lengths)
         return here._replace(s0=s0, weights=weights)
 
     def costs(self, here: _Estimate, weights: FloatArray) -> FloatArray:
@@ -195,9 +188,7 @@ class _RobustRefinement:
 
         A ray that has come to lie behind its photo counts as a large residual.
         """
-        at = here.residuals
-        squares = np.where(at.in_front, np.sum(at.residual**2, axis=1), _SQUARE_BEHIND)
-        return np.array([weights @ squares + at.of_cameras])
+        return np.array([weights @ here.residuals.squares + here.residuals.of_cameras])
 
     def converged(self, before: _Estimate, after: _Estimate) -> bool:
         """Return whether the gain is small, both with the weights before the step and with the new ones."""

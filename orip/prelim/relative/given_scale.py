@@ -10,12 +10,14 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.essential import TwoPhotos, essential_matrices
-from orip.prelim.relative.adjustment import MAX_STANDARD_RESIDUAL, adjust_relative
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.relative.adjustment import DANISH, MAX_STANDARD_RESIDUAL, adjust_relative
 from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
-from orip.prelim.relative.solution import PairSolution, intersection_deviations, usable_points
+from orip.prelim.relative.solution import CHOICE, PairSolution, intersection_deviations, usable_points
 from orip.prelim.relative.start import (
     FIT_LIMIT,
     POINTS_NEEDED,
+    SAMPLING,
     best_in_front,
     best_unlike,
     chance_of_unit,
@@ -34,6 +36,9 @@ _ITERATIONS = 8
 _SURE = 10.0
 """Logarithm of the factor by which points have to agree better than by chance."""
 
+_RULES = np.array([_SAMPLES, *SAMPLING[1:], *DANISH, _ITERATIONS, *CHOICE[1:4], _SURE, *CHOICE[5:]], dtype=np.float64)
+"""The constants as the compiled loop takes them: `RelativeRules` in solution.h, all samples at once."""
+
 
 def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
     """Return the orientation that most points fit at a scale; None where as many would by chance.
@@ -48,6 +53,35 @@ def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution
     scale : float
         Standard residual of right points.
     """
+    return (_compiled if is_compiled() else _with_arrays)(solution, pairs, scale)
+
+
+def _compiled(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
+    """Do what `_with_arrays` does in the compiled loop."""
+    count = len(pairs.error)
+    found, parallax, weights = np.empty(28), np.empty(count), np.empty(count)
+    coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
+    in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    if not kernels.orient_at_scale(
+        *pairs, samples_of(count)[:_SAMPLES], log_of_sets(count), _RULES, found, parallax, weights, coordinates,
+        deviations, in_front, usable, scale,
+    ):  # fmt: skip
+        return None
+    return replace(
+        solution,
+        photos=TwoPhotos(found[:3], found[3:12].reshape(3, 3)),
+        parallax=parallax,
+        weight_factor=weights,
+        coordinates=coordinates,
+        deviations=deviations,
+        in_front=in_front,
+        usable=usable,
+        scale=scale,
+        seuw=scale,
+    )
+
+
+def _with_arrays(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
     samples = samples_of(len(pairs.error))[:_SAMPLES]
     essential = essential_matrices(pairs.left[samples], pairs.right[samples])
     if not len(essential):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import IntArray
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.rays.image_rays import ImageRays
 
 
@@ -20,6 +21,17 @@ class Pair(NamedTuple):
 
 def common_point_counts(rays: ImageRays) -> IntArray:
     """Return the number of points that each two photos share, array (photos, photos); the diagonal has their own."""
+    return (_compiled_counts if is_compiled() else _counts)(rays)
+
+
+def _compiled_counts(rays: ImageRays) -> IntArray:
+    """Do what `_counts` does in the compiled loop."""
+    counts = np.empty((len(rays.photos), len(rays.photos)), dtype=np.int64)
+    kernels.common_points(np.ascontiguousarray(rays.photo[rays.order_by_point()]), rays.point_starts(), counts)
+    return counts
+
+
+def _counts(rays: ImageRays) -> IntArray:
     from scipy.sparse import csr_array
 
     shape = (len(rays.photos), len(rays.points))

@@ -4,7 +4,7 @@
 #include "adjustment.h"
 #include "start.h"
 
-/* _CHOICE in orip/prelim/relative/solution.py */
+/* CHOICE in orip/prelim/relative/solution.py */
 typedef struct {
     double to_compare, most, equally_good, same, sure, plain_base, rotation_steps;
 } Choice;
@@ -113,6 +113,20 @@ static int64_t choose_orientation(const Choice *c, int64_t number, const double 
     return chosen;
 }
 
+/* The sum of squares in units of a scale; a point behind a photo counts as not fitting. */
+static double cost_in_front(const Judgement *j, const double *base, const double *R, const double *squares, double scale)
+{
+    const double limit = j->rules->limit * j->rules->limit;
+    double cost = 0.0;
+    for (int64_t row = 0; row < j->pairs->count; row++) {
+        double along[2];
+        along_rays(base, R, j->pairs->left + 3 * row, j->pairs->right + 3 * row, along);
+        const int in_front = along[0] > 0.0 && along[1] > 0.0;
+        cost += in_front ? smaller(squares[row] / (scale * scale), limit) : limit;
+    }
+    return cost;
+}
+
 /* Adjust starts and choose the best one, which is written to `found`; returns its place. */
 static int64_t try_starts(const Judgement *j, const RelativeRules *rules, int64_t number, double *bases,
                           double *rotations, double *space, RelativeFound *found)
@@ -135,16 +149,8 @@ static int64_t try_starts(const Judgement *j, const RelativeRules *rules, int64_
     const Agreement agreed = best_agreement(j, number);
     const double sure = smaller((double)(p->count - 5), rules->choice.sure);
     found->scale = agreed.scale, found->by_chance = agreed.log_chance > -sure;
-    const double square = agreed.scale * agreed.scale, limit = rules->sampling.limit * rules->sampling.limit;
-    for (int64_t k = 0; k < number; k++) {
-        costs[k] = 0.0;
-        for (int64_t row = 0; row < p->count; row++) {
-            double along[2];
-            along_rays(bases + 3 * k, rotations + 9 * k, p->left + 3 * row, p->right + 3 * row, along);
-            const int in_front = along[0] > 0.0 && along[1] > 0.0;
-            costs[k] += in_front ? smaller(j->squares[p->count * k + row] / square, limit) : limit;
-        }
-    }
+    for (int64_t k = 0; k < number; k++)
+        costs[k] = cost_in_front(j, bases + 3 * k, rotations + 9 * k, j->squares + p->count * k, agreed.scale);
     return choose_orientation(&rules->choice, number, bases, rotations, costs, &found->ambiguous);
 }
 

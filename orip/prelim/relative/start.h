@@ -206,8 +206,8 @@ static int64_t best_unlike(const Judgement *j, int64_t number)
     return found;
 }
 
-/* Add the matrices of samples of five points to those there are, and keep the best; returns how many. */
-static int64_t judge_samples(const Judgement *j, const int64_t *drawn, int64_t samples, int64_t number, Agreement *best)
+/* Add the matrices of samples of five points to those there are, with the squares of all; returns how many. */
+static int64_t solve_samples(const Judgement *j, const int64_t *drawn, int64_t samples, int64_t number)
 {
     const Pairs *p = j->pairs;
     for (int64_t sample = 0; sample < samples; sample++) {
@@ -221,12 +221,17 @@ static int64_t judge_samples(const Judgement *j, const int64_t *drawn, int64_t s
     }
     for (int64_t k = 0; k < number; k++)
         squares_at(j, j->essential + 9 * k, j->squares + p->count * k);
-    *best = best_agreement(j, number);
-    const double largest = best->scale * best->scale * j->rules->limit * j->rules->limit;
+    return number;
+}
+
+/* Keep the best matrices at a scale; returns how many. */
+static int64_t keep_best(const Judgement *j, int64_t number, double scale)
+{
+    const double largest = scale * scale * j->rules->limit * j->rules->limit;
     for (int64_t k = 0; k < number; k++) {
         j->costs[k] = 0.0;
-        for (int64_t row = 0; row < p->count; row++)
-            j->costs[k] += smaller(j->squares[p->count * k + row], largest);
+        for (int64_t row = 0; row < j->pairs->count; row++)
+            j->costs[k] += smaller(j->squares[j->pairs->count * k + row], largest);
     }
     return best_unlike(j, number);
 }
@@ -303,28 +308,21 @@ static double front_of(const Judgement *j, const double *E, double largest, doub
     return least;
 }
 
-/* The best orientations that samples of five points give, best first; returns how many. `space` has room for the bases
- * and rotations of all matrices that are kept.
+/* Of each matrix the orientation with the most points in front, the best orientations first; returns how many. `space`
+ * has room for the bases and rotations of all matrices.
  */
-static int64_t starting_orientations(const Judgement *j, const int64_t *samples, int64_t number, double *bases,
-                                     double *rotations, double *space)
+static int64_t best_in_front(const Judgement *j, int64_t number, double scale, double *bases, double *rotations,
+                             double *space)
 {
     const Sampling *rules = j->rules;
-    Agreement best = {INFINITY, 1.0, 1.0};
-    int64_t kept = 0, found = 0;
-    for (int64_t start = 0, drawn; start < number; start += drawn) {
-        drawn = start + (int64_t)rules->at_once < number ? (int64_t)rules->at_once : number - start;
-        kept = judge_samples(j, samples + 5 * start, drawn, kept, &best);
-        if (kept && (double)(start + drawn) >= samples_needed(rules, &best))
-            break;
-    }
-    double *all_bases = space, *all_rotations = space + 3 * kept;
-    const double largest = best.scale * best.scale * rules->limit * rules->limit;
-    for (int64_t k = 0; k < kept; k++)
+    double *all_bases = space, *all_rotations = space + 3 * number;
+    const double largest = scale * scale * rules->limit * rules->limit;
+    int64_t found = 0;
+    for (int64_t k = 0; k < number; k++)
         j->costs[k] = front_of(j, j->essential + 9 * k, largest, all_bases + 3 * k, all_rotations + 9 * k);
-    for (; found < kept && found < (int64_t)rules->starts; found++) {
+    for (; found < number && found < (int64_t)rules->starts; found++) {
         int64_t least = 0;
-        for (int64_t k = 1; k < kept; k++)
+        for (int64_t k = 1; k < number; k++)
             if (j->costs[k] < j->costs[least])
                 least = k;
         j->costs[least] = INFINITY;
@@ -332,4 +330,24 @@ static int64_t starting_orientations(const Judgement *j, const int64_t *samples,
         memcpy(rotations + 9 * found, all_rotations + 9 * least, 9 * sizeof(double));
     }
     return found;
+}
+
+/* The best orientations that samples of five points give, best first; returns how many. `space` as for `best_in_front`
+ * of all matrices that are kept.
+ */
+static int64_t starting_orientations(const Judgement *j, const int64_t *samples, int64_t number, double *bases,
+                                     double *rotations, double *space)
+{
+    const Sampling *rules = j->rules;
+    Agreement best = {INFINITY, 1.0, 1.0};
+    int64_t kept = 0;
+    for (int64_t start = 0, drawn; start < number; start += drawn) {
+        drawn = start + (int64_t)rules->at_once < number ? (int64_t)rules->at_once : number - start;
+        const int64_t solved = solve_samples(j, samples + 5 * start, drawn, kept);
+        best = best_agreement(j, solved);
+        kept = keep_best(j, solved, best.scale);
+        if (kept && (double)(start + drawn) >= samples_needed(rules, &best))
+            break;
+    }
+    return best_in_front(j, kept, best.scale, bases, rotations, space);
 }

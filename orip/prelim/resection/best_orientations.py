@@ -25,6 +25,11 @@ _ALIKE = 3.0
 _SAME = 0.02
 """Radians, and parts of the distance: orientations nearer to each other are the same one, not iterated to the end."""
 
+CHOICE = (
+    LIMIT_OF_TWO_COMPONENTS, _ALIKE, _SAME, IMPROVEMENTS, LEAST_WEIGHT, STEADY, SAME_SCALE, ITERATIONS, LARGEST_TURN,
+)  # fmt: skip
+"""The constants as the compiled loop of a whole resection takes them."""
+
 _NUMBERS_OF_A_POINT = 36
 """Numbers a point that the compiled loops need for two linearisations: residuals, partials, variance, square, weight,
 and space to sort."""

@@ -10,7 +10,7 @@ from orip.arrays import FloatArray
 SMALLEST_AREA = 0.05
 """Part of the image that the known points should span (the test of the on-line triangulation system OLTRIS)."""
 
-_ONE_LINE = 1e-3
+ONE_LINE = 1e-3
 """Width over length below which points count as lying on one line, as for the marks of a plane transformation: some
 0.2 mm over 230 mm, too little for a perspective that could be measured."""
 
@@ -73,7 +73,7 @@ def on_one_line(points: FloatArray) -> bool:
     moments = offset.T @ offset
     # sum and sum of squares of the squared extents along the axes: twice the product of length and width is left
     total = float(np.trace(moments)) ** 2
-    return bool(total - np.vdot(moments, moments) <= 2.0 * _ONE_LINE**2 * total)
+    return bool(total - np.vdot(moments, moments) <= 2.0 * ONE_LINE**2 * total)
 
 
 def hull_area(xy: FloatArray) -> float:

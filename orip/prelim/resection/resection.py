@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
-from orip.prelim.resection.best_orientations import best_orientations
-from orip.prelim.resection.configuration import on_one_line
+from orip.prelim.resection.best_orientations import CHOICE, best_orientations
+from orip.prelim.resection.configuration import ONE_LINE, on_one_line
 from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
-from orip.prelim.resection.start import starting_orientations
+from orip.prelim.resection.start import CANDIDATES, FITS, starting_orientations, triples_of
+from orip.structs import replace
 from orip.wording import counted
 
 _USELESS_ANGLE = 0.1
@@ -20,6 +23,12 @@ _USELESS_ANGLE = 0.1
 
 _USELESS_CENTRE = 0.2
 """Largest standard deviation of the projection centre, as a part of its distance from the points."""
+
+_SINGULAR = 1e-13
+"""Ratio of eigenvalues of normal equations with unit diagonal below which the smallest one is nothing but rounding."""
+
+_RULES = np.array([ONE_LINE, FITS, *CHOICE, _SINGULAR], dtype=np.float64)
+"""The constants as the compiled loop takes them: `ResectionRules` in photo.h."""
 
 _MISFIT = 0.04
 """Largest residuals, as a part of the radius of the image points; a principal distance wrong by a tenth leaves less."""
@@ -110,45 +119,112 @@ def resect(
     count = len(points)
     if count < 3:
         return Unresected(f"{counted(count, 'known point')} in the photo, 3 are needed")
+    deviation = np.zeros(count) if point_deviation is None else point_deviation
+    given = KnownPoints(vectors, points, deviation, error_mm, blunders)
+    found = (_compiled_solution(given) if count > 3 and is_compiled() else None) or _solution(given)
+    if isinstance(found, Unresected):
+        return found
+    unfit = _unfit(found)
+    return Unresected(unfit) if unfit is not None else _result(found)
+
+
+class _Solution(NamedTuple):
+    """Orientations of a photo from n known points, and how well the best one fits.
+
+    Attributes
+    ----------
+    at : Orientations
+        In the ground system, the best first.
+    residuals : array (n, 2)
+        Of the best; NaN for a point behind the photo.
+    weight_factors : array (n,)
+    deviations : array (6,)
+        Standard deviations of rotations about the ground axes, and of the projection centre; infinite where the points
+        do not determine them.
+    s0 : float
+    redundancy : int
+    misfit : float
+        Root mean square residual of a coordinate, of the points with full weight, mm.
+    radius : float
+        Of the image points about their centroid, mm.
+    distance : float
+        Of the projection centre from the centroid of the known points.
+    """
+
+    at: Orientations
+    residuals: FloatArray
+    weight_factors: FloatArray
+    deviations: FloatArray
+    s0: float
+    redundancy: int
+    misfit: float
+    radius: float
+    distance: float
+
+
+def _compiled_solution(given: KnownPoints) -> _Solution | None:
+    """Do what `_solution` does in the compiled loop; None where it finds no orientation, or something unusual."""
+    count = len(given)
+    rotations, centres = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3))
+    residuals, factors, found = np.empty((count, 2)), np.empty((CANDIDATES, count)), np.empty(11)
+    number = kernels.resect(
+        *given.arrays, triples_of(given), _RULES, rotations, centres, factors, residuals, found,
+        given.error_mm, given.least,
+    )  # fmt: skip
+    if not number:
+        return None
+    s0, redundancy, misfit, radius, distance = found[:5].tolist()
+    at = Orientations(rotations[:number], centres[:number])
+    return _Solution(at, residuals, factors[0], found[5:], s0, int(redundancy), misfit, radius, distance)
+
+
+def _solution(given: KnownPoints) -> _Solution | Unresected:
+    count, points, vectors = len(given), given.coordinates, given.vectors
     for coordinates, where in ((points, "in space"), (vectors[:, :2], "in the photo")):
         if on_one_line(coordinates):
             return Unresected(f"the {count} known points lie on one line {where}")
     centroid = points.sum(axis=0) / count
     offset = points - centroid
     spread = math.sqrt(np.vdot(offset, offset) / count)
-    deviation = np.zeros(count) if point_deviation is None else point_deviation
-    deviation = np.where(np.isnan(deviation), 0.0, deviation)
-    known = KnownPoints(vectors, offset / spread, deviation / spread, error_mm, blunders)
+    deviation = np.where(np.isnan(given.deviations), 0.0, given.deviations)
+    known = replace(given, coordinates=offset / spread, deviations=deviation / spread)
     start = starting_orientations(known)
     if not len(start.centres):
         return Unresected(f"no camera position shows the {count} known points as measured; check point numbers and C")
     best, others = _best_of_three(known, start) if count == 3 else best_orientations(known, start)
-    deviations = _deviations(best)
-    unfit = _unfit(known, best, deviations)
-    return Unresected(unfit) if unfit is not None else _result(best, others, deviations, centroid, spread)
+    xy, fitting = vectors[:, :2], best.residual[best.weight_factors == 1.0]
+    reduced = best.at.joined(others)
+    return _Solution(
+        at=Orientations(reduced.rotations, centroid + spread * reduced.centres),
+        residuals=np.where(np.isfinite(best.squares)[:, None], best.residual, np.nan),
+        weight_factors=best.weight_factors,
+        deviations=_deviations(best) * np.repeat([1.0, spread], 3),
+        s0=best.s0,
+        redundancy=best.redundancy,
+        # s0 would count the error of the points as well
+        misfit=math.sqrt(np.vdot(fitting, fitting) / max(fitting.size, 1)),
+        radius=math.sqrt(((xy - xy.sum(axis=0) / count) ** 2).sum(axis=1).max()),
+        distance=spread * float(np.linalg.norm(best.at.centres[0])),
+    )
 
 
 def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
     return adjust_resection(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
 
 
-def _unfit(known: KnownPoints, best: AdjustedResection, deviations: FloatArray) -> str | None:
+def _unfit(found: _Solution) -> str | None:
     """Return why the orientation is useless; None if it can be used."""
-    xy = known.vectors[:, :2]
-    radius = math.sqrt(((xy - xy.sum(axis=0) / len(xy)) ** 2).sum(axis=1).max())
-    # s0 would count the error of the points as well
-    fitting = best.residual[best.weight_factors == 1.0]
-    residual = math.sqrt(np.vdot(fitting, fitting) / max(fitting.size, 1))
-    if not residual <= _MISFIT * radius:
+    count = len(found.weight_factors)
+    if not found.misfit <= _MISFIT * found.radius:
         return (
-            f"the {len(known)} known points do not fit their images: residuals of {residual:.2g} mm within "
-            f"{radius:.3g} mm"
+            f"the {count} known points do not fit their images: residuals of {found.misfit:.2g} mm within "
+            f"{found.radius:.3g} mm"
         )
-    angle, shift = deviations.reshape(2, 3).max(axis=1)
-    shift /= np.linalg.norm(best.at.centres[0])
+    deviations = found.deviations.tolist()
+    angle, shift = max(deviations[:3]), max(deviations[3:]) / found.distance
     if not (angle <= _USELESS_ANGLE and shift <= _USELESS_CENTRE):
         return (
-            f"the {len(known)} known points do not determine the photo: its standard deviations are "
+            f"the {count} known points do not determine the photo: its standard deviations are "
             f"{np.degrees(angle):.2g} degrees and {shift:.0%} of the distance"
         )
     return None
@@ -160,30 +236,26 @@ def _deviations(best: AdjustedResection) -> FloatArray:
     if not scale.all():
         return np.full(6, np.inf)
     values, axes = np.linalg.eigh(best.normals / (scale[:, None] * scale))
-    # below this ratio an eigenvalue is nothing but rounding
-    if values[0] < 1e-13 * values[-1]:
+    if values[0] < _SINGULAR * values[-1]:
         return np.full(6, np.inf)
     return np.asarray(best.s0 * np.sqrt((axes**2 / values).sum(axis=1)) / scale)
 
 
-def _result(
-    best: AdjustedResection, others: Orientations, deviations: FloatArray, centroid: FloatArray, spread: float
-) -> Resected:
-    """Return the orientation in the ground system."""
-    count, redundancy = len(best.weight_factors), best.redundancy
-    down_weighted = int(np.count_nonzero(best.weight_factors < 1.0))
+def _result(found: _Solution) -> Resected:
+    count, others = len(found.weight_factors), found.at.of(slice(1, None))
+    down_weighted = int(np.count_nonzero(found.weight_factors < 1.0))
     return Resected(
-        rotation=best.at.rotations[0],
-        centre=centroid + spread * best.at.centres[0],
-        rotation_deviation=deviations[:3],
-        centre_deviation=spread * deviations[3:],
-        residuals=np.where(np.isfinite(best.squares)[:, None], best.residual, np.nan),
-        weight_factor=best.weight_factors,
-        s0=best.s0,
-        redundancy=redundancy,
-        alternatives=Orientations(others.rotations, centroid + spread * others.centres),
+        rotation=found.at.rotations[0],
+        centre=found.at.centres[0],
+        rotation_deviation=found.deviations[:3],
+        centre_deviation=found.deviations[3:],
+        residuals=found.residuals,
+        weight_factor=found.weight_factors,
+        s0=found.s0,
+        redundancy=found.redundancy,
+        alternatives=others,
         how=f"space resection from {count} points" + (f", {down_weighted} down-weighted" if down_weighted else ""),
-        remarks=_remarks(count, redundancy, len(others.centres)),
+        remarks=_remarks(count, found.redundancy, len(others.centres)),
     )
 
 

@@ -16,10 +16,10 @@ _TRIPLES, _TRIPLES_OF_TRACKS = 50, 400
 1e-7, and some of the good ones have a good shape. With 70 % it is free of them with probability 0.027: none of 400 is
 with probability 2e-5."""
 
-_CANDIDATES = 5
+CANDIDATES = 5
 """Orientations that are improved before the best one is chosen; both solutions of a plane are among them."""
 
-_FITS = 9.0
+FITS = 9.0
 """Squared standardised residual that most points exceed at a wrong orientation; as soon as enough candidates stay below
 it, no more triples are tried."""
 
@@ -44,15 +44,20 @@ def starting_orientations(known: KnownPoints) -> Orientations:
     Orientations of triples (Grunert 1841), and of an object that is nearly plane from its homography, are ranked by the
     quantile of the residuals that blunders do not affect (least median of squares, Rousseeuw 1984).
     """
-    triples = subsets(len(known), 3, _TRIPLES if known.blunders <= FEW_BLUNDERS else _TRIPLES_OF_TRACKS)
+    triples = triples_of(known)
     tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
     if len(known) == 3:
         return _most_square_first(known, tried)
-    if quantile.min(initial=np.inf) > _FITS and _is_flat(known):
+    if quantile.min(initial=np.inf) > FITS and _is_flat(known):
         of_plane = _of_plane(known)
         tried, quantile = tried.joined(of_plane), np.concatenate([quantile, _quantile(known, of_plane)])
         tried, _ = _best(tried, quantile)
     return tried
+
+
+def triples_of(known: KnownPoints) -> IntArray:
+    """Return the triples of points (s, 3) that orientations are computed from."""
+    return subsets(len(known), 3, _TRIPLES if known.blunders <= FEW_BLUNDERS else _TRIPLES_OF_TRACKS)
 
 
 def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
@@ -64,17 +69,17 @@ def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, Fl
     tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
     quantile = _quantile(known, tried)
     triple = np.nonzero(found.valid)[0]
-    enough = np.flatnonzero(np.cumsum(quantile <= _FITS) >= _CANDIDATES)
+    enough = np.flatnonzero(np.cumsum(quantile <= FITS) >= CANDIDATES)
     looked_at = triple <= (triple[enough[0]] if len(enough) else len(triples))
     return _best(tried.of(looked_at), quantile[looked_at])
 
 
 def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
     """Do what `_of_triples` does in the compiled loop."""
-    rotations, centres, quantile = np.empty((_CANDIDATES, 3, 3)), np.empty((_CANDIDATES, 3)), np.empty(_CANDIDATES)
+    rotations, centres, quantile = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3)), np.empty(CANDIDATES)
     kernels.rank_triples(
-        *known.arrays, np.ascontiguousarray(triples), rotations, centres, quantile, np.empty(len(known)),
-        known.error_mm, known.least, _FITS,
+        *known.arrays, triples, rotations, centres, quantile, np.empty(len(known)),
+        known.error_mm, known.least, FITS,
     )  # fmt: skip
     number = np.count_nonzero(np.isfinite(quantile))
     return Orientations(rotations[:number], centres[:number]), quantile[:number]
@@ -83,7 +88,7 @@ def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orienta
 def _best(tried: Orientations, quantile: FloatArray) -> tuple[Orientations, FloatArray]:
     """Return the orientations that most points fit best, and their quantiles."""
     best = np.argsort(quantile, kind="stable")
-    best = best[np.isfinite(quantile[best])][:_CANDIDATES]
+    best = best[np.isfinite(quantile[best])][:CANDIDATES]
     return tried.of(best), quantile[best]
 
 

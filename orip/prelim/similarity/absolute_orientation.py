@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
+from orip.prelim.medians import median
 from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
@@ -111,7 +112,7 @@ def control_of_block(
         errors = np.vstack([errors, np.where(error > 0.0, error, usual)])
     held = np.isfinite(target) & ~(errors > 0.0)
     positive = errors[errors > 0.0]
-    errors = np.where(held, _CONSTANT * float(np.median(positive)) if positive.size else 0.0, errors)
+    errors = np.where(held, _CONSTANT * median(positive) if positive.size else 0.0, errors)
     return tuple(chosen), CommonPoints(source, target, deviation, errors, np.zeros(len(source), dtype=bool))
 
 
@@ -132,7 +133,7 @@ def _from(
         found = fit_to_control(common, block.rotations, remarks)
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
-    typical, extent = float(np.median(found.lengths)), common.extent
+    typical, extent = median(found.lengths), common.extent
     if typical > _AGREEMENT * extent:
         return NotOriented(
             block.name,
@@ -171,7 +172,7 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
             return found
         # among few full points the wrong ones are revealed only by those known in part
         other = adjusted_from_all_sides(common, rotations, [])
-        return min(found, other, key=lambda solution: float(np.median(solution.lengths)))
+        return min(found, other, key=lambda solution: median(solution.lengths))
     known = common.known
     axes = known.sum(axis=0)
     if count == len(full) and count >= 3:
@@ -222,7 +223,7 @@ def _middle_error(common: CommonPoints, width: float, length: float) -> float:
     scale = float(np.hypot(length, width)) / max(size, 1e-300)
     errors = common.errors(Similarity(scale, np.eye(3), np.zeros(3)))[common.full]
     given = (common.source_deviation > 0.0).any() or (common.target_deviation > 0.0).any()
-    return max(float(np.median(errors)), 1e-6 * length) if given else 1e-6 * length
+    return max(median(errors), 1e-6 * length) if given else 1e-6 * length
 
 
 def misfitting_control(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:

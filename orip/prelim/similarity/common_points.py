@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
+from orip.prelim.medians import median
 
 LEAST_ERROR = 1e-3
 """Least standard deviation, as a part of the median, so that no coordinate decides alone."""
@@ -73,5 +74,5 @@ class CommonPoints(Struct, frozen=True):
         moved = (at.scale**2) * (self.source_deviation**2 @ (at.rotation**2).T)
         errors = np.sqrt(moved + self.target_deviation**2)
         known = errors[self.known]
-        median = float(np.median(known[known > 0])) if (known > 0).any() else 0.0
-        return np.maximum(errors, LEAST_ERROR * median if median else 1.0)
+        positive = known[known > 0]
+        return np.maximum(errors, LEAST_ERROR * median(positive) if positive.size else 1.0)

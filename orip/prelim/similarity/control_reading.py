@@ -13,6 +13,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity, fit_similarity
+from orip.prelim.medians import median
 from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
@@ -98,14 +99,13 @@ def other_reading(
     given = _fit(common)
     if given is None:
         return None
-    flat = _flat_misfit(common)
-    if (geographic := _geographic(common, given, flat)) is not None:
+    if (geographic := _geographic(common, given)) is not None:
         return geographic
     mirrored = _fit(replace(common, source=-common.source))
     if mirrored is None:
         return None
     mirrored = _Fit(replace(mirrored.similarity, rotation=-mirrored.similarity.rotation), mirrored.misfit)
-    expected = _EXPECTED * float(np.median(common.errors(given.similarity)))
+    expected = _EXPECTED * median(common.errors(given.similarity))
     better = _BETTER_THAN_FROM_BELOW if _is_from_below(block, common, given) else _BETTER
     if given.misfit > expected and mirrored.misfit < better * given.misfit:
         changes = _changes(block, names, mirrored.similarity, centres)
@@ -113,7 +113,7 @@ def other_reading(
         count = len(common.source)
         return ControlReading("mirror image", count, mirrored.misfit, given.misfit, changes=changes, side=side)
     if given.misfit > expected:
-        return _other_unit(common, given, flat)
+        return _other_unit(common, given)
     # where the points exclude a reflection, the side of the cameras need not be looked at
     if mirrored.misfit <= max(expected, given.misfit / _BETTER):
         return _from_below(block, common, given)
@@ -130,7 +130,7 @@ def _flat_misfit(common: CommonPoints) -> float:
     return float("inf") if fit is None else fit.misfit / fit.similarity.scale
 
 
-def _geographic(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
+def _geographic(common: CommonPoints, given: _Fit) -> ControlReading | None:
     """Return longitude and latitude in degrees as the reading if they fit, and X and Y as lengths do not."""
     x, y, _ = common.target.T
     for longitude, latitude in ((0, 1), (1, 0)):
@@ -146,7 +146,7 @@ def _geographic(common: CommonPoints, given: _Fit, flat: float) -> ControlReadin
             continue
         # all misfits in units of the block
         own = fit.misfit / fit.similarity.scale
-        if own < _BETTER * given.misfit / given.similarity.scale and own < _BETTER_THAN_FLAT * flat:
+        if own < _BETTER * given.misfit / given.similarity.scale and own < _BETTER_THAN_FLAT * _flat_misfit(common):
             count = len(common.source)
             if longitude == 0:
                 return ControlReading("longitude, latitude", count, fit.misfit, given.misfit)
@@ -170,7 +170,7 @@ def _fit(common: CommonPoints) -> _Fit | None:
         found = adjust_similarity(common, start_from_triples(common, TRIPLES[:1]))
     except ValueError:
         return None
-    return _Fit(found.similarity, float(np.median(found.lengths)))
+    return _Fit(found.similarity, median(found.lengths))
 
 
 def _changes(
@@ -217,7 +217,7 @@ def camera_side(rotations: FloatArray) -> float:
     return float(np.sign(clearer)) if abs(clearer) > _UPRIGHT else 0.0
 
 
-def _other_unit(common: CommonPoints, given: _Fit, flat: float) -> ControlReading | None:
+def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
     """Return another unit of Z as the reading if it explains the misfit."""
     fits = {}
     for factor in _Z_FACTORS:
@@ -229,7 +229,8 @@ def _other_unit(common: CommonPoints, given: _Fit, flat: float) -> ControlReadin
         return None
     factor = min(fits, key=lambda candidate: fits[candidate].misfit)
     fit = fits[factor]
-    if fit.misfit >= _BETTER * given.misfit or fit.misfit / fit.similarity.scale >= _BETTER_THAN_FLAT * flat:
+    own = fit.misfit / fit.similarity.scale
+    if fit.misfit >= _BETTER * given.misfit or own >= _BETTER_THAN_FLAT * _flat_misfit(common):
         return None
     return ControlReading("unit of Z", len(common.source), fit.misfit, given.misfit, z_factor=factor)
 

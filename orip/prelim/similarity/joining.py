@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
+from orip.prelim.medians import median
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
@@ -22,7 +23,7 @@ from orip.prelim.similarity.adjustment import (
     adjust_similarity,
 )
 from orip.prelim.similarity.common_points import CommonPoints
-from orip.prelim.similarity.partial_blocks import median, steady_deviations, transformed
+from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.start import best_start, start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace

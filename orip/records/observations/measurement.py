@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from msgspec import Struct, field
 
-from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Stage, Temtick
+
+if TYPE_CHECKING:
+    from orip.arrays import BoolArray, FloatArray, IntArray
 
 TransformationKind = Literal["A", "C", "W"]
 """Plane transformations: A affine, C conformal, W conformal without scale."""
@@ -167,6 +168,8 @@ class PhotoObservations(Struct, frozen=True):
 
 def no_observations(bundle: str) -> PhotoObservations:
     """Return the observations of a bundle in which nothing is measured yet."""
+    import numpy as np  # `orip status` needs the records, and no arrays
+
     return PhotoObservations(bundle, (), (), np.empty((0, 2)), np.empty((0, 2)), np.empty(0, dtype=bool))
 
 

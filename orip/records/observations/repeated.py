@@ -59,5 +59,7 @@ def point_of_measurement(name: str) -> str:
 
 def photos_per_point(photo: IntArray, point: IntArray, chosen: BoolArray, points: int) -> IntArray:
     """Return in how many photos each point (points,) is measured by the chosen ones of n photo points."""
-    first = measured_before(photo[chosen], point[chosen]) == 0
-    return np.bincount(point[chosen][first], minlength=points)
+    if not chosen.all():
+        photo, point = photo[chosen], point[chosen]
+    before = measured_before(photo, point)
+    return np.bincount(point[before == 0] if before.any() else point, minlength=points)

@@ -122,5 +122,7 @@ def _rounded(places: FloatArray) -> list[list[float | None]]:
     """Return coordinates with as many decimals as a drawing can show; None for what is not a number."""
     spread = float(np.abs(places[np.isfinite(places)]).max(initial=1e-6))
     decimals = int(np.clip(6 - np.ceil(np.log10(spread)), 0, 9))
-    rounded: list[list[float]] = np.round(places, decimals).tolist()
-    return [[value if math.isfinite(value) else None for value in place] for place in rounded]
+    rounded: list[list[float | None]] = np.round(places, decimals).tolist()
+    if np.isfinite(places).all():
+        return rounded
+    return [[value if value is not None and math.isfinite(value) else None for value in place] for place in rounded]

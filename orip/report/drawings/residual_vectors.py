@@ -22,6 +22,7 @@ MOST_VECTORS = 250
 CELLS = 6
 """Cells along the longer side of the frame in which the mean residual is taken."""
 
+_PHOTOS_AT_ONCE = 32
 _FEWEST = 3
 _LENGTH = 0.10
 """Length of a large residual in the drawing, as a part of the longer side of the frame."""
@@ -72,8 +73,9 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
         return None
     shape = np.maximum(np.round((high - low) / (np.max(high - low) / CELLS)).astype(np.int64), 1)
     count, total, squares = np.zeros(shape.prod(), dtype=np.int64), np.zeros((shape.prod(), 2)), 0.0
-    for photo in vectors:
-        xy, residual = photo.xy[photo.sound], photo.sound_residual
+    for some in (vectors[first : first + _PHOTOS_AT_ONCE] for first in range(0, len(vectors), _PHOTOS_AT_ONCE)):
+        xy = np.concatenate([photo.sound_xy for photo in some])
+        residual = np.concatenate([photo.sound_residual for photo in some])
         cell = np.clip(((xy - low) / (high - low) * shape).astype(np.int64), 0, shape - 1)
         place = cell[:, 0] * shape[1] + cell[:, 1]
         count += np.bincount(place, minlength=len(count))

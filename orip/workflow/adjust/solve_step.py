@@ -20,7 +20,7 @@ def solve_step(bundle: BundleState) -> Step:
     """
     project, command = bundle.project, bundle.command
     head = bundle.state.head(bundle.name)
-    if head is None and not bundle.observations.points:
+    if head is None and not bundle.number_of_observations:
         text = f"write 'POINTS {bundle.name} PHOTO' blocks into a .MEA file, then: orip run"
         return Step(command, "missing", f"bundle {bundle.name} has no photo points", text)
     if head is None:

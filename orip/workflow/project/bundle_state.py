@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from orip.errors import InputError
+from orip.files.stores.digest import record_digest
 from orip.interior.definitions import Definitions
-from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.project.definition import BundleDefinition
 from orip.workflow.project.folder import ProjectFolder, open_project
-from orip.workflow.project.run_id import digest_of_observations, digest_of_records
+from orip.workflow.project.run_id import digest_of_columns, digest_of_digests, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
 from orip.workflow.project.texts import Digests
 
@@ -54,7 +54,15 @@ class BundleState(Struct, frozen=True, dict=True):
     @property
     def is_measured(self) -> bool:
         """Tell whether the stores hold photo observations of the bundle."""
-        return record_key(self.name) in self.state.measured.observations
+        digests = self.state.stored.digests  # those of others would have to be computed
+        known = self.state.measured.observations if digests is None else digests.observations
+        return record_key(self.name) in known
+
+    @property
+    def number_of_observations(self) -> int:
+        """Return how many photo observations the stores hold of the bundle."""
+        number, _digest = self.state.digests.observations.get(record_key(self.name), (0, ""))
+        return number
 
     @cached_property
     def observations(self) -> PhotoObservations:
@@ -103,10 +111,11 @@ class BundleState(Struct, frozen=True, dict=True):
         """Return the digests of what a solution depends on in the stores, and of crs and antennas if there are any."""
         project, definitions = self.project, self.state.definitions
         cameras = [stored.record for stored in definitions.cameras]
-        photos = [stored.record for stored in definitions.photos]
+        photos = (record_digest(stored.record) for stored in definitions.photos)
+        of_photos = digest_of_digests((*photos, *self.state.digests.photos))
         return (
             (project.shown(project.cameras), digest_of_records(cameras)),
-            (project.shown(project.photos), digest_of_records([*photos, *self.state.measured.photos.values()])),
+            (project.shown(project.photos), of_photos),
             (project.shown(project.exterior), digest_of_records([self.definition])),
             (project.shown(project.observations(self.name)), self.digest_of_observations),
             *project.crs_digest,
@@ -116,11 +125,14 @@ class BundleState(Struct, frozen=True, dict=True):
     @cached_property
     def digest_of_observations(self) -> str:
         """Return the digest of the photo observations."""
-        return digest_of_observations(self.observations)
+        _number, digest = self.state.digests.observations.get(record_key(self.name), (0, digest_of_columns((), ())))
+        return digest
 
     @cached_property
     def photos(self) -> Mapping[str, str]:
         """Return the names of the bundle's photos by `record_key`: those of its models, observations and solution."""
+        from orip.records.coded_names import coded
+
         of_models = [photo for model in self.definition.models for photo in (model.left, model.right)]
         adjusted = self.solution.photos.names if self.solution else ()
         mine = {record_key(name) for name in (*of_models, *coded(self.observations.photos).occurring(), *adjusted)}

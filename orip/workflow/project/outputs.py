@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orip.files.listings.title import run_of_listing
+from orip.files.listings.identification import run_of_listing
 from orip.files.result.identification import run_of_result
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading

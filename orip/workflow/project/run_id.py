@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import islice
 
-from orip.arrays import parts
 from orip.files.stores.digest import record_digest
 from orip.records.observations.measurement import PhotoObservations
 from orip.version import __version__
@@ -23,19 +22,35 @@ def run_id(*parts: object) -> str:
 
 def digest_of_records(records: Iterable[object]) -> str:
     """Return the SHA-256 (hex) of records in their order."""
-    return hashlib.sha256("\n".join(map(record_digest, records)).encode()).hexdigest()
+    return digest_of_digests(map(record_digest, records))
+
+
+def digest_of_digests(digests: Iterable[str]) -> str:
+    """Return the SHA-256 (hex) of records from their own digests."""
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
 
 def digest_of_observations(observations: PhotoObservations) -> str:
     """Return the SHA-256 (hex) of photo observations; fast for millions."""
+    return digest_of_columns((observations.photos, observations.points), _pieces(observations))
+
+
+def _pieces(observations: PhotoObservations) -> Iterator[bytes]:
+    """Yield the numbers of the arrays, some thousand rows at a time."""
+    from orip.arrays import parts  # what has been read without arrays needs none
+
+    for array in (observations.measured, observations.errors, observations.disregarded):
+        yield from (array[part].tobytes() for part in parts(len(array)))
+
+
+def digest_of_columns(names: Iterable[Iterable[str]], numbers: Iterable[bytes]) -> str:
+    """Return the SHA-256 (hex) of columns of names and of numbers."""
     digest = hashlib.sha256()
-    names: Sequence[Sequence[str]] = (observations.photos, observations.points)
     for column in names:
         left, between = iter(column), ""
         while some := "\n".join(islice(left, _NAMES_AT_A_TIME)):
             digest.update((between + some).encode())
             between = "\n"
-    for array in (observations.measured, observations.errors, observations.disregarded):
-        for part in parts(len(array)):
-            digest.update(array[part].tobytes())
+    for piece in numbers:
+        digest.update(piece)
     return digest.hexdigest()

@@ -24,19 +24,27 @@ from orip.records.observations.measurement import Measured
 from orip.structs import replace
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
 from orip.workflow.project.folder import ProjectFolder, open_project
-from orip.workflow.project.measurements import measured_stores, read_marks, runs_of_measurements
+from orip.workflow.project.measurements import (
+    MeasuredDigests,
+    digests_of,
+    measured_stores,
+    read_digests,
+    read_marks,
+    runs_of_measurements,
+)
 from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_project
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
     from orip.records.results.solution import Solution
 
-Part = Literal["definitions", "marks", "observations", "replay", "heads", "solutions"]
+Part = Literal["definitions", "marks", "observations", "digests", "replay", "heads", "solutions"]
 """What of the stores is read:
 
 - definitions: the records of all kinds,
 - marks: orientations of templates and photos by marks,
 - observations: photo observations of the bundles of the state,
+- digests: in place of both, what tells them from others,
 - replay: which run replayed the measurement log into the stores, and what it replayed,
 - heads: run, status and inputs of the last solution of each of these bundles,
 - solutions: all of these solutions.
@@ -69,6 +77,7 @@ class StoredParts(Struct, frozen=True):
     measured : Measured or None
         Orientations by marks, and photo observations by `record_key` of their bundle.
     replay : ReplayRecord or None
+    digests : MeasuredDigests or None
     heads : mapping by `record_key` of the bundle
     solutions : mapping by `record_key` of the bundle
         None: the bundle has none.
@@ -77,6 +86,7 @@ class StoredParts(Struct, frozen=True):
     definitions: StoredDefinitions | None = None
     measured: Measured | None = None
     replay: ReplayRecord | None = None
+    digests: MeasuredDigests | None = None
     heads: Mapping[str, SolutionHead | None] = field(default_factory=dict)
     solutions: Mapping[str, Solution | None] = field(default_factory=dict)
 
@@ -112,6 +122,11 @@ class ProjectState(Struct, frozen=True, dict=True):
     def measured(self) -> Measured:
         """Return what is measured."""
         return _read(self.stored.measured, "marks")
+
+    @cached_property
+    def digests(self) -> MeasuredDigests:
+        """Return what tells what is measured from other measurements."""
+        return digests_of(self.measured) if self.stored.digests is None else self.stored.digests
 
     @property
     def replay(self) -> ReplayRecord:
@@ -208,6 +223,7 @@ def read_stored(project: ProjectFolder, stores: Stores, parts: Collection[Part],
         read_definitions(project, stores) if "definitions" in parts else None,
         _read_measured(project, stores, parts, bundles),
         _read_replay(project, stores) if "replay" in parts else None,
+        read_digests(project, stores, bundles) if "digests" in parts else None,
         {record_key(name): read_head(stores[project.exterior], name) for name in with_heads},
         {record_key(name): _read_solution(project, stores, name) for name in with_solutions},
     )
@@ -223,7 +239,8 @@ def _stores_of(project: ProjectFolder, parts: frozenset[Part], bundles: Sequence
     paths = [project.exterior] if {"heads", "solutions"} & parts else []
     paths += project.record_stores if "definitions" in parts else ()
     paths += [project.templates, project.photos] if "marks" in parts else ()
-    paths += map(project.observations, bundles) if "observations" in parts else ()
+    paths += [project.photos] if "digests" in parts else ()
+    paths += map(project.observations, bundles) if {"observations", "digests"} & parts else ()
     paths += measured_stores(project) if "replay" in parts else ()
     return list(dict.fromkeys(paths))
 

@@ -19,7 +19,6 @@ from orip.errors import Complaint, InputError, NoProjectError
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.stations_text import read_stations
 from orip.files.control.text import CONTROL_EXTENSIONS, read_control
-from orip.files.log.text import read_measurements
 from orip.files.project.file_names import is_pattern
 from orip.files.text.digest import file_digest
 from orip.files.text.natural_order import natural_key
@@ -265,6 +264,8 @@ def read_log(project: ProjectFolder, files: Sequence[Path]) -> Parsed[Measuremen
 
 def _read_log(project: ProjectFolder, listed: Parsed[tuple[Path, ...]]) -> Parsed[MeasurementLog]:
     digests = _digests(project, listed.value)
+    from orip.files.log.text import read_measurements  # what looks at digests alone reads no log
+
     outcomes = [read_measurements(path, project.shown(path)) for path in listed.value]
     return Parsed(
         MeasurementLog(listed.value, tuple(record for outcome in outcomes for record in outcome.value), digests),
@@ -293,5 +294,7 @@ def _faults_in_folder(folder: Path) -> list[Complaint]:
     bases = dict.fromkeys(path.stem for path in files if path.suffix[1:] in CONTROL_EXTENSIONS)
     outcomes: list[Parsed[Any]] = [read_control(folder, base) for base in bases]
     outcomes += [read_preliminary(path, path.name) for path in files if path.suffix == ".PRE"]
+    from orip.files.log.text import read_measurements
+
     outcomes += [read_measurements(path, path.name) for path in files if path.suffix == ".MEA"]
     return [complaint for outcome in outcomes for complaint in outcome.complaints]

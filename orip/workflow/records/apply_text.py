@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError
-from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp
 from orip.records.names import record_key
 from orip.records.project.camera import RADIAL_PLACES, Camera
 from orip.structs import replace
@@ -65,6 +64,8 @@ def with_polynomial(camera: Camera) -> Camera:
 
 
 def _polynomial(camera: Camera) -> list[float]:
+    from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp  # few cameras have them
+
     if camera.distortion_isp is not None:
         coefficients = polynomial_from_isp(camera.distortion_isp)
     else:

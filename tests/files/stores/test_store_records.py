@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msgspec import defstruct
 
 from orip.errors import InputError
-from orip.files.stores import provenance
+from orip.files.stores import provenance, store
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import bundles
@@ -24,6 +24,7 @@ from orip.records.project.camera import Camera, Mark
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Temtick
 from orip.structs import replace
+from orip.workflow.project.run_id import digest_of_columns, digest_of_observations
 
 # A commit to disk takes some 20 ms; the deadline of an example would count them.
 exactly = settings(max_examples=25, deadline=None)
@@ -82,6 +83,31 @@ def test_orientations_come_back_exactly(file_name, data):
 def test_observations_come_back_exactly_and_in_order(written):
     found = round_trip("A.EXO", lambda store: observations.write(store, written), observations.read)
     assert samples.same(found, written)
+
+
+@exactly
+@given(samples.photo_observations(), st.sampled_from([1, 1 << 20]))
+def test_observations_have_the_same_digest_without_arrays(written, cells_of_part):
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(store, "CELLS_OF_PART", cells_of_part)
+        found, plain = round_trip(
+            "A.EXO",
+            lambda opened: observations.write(opened, written),
+            lambda opened: (observations.read(opened), observations.read_plain(opened)),
+        )
+    assert len(plain.points) == len(found.points)
+    assert digest_of_columns((plain.photos, plain.points), plain.numbers) == digest_of_observations(found)
+
+
+@exactly
+@given(samples.photo_orientations())
+def test_orientations_have_the_same_digests_without_arrays(written):
+    found, digests = round_trip(
+        "Z.PHO",
+        lambda opened: photos.ORIENTATIONS.write(opened, written),
+        lambda opened: (photos.ORIENTATIONS.read(opened), photos.ORIENTATIONS.digests(opened)),
+    )
+    assert digests == tuple(map(record_digest, found.values()))
 
 
 @exactly

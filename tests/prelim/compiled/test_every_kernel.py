@@ -16,12 +16,16 @@ from msgspec.structs import astuple
 
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
+from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.known_points import KnownPoints
+from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.start import start_from_triples
@@ -50,8 +54,26 @@ def intersected() -> object:
     return intersect(rotations, centres, np.ones(len(centres), dtype=bool), rays)
 
 
+def placed_by_consensus() -> object:
+    rays, rotations, centres, points = scene()
+    random = np.random.default_rng(5)
+    start = points + np.where(random.random((len(points), 1)) < 0.3, 0.5, 0.0)
+    start[3] = np.nan
+    some = rays.of(np.sort(random.choice(len(rays.photo), 3 * len(points), replace=False)))
+    return with_consensus(rotations, centres, some, random.random(len(points)) < 0.8, start, 1.2)
+
+
 def ranked_triples() -> object:
     return starting_orientations(known_points())
+
+
+def resected() -> object:
+    rays, _, _, points = scene()
+    rows = np.flatnonzero(rays.photo == 1)[:30]
+    found = resect(rays.vectors[rows], points[rays.point[rows]], np.full(len(rows), 1e-3), error_mm=0.005)
+    assert isinstance(found, Resected)
+    deviations = found.rotation_deviation, found.centre_deviation
+    return found.rotation, found.centre, *deviations, found.residuals, found.weight_factor, found.s0, found.redundancy
 
 
 def chosen_orientations() -> object:
@@ -63,6 +85,13 @@ def oriented_pair() -> object:
     return solve(common_pairs(scene()[0], 1))
 
 
+def oriented_at_scale() -> object:
+    pairs = common_pairs(scene()[0], 1)
+    solution = solve(pairs)
+    assert solution is not None
+    return at_scale(solution, pairs, 1.0)
+
+
 def adjusted_similarity() -> object:
     common, rotation = common_points(25)
     return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
@@ -70,14 +99,20 @@ def adjusted_similarity() -> object:
 
 CASES: dict[str, Callable[[], object]] = {
     "adjust_similarity": adjusted_similarity,
+    "band_order": refined,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
+    "common_points": lambda: common_point_counts(scene()[0]),
+    "consensus": placed_by_consensus,
     "intersect": intersected,
+    "orient_at_scale": oriented_at_scale,
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
+    "resect": resected,
     "refinement_normals": refined,
-    "refinement_points": refined,
     "refinement_residuals": refined,
+    "refinement_step": refined,
+    "refinement_weights": refined,
 }
 
 

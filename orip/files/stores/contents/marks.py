@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Generic, TypeVar, get_args
+from typing import Any, Generic, TypeVar, get_args
 
-import numpy as np
 from msgspec import Struct
 
 from orip.files.stores.contents.definitions import refuse_case_twins
+from orip.files.stores.digest import record_digest
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreTable, flag, list_table, real, text
 from orip.records.names import record_key
@@ -32,6 +32,8 @@ def measured_marks_table(name: str, owner: str, parent: str) -> StoreTable:
 
 def measured_rows(marks: MeasuredMarks) -> list[Row]:
     """Return measured marks as rows."""
+    import numpy as np
+
     coordinates = np.column_stack([marks.measured, marks.given]).tolist() if marks.names else []
     return [
         (name, x, y, bool(disregarded), given_x, given_y)
@@ -41,6 +43,8 @@ def measured_rows(marks: MeasuredMarks) -> list[Row]:
 
 def measured_of(rows: Sequence[Row]) -> MeasuredMarks:
     """Return rows as measured marks."""
+    import numpy as np
+
     numbers = np.array([(x, y, given_x, given_y) for _name, x, y, _off, given_x, given_y in rows], dtype=np.float64)
     numbers = numbers.reshape(len(rows), 4)
     return MeasuredMarks(
@@ -49,6 +53,14 @@ def measured_of(rows: Sequence[Row]) -> MeasuredMarks:
         disregarded=np.array([row[3] for row in rows], dtype=np.bool_),
         given=numbers[:, 2:].copy(),
     )
+
+
+def plain_marks(rows: Sequence[Row]) -> MeasuredMarks:
+    """Return rows as `measured_of` does, with lists in place of arrays: what has the same digest."""
+    measured: Any = [[x, y] for _name, x, y, *_ in rows]
+    given: Any = [[x, y] for *_, x, y in rows]
+    disregarded: Any = [row[3] for row in rows]
+    return MeasuredMarks(tuple(row[0] for row in rows), measured, disregarded, given)
 
 
 class OrientationTables(Struct, Generic[Orientation], frozen=True):
@@ -76,6 +88,14 @@ class OrientationTables(Struct, Generic[Orientation], frozen=True):
             record_key(name): self.kind(name, *values, measured_of(marks.get(record_key(name), [])))
             for name, *values in store.rows(self.table)
         }
+
+    def digests(self, store: Store) -> tuple[str, ...]:
+        """Return the digests of the orientations, in the order in which they are read."""
+        marks = store.lists(self.marks)
+        return tuple(
+            record_digest(self.kind(name, *values, plain_marks(marks.get(record_key(name), []))))
+            for name, *values in store.rows(self.table)
+        )
 
     def write(self, store: Store, orientations: Iterable[Orientation]) -> None:
         """Replace all orientations."""

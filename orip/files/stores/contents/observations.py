@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import math
+from array import array
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
+from msgspec import Struct
 
-from orip.files.stores.store import Store
+from orip.files.stores.packed_parts import WIDTH, interleaved, unpacked_parts, whole_numbers
+from orip.files.stores.store import Store, damage
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
-from orip.records.coded_names import CodedNames, coded
 from orip.records.observations.measurement import PhotoObservations
-from orip.records.observations.repeated import observed_before
-from orip.set_aside import set_aside
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
@@ -43,6 +43,10 @@ def read(store: Store) -> PhotoObservations | None:
     bundle = next(store.rows(BUNDLE), None)
     if bundle is None:
         return None
+    import numpy as np
+
+    from orip.set_aside import set_aside
+
     columns: tuple[Any, ...] = store.columns(OBSERVATION)
     _bundle, _position, photos, points, _measurement, x, y, error_x, error_y, disregarded = columns
     errors = np.column_stack([error_x, error_y])
@@ -58,13 +62,63 @@ def read(store: Store) -> PhotoObservations | None:
     )
 
 
-def _set_aside(names: Sequence[str]) -> CodedNames:
+def _set_aside(names: Sequence[str]) -> Sequence[str]:
+    from orip.records.coded_names import CodedNames, coded
+    from orip.set_aside import set_aside
+
     column = coded(names)
     return CodedNames(column.distinct, set_aside(column.codes))
 
 
+class PlainObservations(Struct, frozen=True):
+    """Photo observations without arrays, for their number and digest.
+
+    Parameters
+    ----------
+    photos, points : list of str
+    numbers : tuple of bytes
+        Those of the arrays of `PhotoObservations`: measured, errors, disregarded.
+    """
+
+    photos: list[str]
+    points: list[str]
+    numbers: tuple[bytes, bytes, bytes]
+
+
+def read_plain(store: Store) -> PlainObservations | None:
+    """Return what `read` does without arrays, which take their time to import."""
+    if next(store.rows(BUNDLE), None) is None:
+        return None
+    try:
+        parts = [_plain_part(count, blobs) for _bundle, _first, count, *blobs in store.packed_rows(OBSERVATION)]
+    except (ValueError, IndexError, MemoryError) as error:
+        raise damage(store.path, f"table {OBSERVATION.name}: {error}") from error
+    measured, errors, disregarded = (b"".join(part.numbers[place] for part in parts) for place in range(3))
+    if all(map(math.isnan, array("d", errors))):
+        errors = array("d", [math.nan]).tobytes() * (len(errors) // WIDTH)
+    photos = [name for part in parts for name in part.photos]
+    points = [name for part in parts for name in part.points]
+    return PlainObservations(photos, points, (measured, errors, disregarded))
+
+
+def _plain_part(count: int, blobs: Sequence[bytes]) -> PlainObservations:
+    """Return the observations of one row of the file."""
+    columns = OBSERVATION.packed_columns
+    found = {column.name: unpacked_parts(column, blob, count) for column, blob in zip(columns, blobs, strict=True)}
+    photos, points = (
+        list(map(names.__getitem__, whole_numbers(places, count))) for names, places in (found["photo"], found["point"])
+    )
+    pairs = [[found[key][1] for key in keys] for keys in (("x", "y"), ("error_x", "error_y"))]
+    measured, errors = (bytes(interleaved(pair, count)) for pair in pairs)
+    return PlainObservations(photos, points, (measured, errors, bytes(found["disregarded"][1][0])))
+
+
 def write(store: Store, observations: PhotoObservations) -> None:
     """Replace all photo observations."""
+    import numpy as np
+
+    from orip.records.observations.repeated import observed_before
+
     store.delete(BUNDLE)
     store.insert(BUNDLE, [(1, observations.bundle)])
     store.delete(OBSERVATION)

@@ -1,0 +1,84 @@
+"""The parts of a packed column: a block of bytes for each place of the bytes of its numbers, and its different names.
+
+They are taken apart without arrays, which take longer to load than a digest of some thousand rows to compute.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+import sys
+import zlib
+from array import array
+from collections.abc import Sequence
+
+from orip.files.stores.table import StoreColumn
+
+WIDTH = 8
+"""Bytes of a number, the least one first."""
+
+HEAD = struct.Struct("<?Q")
+LENGTH = "it has other values than its length says"
+
+Place = bytes | memoryview
+
+
+def unpacked_parts(column: StoreColumn, data: bytes, count: int) -> tuple[list[str], list[Place]]:
+    """Return the different names of a column of text, and the bytes of all `count` numbers for each of their places.
+
+    Raises
+    ------
+    ValueError
+        If the bytes are not those of so many values.
+    """
+    rest = memoryview(data)
+    distinct: list[str] = []
+    if column.type == "TEXT":
+        words, rest = _taken(rest, None)
+        distinct = json.loads(bytes(words).decode("utf-8"))
+    places = []
+    for _ in range(WIDTH):
+        part, rest = _taken(rest, count)
+        places.append(part)
+    if len(rest):
+        raise ValueError(LENGTH)
+    return distinct, places
+
+
+def interleaved(columns: Sequence[Sequence[Place]], count: int) -> bytearray:
+    """Return the numbers of several columns, row by row, from the places of each."""
+    stride = WIDTH * len(columns)
+    numbers = bytearray(stride * count)
+    for first, places in zip(range(0, stride, WIDTH), columns, strict=True):
+        for place, part in enumerate(places, first):
+            numbers[place::stride] = part
+    return numbers
+
+
+def whole_numbers(places: Sequence[Place], count: int) -> array[int]:
+    """Return the whole numbers of a column from their places."""
+    numbers = array("q", bytes(interleaved([places], count)))
+    if sys.byteorder == "big":
+        numbers.byteswap()
+    return numbers
+
+
+def _taken(data: memoryview, size: int | None) -> tuple[Place, memoryview]:
+    """Return the content of the first part, and what comes after it."""
+    if len(data) < HEAD.size:
+        raise ValueError(LENGTH)
+    is_compressed, length = HEAD.unpack(data[: HEAD.size])
+    kept, rest = data[HEAD.size : HEAD.size + length], data[HEAD.size + length :]
+    content = _inflated(kept, size) if is_compressed else kept
+    if len(kept) != length or size not in (None, len(content)):
+        raise ValueError(LENGTH)
+    return content, rest
+
+
+def _inflated(data: memoryview, size: int | None) -> bytes:
+    """Return compressed bytes as they were; no more than expected of a damaged store."""
+    reader = zlib.decompressobj()
+    try:
+        return reader.decompress(data, 0 if size is None else size + 1)
+    except zlib.error as error:
+        raise ValueError(str(error)) from error
