@@ -245,6 +245,21 @@ INLINE void spread_partials_by_cameras(const Pattern *p, const Linearised *found
     }
 }
 
+/* Photo points that are fetched before they are linearised: those of a point lie together, but points anywhere. */
+#define FETCHED_BEFORE 32
+
+/* Fetch a photo point of the pattern, of the next ones. */
+INLINE void fetch_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k)
+{
+    if (k + FETCHED_BEFORE >= p->start[p->blocks])
+        return;
+    const int64_t row = p->order[k + FETCHED_BEFORE];
+    FETCH(b->xy + 2 * row);
+    FETCH(factor + 2 * row);
+    FETCH(b->photo + row);
+    FETCH(b->point + row);
+}
+
 /* Linearise the photo points from the k-th of the pattern on; their rows are multiplied by `factor` (2 n). */
 static void go_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k, Ahead *a)
 {
@@ -253,6 +268,7 @@ static void go_ahead(const Block *b, const Pattern *p, const double *factor, int
     int32_t rows[LANES];
     for (int lane = 0; lane < LANES; lane++)
         rows[lane] = p->order[k + (lane < count ? lane : 0)];
+    fetch_ahead(b, p, factor, k);
     linearise(b, rows, 1, &a->ray, a->cameras, &a->found);
     a->begin = k;
     a->end = k + count;

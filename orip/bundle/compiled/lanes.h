@@ -34,6 +34,13 @@ typedef double Lanes;
 #define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
 
+/* Fetch a line of memory that is needed soon, wherever the address leads. */
+#if defined(__GNUC__)
+#define FETCH(address) __builtin_prefetch(address)
+#else
+#define FETCH(address) ((void)(address))
+#endif
+
 /* Loops for processors with AVX2 beside those for all. Not on Windows, where gcc does not align the stack for them. */
 #if LANES == 4 && defined(__x86_64__) && !defined(_WIN32)
 #define HAS_AVX2_LOOPS
