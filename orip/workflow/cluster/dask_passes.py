@@ -8,25 +8,32 @@ scheduler keeps nothing that grows with the number of photo points.
 from __future__ import annotations
 
 import asyncio
-import pickle
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from msgspec import Struct, field
-from msgspec.structs import astuple
+from msgspec import Struct
 
-from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
-from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
+from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.errors import OripError
 from orip.structs import replace
 from orip.workflow.cluster.connection import LostClusterError, lost_cluster
 from orip.workflow.cluster.facts import UnfitWorkerError
+from orip.workflow.cluster.node_groups import front_bytes, grouped, least_memory
 from orip.workflow.cluster.task_files import StoredTask, TaskFile, stored_tasks
+from orip.workflow.cluster.worker_tasks import (
+    Argument,
+    GroupTask,
+    Values,
+    array_bytes,
+    part_of,
+    read_values,
+    run_downward,
+    run_each,
+    run_upward,
+)
 from orip.workflow.cluster.worker_watch import LOOK_SECONDS, WorkerWatch, memory_advice
 
 if TYPE_CHECKING:
@@ -37,9 +44,6 @@ _PARTS_A_WORKER = 2
 
 _PIECES = 40
 """Parts that would fill the memory of a worker: it has copies of what it computes, sends, or writes to the disk."""
-
-_PROCESS_BYTES, _COPIES = 250_000_000, 6
-"""What a worker needs: for its programs and photo points, and squares of the largest front while that is computed."""
 
 _AGAIN = "it begins from the start"
 
@@ -67,109 +71,6 @@ class Sent(Struct):
 
     there: int = 0
     back: int = 0
-
-
-class _Task(Struct, frozen=True):
-    """What a worker does with a group of nodes.
-
-    Parameters
-    ----------
-    function : callable
-    nodes : Topology
-    items : sequence of lists or _Argument
-        Values for each node, or the argument that has them.
-    chosen : sequence of int or None
-        Places of the nodes, among those of the group, that are computed; values are those of these.
-    passed : mapping of int to int
-        Of children outside of the group, the number of the argument with what they passed up.
-    given : int or None
-        Number of the argument that was passed down to the group.
-    """
-
-    function: Callable[..., Any]
-    nodes: Topology
-    items: Sequence[Any]
-    chosen: Sequence[int] | None = None
-    passed: dict[int, int] = field(default_factory=dict)
-    given: int | None = None
-
-    def rows(self, arguments: Sequence[Any]) -> list[tuple[Any, ...]]:
-        """Return the items of each node."""
-        columns = []
-        for item in self.items:
-            values = item
-            if isinstance(item, _Argument):
-                values = arguments[item.number]
-                if self.chosen is not None:
-                    values = [values[place] for place in self.chosen]
-            columns.append(values)
-        return list(zip(*columns, strict=True))
-
-
-class _Argument(Struct, frozen=True):
-    """The values that are an argument of a task, by its number."""
-
-    number: int
-
-
-@dataclass(frozen=True, slots=True)
-class Values(Sequence[Any]):
-    """Values of several nodes.
-
-    They move between workers as one piece, for Dask's buffers are not aligned as the compiled loops need, and have
-    their true size, by which Dask decides what to write to the disk.
-    """
-
-    items: Sequence[Any]
-
-    def __getitem__(self, place: Any) -> Any:
-        return self.items[place]
-
-    def __len__(self) -> int:
-        return len(self.items)
-
-    def __sizeof__(self) -> int:
-        return object.__sizeof__(self) + array_bytes(self.items)
-
-    def __reduce__(self) -> tuple[Callable[[bytes], Values], tuple[bytes]]:
-        return as_sent, (pickle.dumps(self.items),)
-
-
-def as_sent(values: bytes) -> Values:
-    """Return values that were sent."""
-    return Values(pickle.loads(values))
-
-
-def read_values(task: StoredTask) -> Values:
-    """Return values that were sent to be kept."""
-    return Values(task.read())
-
-
-def run_each(task: StoredTask, *arguments: Values) -> Values:
-    """Apply a function to nodes of a group."""
-    found: _Task = task.read()
-    return Values([found.function(*row) for row in found.rows(arguments)])
-
-
-def run_upward(task: StoredTask, *arguments: Values) -> Values:
-    """Apply a function to a group from the bottom up, and return what is kept and what is passed up."""
-    found: _Task = task.read()
-    given = {child: arguments[number][0] for child, number in found.passed.items()}
-    kept, passed = upward(found.nodes, found.rows(arguments), found.function, given)
-    return Values([Values(kept), Values([passed])])
-
-
-def run_downward(task: StoredTask, *arguments: Values) -> Values:
-    """Apply a function to a group from its root down, and return what is kept and, by children, what is passed down."""
-    found: _Task = task.read()
-    given = None if found.given is None else arguments[found.given][0]
-    kept, passed = downward(found.nodes, found.rows(arguments), found.function, given)
-    return Values([Values(kept), *(Values([passed[child]]) for child in sorted(passed))])
-
-
-def part_of(found: Values, which: int) -> Any:
-    """Return one of several results of a task."""
-    return found[which]
 
 
 class DaskPasses(Struct, frozen=True):
@@ -214,7 +115,7 @@ class DaskPasses(Struct, frozen=True):
             chosen = [nodes if only is None else tuple(node for node in only if node in nodes) for nodes in self.groups]
             numbers = [number for number, nodes in enumerate(chosen) if nodes]
 
-            def tasks() -> Iterator[_Task]:
+            def tasks() -> Iterator[GroupTask]:
                 for number in numbers:
                     nodes, some = self.groups[number], chosen[number]
                     values = nodes if only is None else [only.index(node) for node in some]
@@ -232,7 +133,7 @@ class DaskPasses(Struct, frozen=True):
         """Apply a function from the bottom up."""
         with self._told():
 
-            def tasks() -> Iterator[_Task]:
+            def tasks() -> Iterator[GroupTask]:
                 given = len(_arguments(items, 0))
                 for number, nodes in enumerate(self.groups):
                     task = self._task(function, number, items, nodes)
@@ -254,7 +155,7 @@ class DaskPasses(Struct, frozen=True):
         """Apply a function from the root down."""
         with self._told():
 
-            def tasks() -> Iterator[_Task]:
+            def tasks() -> Iterator[GroupTask]:
                 place = len(_arguments(items, 0))
                 for number, nodes in enumerate(self.groups):
                     task = self._task(function, number, items, nodes)
@@ -355,15 +256,16 @@ class DaskPasses(Struct, frozen=True):
         inside = set(nodes)
         return [child for node in nodes for child in self.tree.nodes[node].children if child not in inside]
 
-    def _task(self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]) -> _Task:
+    def _task(
+        self, function: Callable[..., Any], number: int, items: Sequence[Any], values: Sequence[int]
+    ) -> GroupTask:
         """Return the task of a group; its arguments are those of `_arguments`."""
         arguments = count()
         of_task = [
-            _Argument(next(arguments)) if isinstance(item, Spot) else [item[value] for value in values]
-            for item in items
+            Argument(next(arguments)) if isinstance(item, Spot) else [item[value] for value in values] for item in items
         ]
         topology = [(node, self.tree.nodes[node].children) for node in self.groups[number]]
-        return _Task(function, topology, of_task)
+        return GroupTask(function, topology, of_task)
 
     def _part(self, found: Future, which: int) -> Future:
         return self.client.submit(part_of, found, which, pure=False)
@@ -388,15 +290,6 @@ def _lineage(file: TaskFile, items: Sequence[Any]) -> frozenset[TaskFile]:
     return frozenset({file}).union(*(item.files for item in items if isinstance(item, Spot)))
 
 
-def array_bytes(found: Any) -> int:
-    """Return the bytes of all arrays in sequences and records."""
-    if isinstance(found, np.ndarray):
-        return found.nbytes
-    if isinstance(found, list | tuple | Values):
-        return sum(map(array_bytes, found))
-    return sum(map(array_bytes, astuple(found))) if isinstance(found, Struct) else 0
-
-
 def dask_passes(client: Client, tree: DissectionTree, sent: Sent, folder: Path) -> DaskPasses:
     """Return the passes of a tree over the workers of a client; both read and write in a folder.
 
@@ -412,30 +305,3 @@ def dask_passes(client: Client, tree: DissectionTree, sent: Sent, folder: Path) 
         raise OripError(message)
     even = sum(map(front_bytes, tree.nodes)) // (_PARTS_A_WORKER * max(len(workers), 1))
     return DaskPasses(client, tree, grouped(tree, min([even, *(limit // _PIECES for limit in limits)])), sent, folder)
-
-
-def grouped(tree: DissectionTree, most: int) -> tuple[tuple[int, ...], ...]:
-    """Return the largest subtrees whose fronts have so many bytes at most, and each node above them by itself.
-
-    The fronts above are the largest of all, and no worker has room for all of them.
-    """
-    sizes, count = [front_bytes(node) for node in tree.nodes], [1] * len(tree)
-    for number, node in enumerate(tree.nodes):
-        sizes[number] += sum(sizes[child] for child in node.children)
-        count[number] += sum(count[child] for child in node.children)
-    return tuple(
-        tuple(range(number - count[number] + 1, number + 1)) if sizes[number] <= most else (number,)
-        for number, node in enumerate(tree.nodes)
-        if sizes[number] > most or node.parent < 0 or sizes[node.parent] > most
-    )
-
-
-def front_bytes(node: Node) -> int:
-    """Return the bytes of the triangle of a node's front."""
-    size = len(node.own) + len(node.border)
-    return 4 * size * (size + 1)
-
-
-def least_memory(tree: DissectionTree) -> int:
-    """Return the bytes without which a worker cannot compute the largest front of a tree."""
-    return _PROCESS_BYTES + _COPIES * 2 * max(map(front_bytes, tree.nodes))

@@ -23,8 +23,8 @@ from orip.files.blocking.sub_blocks import FOLDER, marker_of
 from orip.structs import replace
 from orip.workflow.cluster import dask_passes, sub_block_files, worker_watch
 from orip.workflow.cluster.connection import LostClusterError
-from orip.workflow.cluster.dask_passes import front_bytes, grouped
 from orip.workflow.cluster.divided_block import DividedBlocks
+from orip.workflow.cluster.node_groups import front_bytes, grouped
 from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
 
 distributed = pytest.importorskip("distributed")
