@@ -21,7 +21,7 @@ from orip.bundle.solve import solve_block
 from orip.errors import OripError
 from orip.files.blocking.sub_blocks import FOLDER, marker_of
 from orip.structs import replace
-from orip.workflow.cluster import dask_passes, sub_block_files, worker_watch
+from orip.workflow.cluster import dask_passes, node_groups, sub_block_files, worker_watch
 from orip.workflow.cluster.connection import LostClusterError
 from orip.workflow.cluster.divided_block import DividedBlocks
 from orip.workflow.cluster.node_groups import front_bytes, grouped
@@ -121,7 +121,7 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
 
 
 def test_workers_that_are_too_small_are_told_before_anything_is_computed(blocks, monkeypatch):
-    monkeypatch.setattr(dask_passes, "_PROCESS_BYTES", 10**15)
+    monkeypatch.setattr(node_groups, "_PROCESS_BYTES", 10**15)
     with pytest.raises(OripError, match=r"the workers are too small; each may use \d+ MB, and needs 10000\d+ MB"):
         blocks.pose(BLOCK)
 
