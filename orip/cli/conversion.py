@@ -15,6 +15,9 @@ from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 Parameter = TyperArgument | TyperOption
 
+_OF_TYPER = ("get_runtime_param", "type_descriptor")
+"""What typer converts by. It is not documented, and another version may have other names."""
+
 
 class Conversion:
     """How the value of a parameter is converted: at once if that is possible, else by typer.
@@ -49,12 +52,17 @@ def _can_be_read(path: str | Path) -> bool:
 
 
 def convert_at_once(parameters: Any) -> Any:
-    """Return parameters, of which typer converts only those values that need it."""
+    """Return parameters, of which typer converts only those values that need it; all, where typer does so otherwise."""
     for parameter in parameters:
-        if isinstance(parameter, Parameter) and "get_runtime_param" not in vars(parameter):
+        if isinstance(parameter, Parameter) and _is_converted_by_typer(parameter):
             conversion = Conversion(parameter.get_runtime_param, parameter.type_descriptor.annotation)
             parameter.get_runtime_param = partial(_itself, conversion)  # type: ignore[method-assign]
     return parameters
+
+
+def _is_converted_by_typer(parameter: Parameter) -> bool:
+    has_names = all(hasattr(parameter, name) for name in _OF_TYPER)
+    return has_names and "get_runtime_param" not in vars(parameter)
 
 
 def _itself(conversion: Conversion) -> Any:

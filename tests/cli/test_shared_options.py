@@ -180,6 +180,14 @@ def test_values_are_converted_as_typer_converts_them(kind: Any, value: object) -
     assert parameter.process_value(context, value) == expected
 
 
+def test_typer_converts_where_it_does_so_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    (option,) = (one for one in typer.main.get_command(app).params if one.name == "threads")
+    monkeypatch.setattr("orip.cli.conversion._OF_TYPER", ("what_no_version_has",))
+    before = dict(vars(option))
+    assert convert_at_once([option]) == [option]
+    assert vars(option) == before
+
+
 def test_a_reader_that_has_seen_enough_is_no_error(project: Path) -> None:
     orip(project, "run")
     command = f"'{sys.executable}' -m orip.cli.main -C '{project}'"
