@@ -1,3 +1,3 @@
 """The bundle block adjustment: unknowns, one module per kind of observation, solving, results in the user's names."""
 
-from orip import arrays as arrays  # before SciPy, so that parts of NumPy can wait
+import orip.arrays  # noqa: F401  # before SciPy, so that parts of NumPy can wait

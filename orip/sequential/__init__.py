@@ -4,4 +4,4 @@ The upper triangle of the reduced unknowns, points as rows above it, and which o
 observations are linearised beyond asking the bundle for it, nor projects and files.
 """
 
-from orip import arrays as arrays  # before SciPy, so that parts of NumPy can wait
+import orip.arrays  # noqa: F401  # before SciPy, so that parts of NumPy can wait
