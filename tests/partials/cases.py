@@ -435,8 +435,8 @@ def _refinement() -> Iterator[Case]:
     state = RefinementState(
         rotation_from_angles(made.orientations[:, 3:]), made.orientations[:, :3], made.points, no_corrections(rays)
     )
-    at, count = solver.residuals(state), len(rays.photo)
-    rows = solver._rows(state, at, np.ones(count))
+    count = len(rays.photo)
+    rows = solver._rows(state, np.ones(count))
     width = 6 * photos + 3 * points
     partials = np.zeros((count, 2, width + rows.by_camera.shape[2]))
     for row, (photo, point) in enumerate(zip(rays.photo, rays.point, strict=True)):
@@ -446,7 +446,8 @@ def _refinement() -> Iterator[Case]:
 
     def residuals(x: np.ndarray) -> np.ndarray:
         by_photos, by_points = x[: 6 * photos].reshape(-1, 6), x[6 * photos : width].reshape(-1, 3)
-        return solver.residuals(state.moved(by_photos, by_points, x[width:].reshape(state.corrections.shape))).residual
+        moved = state.moved(by_photos, by_points, x[width:].reshape(state.corrections.shape))
+        return solver._misclosures(moved, solver._perspective(moved))
 
     yield Case(
         full_name(ArraySolver._rows), "photos, points and cameras", np.zeros(partials.shape[2]),

@@ -105,6 +105,8 @@ PART_OF = {
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
 GIVES_NONE = {
+    "orip.bundle.compiled.loop_pattern.cameras_of_loop": "constants of the cameras, with factors of their parameters",
+    "orip.bundle.compiled.photo_loop.PhotoPointLoop._observations": "arguments of the compiled loops",
     "orip.bundle.compiled.photo_loop.rows_of_blocks": "rows of the coupling, of linearise_with_partials",
     "orip.bundle.points.rays_at_places.rays_at_places": "linearise_with_partials of photo points, over their errors",
     "orip.bundle.points.rays_at_places.RaysAtPlaces._by_reduced": "some of the columns, unchanged",
@@ -125,7 +127,6 @@ GIVES_NONE = {
     "orip.bundle.results.ground.photo_correlations": "correlations",
     "orip.bundle.results.rigs._deviations_of_mean": "standard deviations, with relative_poses_with_partials",
     "orip.bundle.results.ground._rotation_deviations": "standard deviations",
-    "orip.bundle.problem._pattern": "places of unknowns",
     "orip.bundle.problem.BlockProblem._stored": "the rows of all kinds of observation, unchanged",
     "orip.geometry.ground_frame.GroundFrame.cofactors_to_project": "cofactors",
     "orip.geometry.ground_frame.GroundFrame.axes_at": "rotations, from differences of coordinates",
