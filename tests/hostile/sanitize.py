@@ -22,7 +22,7 @@ FLAGS = (
     "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-fno-omit-frame-pointer", "-g",
     # what is inlined many times takes minutes to compile otherwise
     "-O1", "--param", "asan-instrumentation-with-call-threshold=0", "-fno-sanitize-address-use-after-scope",
-    "-fno-sanitize=null,object-size,alignment",
+    "-fno-sanitize=null,object-size,alignment", "-DORIP_ROOM_OF_NANS",
 )  # fmt: skip
 TESTED = ("bundle", "files/test_measurement_text.py", "prelim", "samples")
 """Tests that reach the extensions in C: each by itself, wrong calls included, and all in whole projects."""

@@ -6,6 +6,7 @@
 The extensions are also compiled as Microsoft's compiler would: in ISO C, without vectors of four numbers. A computation
 is the same on all processors, by all compilers and in NumPy up to rounding. Tests whose tolerances allow for one kernel
 alone fail here, and so do the samples if their results are not the same to a billionth of their standard deviations.
+Compiled so that the memory the loops work in begins as NaN, they show in results what is read before it is written.
 """
 
 from __future__ import annotations
@@ -35,9 +36,15 @@ TESTED = 3
 
 WITHOUT_EXTENSIONS = "no extensions"
 ONE_LANE = "one lane"
+ROOM_OF_NANS = "room of NaNs"
 
 ISO_C = ("-std=c11", "-Werror=vla", "-Werror=pointer-arith", "-DORIP_ONE_LANE")
 """C without what Microsoft's compiler lacks: vectors, other extensions of gcc, and arrays of variable length."""
+
+NANS_FIRST = ("-DORIP_ROOM_OF_NANS",)
+
+BLOCKS = ("bundle/test_photo_loop.py", "bundle/test_banded_block.py", "bundle/test_threads.py")
+"""Tests that reach all loops over photo points."""
 
 
 def say(text: str) -> None:
@@ -65,21 +72,21 @@ def tests_pass(name: str, environment: Mapping[str, str], folders: Sequence[str]
     return subprocess.run([*command, *options, *paths], env=environment, cwd=REPOSITORY, check=False).returncode == 0
 
 
-def one_lane_built(folder: Path) -> bool:
-    """Compile the extensions without vectors; tell whether there is a compiler.
+def specially_built(name: str, flags: Sequence[str], folder: Path) -> Mapping[str, str] | None:
+    """Compile the extensions with other flags; return the environment that uses them, None without a compiler.
 
     Raises
     ------
     RuntimeError
-        If it cannot compile them.
+        If the compiler refuses them.
     """
     if shutil.which(compiler()[0]) is None:
-        say(f"skipped  {ONE_LANE}: there is no compiler {compiler()[0]!r}")
-        return False
-    if not build(folder, ISO_C):
-        message = "the extensions cannot be compiled in ISO C: see above"
+        say(f"skipped  {name}: there is no compiler {compiler()[0]!r}")
+        return None
+    if not build(folder / name, flags):
+        message = f"the extensions cannot be compiled with {' '.join(flags)}: see above"
         raise RuntimeError(message)
-    return True
+    return {**os.environ, "ORIP_SPECIAL_BUILD": str(folder / name)}
 
 
 def samples_agree(kernels: Sequence[Kernel], one_lane: Mapping[str, str] | None, folder: Path) -> bool:
@@ -92,7 +99,7 @@ def samples_agree(kernels: Sequence[Kernel], one_lane: Mapping[str, str] | None,
     ways = [(kernel.name, plain, kernel.environment()) for kernel in kernels]
     ways.append((WITHOUT_EXTENSIONS, [sys.executable, str(programs / "without_extensions.py")], os.environ))
     if one_lane is not None:
-        ways.append((ONE_LANE, [sys.executable, str(programs / "one_lane.py")], one_lane))
+        ways.append((ONE_LANE, [sys.executable, str(programs / "special_build.py")], one_lane))
     agree = True
     for sample in SAMPLES:
         with ThreadPoolExecutor(2) as pool:
@@ -119,10 +126,11 @@ def main(names: Sequence[str]) -> int:
     passed = [tests_pass(kernel.name, kernel.environment(), NUMERICAL) for kernel in kernels[: max(TESTED, len(names))]]
     passed.append(tests_pass(WITHOUT_EXTENSIONS, os.environ, COMPILED, "-p", "kernels.without_extensions"))
     with tempfile.TemporaryDirectory() as folder:
-        built = Path(folder) / "one lane"
-        one_lane = {**os.environ, "ORIP_ONE_LANE": str(built)} if one_lane_built(built) else None
-        if one_lane is not None:
-            passed.append(tests_pass(ONE_LANE, one_lane, COMPILED, "-p", "kernels.one_lane"))
+        one_lane = specially_built(ONE_LANE, ISO_C, Path(folder))
+        nans_first = specially_built(ROOM_OF_NANS, NANS_FIRST, Path(folder))
+        for name, environment, tests in ((ONE_LANE, one_lane, COMPILED), (ROOM_OF_NANS, nans_first, BLOCKS)):
+            if environment is not None:
+                passed.append(tests_pass(name, environment, tests, "-p", "kernels.special_build"))
         passed.append(samples_agree(kernels, one_lane, Path(folder)))
     return 0 if all(passed) else 1
 

@@ -75,12 +75,19 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
+    const size_t room = (size_t)(p->room + numbers_of_panel(p->longest));
     call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
-    call->memory = PyMem_Malloc(sizeof(double) * (size_t)(p->room + numbers_of_panel(p->longest)) + LINE_OF_CACHE);
-    call->room = call->memory ? line_from(call->memory) : NULL;
-    if (!call->numbers || !call->memory)
+    call->memory = PyMem_Malloc(sizeof(double) * room + LINE_OF_CACHE);
+    if (!call->numbers || !call->memory) {
         PyErr_NoMemory();
-    return call->numbers && call->memory;
+        return 0;
+    }
+    call->room = line_from(call->memory);
+#ifdef ORIP_ROOM_OF_NANS /* for tests: what is read before it is written shows in the results */
+    for (size_t k = 0; k < room; k++)
+        call->room[k] = NAN;
+#endif
+    return 1;
 }
 
 static void finish(Call *call)
