@@ -33,6 +33,8 @@ KILLED_ORIP = Path(__file__).parents[1] / "killed_orip.py"
 MOMENTS = {"init": 1, "measure": 2, "solve": 5}
 """Commits and renames of each command."""
 COMMANDS = {"init": initialise, "measure": measure, "solve": solve_quietly}
+WORDS = {"init": ("init",), "measure": ("measure",), "solve": ("solve", "--no-report")}
+"""The same on the command line."""
 STORES = ("CAMERAS.CAM", "TEMTICKS.TIK", "FIRST.PHO", "FIRST.TEM", "FIRST.EXT", "MAIN.EXO")
 OUTPUTS = ("INTERIOR_RESULT.OUT", "BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT", "result.json", "residuals.csv")
 # SQLite's rollback journals and the one that ties them together, and texts that had not got their name yet
@@ -108,7 +110,7 @@ def _check(case: Case, folder: Path) -> None:
 
 def _start(case: Case, step: int, folder: Path) -> subprocess.Popen[bytes]:
     shutil.copytree(case.before, folder)
-    words = [sys.executable, str(KILLED_ORIP), str(step), "-q", "-C", str(folder), case.command]
+    words = [sys.executable, str(KILLED_ORIP), str(step), "-q", "-C", str(folder), *WORDS[case.command]]
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
 
 
