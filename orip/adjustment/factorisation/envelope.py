@@ -6,7 +6,7 @@ panel by panel; all within a panel reach equally far, so that each panel is a fu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +35,8 @@ class Panel(NamedTuple):
 
 def panels_of(reach: IntArray) -> list[Panel]:
     """Return the panels of columns that reach (n,) down to the place before a given one each."""
-    starts = range(0, len(reach), COLUMNS)
-    return [
-        Panel(start, end, int(reach[end - 1])) for start, end in zip(starts, _ends(starts, len(reach)), strict=True)
-    ]
-
-
-def _ends(starts: range, count: int) -> Iterator[int]:
-    return (min(start + COLUMNS, count) for start in starts)
+    borders = [*range(0, len(reach), COLUMNS), len(reach)]
+    return [Panel(start, end, int(reach[end - 1])) for start, end in pairwise(borders)]
 
 
 def reach_of_panels(last: IntArray) -> IntArray:
