@@ -42,8 +42,8 @@ typedef struct {
     const int32_t *camera_products, *camera_own, *camera_elements, *camera_unknowns, *camera_terms;
     const double *term_factors;
     const int32_t *camera_places, *photo_places;
-    /* longest, most_camera_columns: of the columns of a group */
-    int64_t groups, blocks, longest, most_camera_columns;
+    /* longest, most_camera_columns: of the columns of a group; most_rays: of the photo points of a point */
+    int64_t groups, blocks, longest, most_camera_columns, most_rays;
     /* groups that a thread takes at a time: share_start[s] ...; room: numbers that the largest share needs */
     const int32_t *share_start;
     int64_t shares, room;

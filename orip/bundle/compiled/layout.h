@@ -200,8 +200,9 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
         p->room = numbers > p->room ? numbers : p->room;
     }
     share_start[p->shares] = (int32_t)p->groups;
-    const int64_t of_part = numbers_of_part(p->longest, p->most_camera_columns);
-    p->room = of_part > p->room ? of_part : p->room;
+    const int64_t of_precision = numbers_of_parts(p->longest, p->most_camera_columns)
+        + numbers_of_points(p->most_rays, p->longest, p->most_camera_columns);
+    p->room = of_precision > p->room ? of_precision : p->room;
 }
 
 /* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
@@ -213,6 +214,10 @@ static int is_layout_sound(const Arguments *a, Layout *l)
         l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
     l->pattern.longest = most_columns(&l->block, &l->pattern, 0);
     l->pattern.most_camera_columns = most_columns(&l->block, &l->pattern, 1);
+    for (int64_t k = 0; k < l->pattern.blocks; k++) {
+        const int64_t rays = l->pattern.start[k + 1] - l->pattern.start[k];
+        l->pattern.most_rays = rays > l->pattern.most_rays ? rays : l->pattern.most_rays;
+    }
     if (l->pattern.longest > LARGEST_SYSTEM)
         return 0;
     cut_into_shares(&l->block, &l->pattern, l->share_start);
