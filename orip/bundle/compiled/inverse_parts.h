@@ -58,7 +58,7 @@ INLINE void take_column(const Reduced *inverse, const Local *local, const int32_
 INLINE void take_cameras_part(const Pattern *p, const Reduced *inverse, const Local *local, const int32_t *stretch,
                               CameraPart *cameras)
 {
-    const int64_t size = camera_columns(local), stride = stride_of(PADDED(size));
+    const int64_t size = local->cameras, stride = stride_of(size);
     const int is_same = cameras->count == local->camera_runs
         && !memcmp(cameras->runs, local->runs, sizeof(int32_t) * (size_t)cameras->count);
     if (is_same)
@@ -87,7 +87,7 @@ INLINE void rows_to_columns(const Pattern *p, const Local *local, double *rows, 
 INLINE void take_part_of_both(const Pattern *p, const Reduced *inverse, const Local *local, const int32_t *stretch,
                               double *rows, const Part *part)
 {
-    const int64_t of_cameras = camera_columns(local), stride = part->of_photos;
+    const int64_t of_cameras = local->cameras, stride = part->of_photos;
     for (int64_t i = 0; i < of_cameras; i++)
         take_column(inverse, local, stretch, i, of_cameras, local->size, rows + i * stride, stride);
     rows_to_columns(p, local, rows, part->photos, stride);
@@ -103,8 +103,8 @@ INLINE void take_part_of_both(const Pattern *p, const Reduced *inverse, const Lo
 INLINE void take_parts(const Pattern *p, const Reduced *inverse, const Local *local, int32_t *stretch, double *room,
                        CameraPart *cameras, Part *part)
 {
-    const int64_t size = local->size, of_cameras = camera_columns(local);
-    part->cameras = PADDED(of_cameras);
+    const int64_t size = local->size, of_cameras = local->cameras;
+    part->cameras = of_cameras;
     part->photos = size - of_cameras;
     part->of_cameras = stride_of(part->cameras);
     part->of_photos = stride_of(part->photos);

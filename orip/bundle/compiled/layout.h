@@ -167,20 +167,12 @@ static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
     return most;
 }
 
-static int has_sets(const Pattern *p, int64_t group, const Block *b)
-{
-    for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
-        if (p->runs[r] < b->camera_count && p->camera_products[p->runs[r]])
-            return 1;
-    return 0;
-}
-
 /* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
 {
     const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
-    const int64_t common = has_sets(p, group, b) ? size_of_group(b, p, group, 1) : 0;
-    const int64_t sums = numbers_of_sums(size, common) + (is_first ? numbers_of_cameras(common) : 0);
+    const int64_t cameras = size_of_group(b, p, group, 1);
+    const int64_t sums = numbers_of_sums(size, cameras) + (is_first ? numbers_of_cameras(cameras) : 0);
     return sums > vectors ? sums : vectors;
 }
 

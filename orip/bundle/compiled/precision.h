@@ -59,7 +59,7 @@ INLINE void begin_points(const Pattern *p, const Part *part, double *room, Point
 
 /* Linearise the photo points of the point at a place of the pattern; return where those of the next one begin. */
 INLINE int64_t keep_rays(const Block *b, const Pattern *p, const Local *local, const Precision *c, int64_t place,
-                         const Part *part, Ahead *a, RayRows *rays, int64_t count)
+                         Ahead *a, RayRows *rays, int64_t count)
 {
     const double *H = c->half + 9 * p->block[place];
     int32_t last[2] = {0, 0};
@@ -70,7 +70,6 @@ INLINE int64_t keep_rays(const Block *b, const Pattern *p, const Local *local, c
         if (!a->found.in_front[lane])
             continue;
         ray->at = places_of(b, p, local, (int32_t)row, a->cameras[lane], last);
-        ray->at.photo += (int32_t)(part->cameras - camera_columns(local));
         ray->leverage = c->leverage + 2 * row;
         for (int i = 0; i < 2; i++) {
             const double root = c->factor[2 * row + i] * b->error[2 * row + i];
@@ -400,7 +399,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
             points.start[0] = 0;
             for (int64_t point = 0; point < count; point++)
                 points.start[point + 1]
-                    = keep_rays(b, p, &local, c, place + point, &part, &a, points.rays, points.start[point]);
+                    = keep_rays(b, p, &local, c, place + point, &a, points.rays, points.start[point]);
             multiply_rays(&part, &points, count);
             for (int64_t point = 0; point < count; point++)
                 couple(&part, &points, point);
