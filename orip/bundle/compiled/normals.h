@@ -32,7 +32,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
     Local local = local_in(p, numbers);
     RayPanel rays = ray_panel_in(p, of_panels, numbers + ARRAYS_OF_LOCAL * p->longest);
     PointPanel points = {.rows = of_panels + numbers_of_ray_panel(p), .seen = numbers + (ARRAYS_OF_LOCAL + 1) * p->longest};
-    Sums s;
+    Sums s = {.by_cameras = room};
     begin_ahead(&a);
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
@@ -108,7 +108,7 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
 static void add_normals(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room)
 {
     Local local = local_in(p, numbers);
-    Sums s;
+    Sums s = {.by_cameras = room};
     for (int64_t group = share.first; group < share.end; group++) {
         local_unknowns(b, p, group, &local);
         room = place_sums(b, p, share, group, &local, room, &s);

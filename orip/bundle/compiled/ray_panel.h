@@ -81,16 +81,16 @@ INLINE void eliminate_from_rays(RayPanel *panel, int64_t first, const double *H,
 {
     for (int64_t r = first; r < panel->count; r++) {
         const PanelRay *ray = panel->rays + r;
-        for (int c = 0; c < 2; c++) {
-            const double *own = ray->row[c] + PHOTO_ROW;
-            double *rest = panel->rest + (2 * r + c) * panel->length, t[3];
-            const int64_t at = ray->at.camera[c];
-            multiply(H, ray->of_point[c], t);
-            for (int64_t i = 0; i < panel->length; i += LANES)
-                AT(rest + i) = -(t[0] * AT(E[0] + i) + t[1] * AT(E[1] + i) + t[2] * AT(E[2] + i));
-            for (int64_t k = 0; k < ray->at.camera_columns; k++)
-                rest[at + k] += own[k];
+        double *x = panel->rest + 2 * r * panel->length, *y = x + panel->length, of_x[3], of_y[3];
+        multiply(H, ray->of_point[0], of_x);
+        multiply(H, ray->of_point[1], of_y);
+        for (int64_t i = 0; i < panel->length; i += LANES) {
+            const Lanes a = AT(E[0] + i), b = AT(E[1] + i), c = AT(E[2] + i);
+            AT(x + i) = -(of_x[0] * a + of_x[1] * b + of_x[2] * c);
+            AT(y + i) = -(of_y[0] * a + of_y[1] * b + of_y[2] * c);
         }
+        add_multiple(x + ray->at.camera[0], 1.0, ray->row[0] + PHOTO_ROW, ray->at.camera_columns);
+        add_multiple(y + ray->at.camera[1], 1.0, ray->row[1] + PHOTO_ROW, ray->at.camera_columns);
     }
 }
 
