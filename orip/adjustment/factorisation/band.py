@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
@@ -248,6 +247,8 @@ def _spectral_order(graph: csr_array) -> IntArray:
 
     It is the second eigenvector of the normalised Laplace matrix: neighbours differ least.
     """
+    from scipy.linalg import eigh  # takes its time to import; narrow bands do without
+
     adjacent = (graph.toarray() != 0.0).astype(np.float64)
     np.fill_diagonal(adjacent, 0.0)
     scale = 1.0 / np.sqrt(np.maximum(adjacent.sum(axis=1), 1.0))

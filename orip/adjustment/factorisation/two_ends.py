@@ -13,10 +13,11 @@ from typing import TypeVar
 
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import lapack
 
 from orip.adjustment.factorisation.band_lapack import factorise_in_place, solve_in_place
 from orip.adjustment.factorisation.band_panels import PANEL, columns_of, from_the_end, stored_part
+from orip.adjustment.factorisation.triangular import solve_lower
 from orip.arrays import FloatArray
 from orip.structs import replace
 from orip.threads import at_once, available_threads
@@ -133,13 +134,13 @@ class TwoEndedFactor(Struct, frozen=True):
         first, middle, last = self._parts(right)
         tasks = partial(self.first.reduced, first), partial(self.last.reduced, last)
         (first, from_first), (last, from_last) = self._at_once(tasks, first.size)
-        rest = solve_triangular(self.middle, (middle - from_first - from_last).T, lower=True).T
+        rest = solve_lower(self.middle, (middle - from_first - from_last).T).T
         return self._joined(first, rest, last, right)
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (n,) or (n, k) of L^T x = c."""
         first, middle, last = self._parts(reduced_right)
-        middle = solve_triangular(self.middle, middle.T, lower=True, trans="T").T
+        middle = solve_lower(self.middle, middle.T, transposed=True).T
         tasks = partial(self.first.substituted, first, middle), partial(self.last.substituted, last, middle)
         first, last = self._at_once(tasks, first.size)
         return self._joined(first, middle, last, reduced_right)
