@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orip.arrays import BoolArray, IntArray
+from orip.arrays import BoolArray, IntArray, distinct
 from orip.prelim.rays.image_rays import ImageRays
 from orip.wording import agreeing, counted, first_names
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
 
 _FEW = 5
 """Number of common points up to which a wrong one among them cannot be distinguished from a wrong scale."""
@@ -33,18 +28,15 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
     known_on_ground : array (number of points,) of bool
         Control: a part that sees two of these points has a scale of its own.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    together = csr_array(common > _FEW)
+    together = common > _FEW
     named: set[frozenset[int]] = set()
     for joint in _possible_joints(together):
         others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
-        count, label = connected_components(together[others][:, others], directed=False)
-        largest = int(np.bincount(label).argmax()) if count > 1 else 0
-        for part in range(count):
-            members = others[label == part]
-            if part == largest or frozenset(members.tolist()) in named:
+        parts, _ = _connected_parts(together[np.ix_(others, others)])
+        largest = max(parts, key=len, default=None)
+        for part in parts:
+            members = others[part]
+            if part is largest or frozenset(members.tolist()) in named:
                 continue
             shared, points = _shared(rays, members, joint)
             if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
@@ -52,15 +44,32 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
                 yield _sentence(rays, members, joint, shared)
 
 
-def _possible_joints(together: csr_array) -> IntArray:
+def _possible_joints(together: BoolArray) -> IntArray:
     """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
+    parts, reached_from = _connected_parts(together)
+    roots = [part[:1] for part in parts]
+    return distinct(np.concatenate([*roots, reached_from[reached_from >= 0]]))
 
-    _, label = connected_components(together, directed=False)
-    _, roots = np.unique(label, return_index=True)
-    before = [breadth_first_order(together, root, directed=False)[1] for root in roots]
-    reached_from = np.unique(np.concatenate([roots, *before]))
-    return np.asarray(reached_from[reached_from >= 0], dtype=np.int64)
+
+def _connected_parts(together: BoolArray) -> tuple[list[IntArray], IntArray]:
+    """Return the members of each connected part, ascending, and from which photo each one was reached, the first -1.
+
+    `together` (photos, photos) says which two are connected. Each part is gone through
+    from its first photo, breadth first.
+    """
+    parts: list[IntArray] = []
+    part_of = np.full(len(together), -1)
+    reached_from = np.full(len(together), -1)
+    while (left := np.flatnonzero(part_of < 0)).size:
+        newest = left[:1]
+        while newest.size:
+            part_of[newest] = len(parts)
+            neighbours = together[newest] & (part_of < 0)
+            found = np.flatnonzero(neighbours.any(axis=0))
+            reached_from[found] = newest[neighbours[:, found].argmax(axis=0)]
+            newest = found
+        parts.append(np.flatnonzero(part_of == len(parts)))
+    return parts, reached_from
 
 
 def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:
