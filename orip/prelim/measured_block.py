@@ -8,6 +8,7 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.from_models import FromModels
 from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.rays.thinning import thinned
@@ -15,7 +16,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
-from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.results.preliminary import SimilarityStep
 
 _ENOUGH, MORE = 30, 80
 """Points that suffice to orient a photo, and where models are listed point by point or few points tie parts."""
@@ -46,8 +47,8 @@ class MeasuredBlock(Struct, frozen=True):
         Index in `rays` by name of the point.
     control_errors : array (number of points,)
         Root mean square a-priori errors of the coordinates of control, 0 for other points.
-    models : dict
-        Relative orientations by pairs of photos, kept since many are needed again.
+    from_models : FromModels
+        What has been computed from pairs of photos, of `rays`.
     """
 
     block: Block
@@ -60,7 +61,7 @@ class MeasuredBlock(Struct, frozen=True):
     common: IntArray
     row_of: dict[str, int]
     control_errors: FloatArray
-    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    from_models: FromModels = field(default_factory=FromModels)
 
     @property
     def is_free(self) -> bool:
@@ -123,7 +124,7 @@ class MeasuredBlock(Struct, frozen=True):
             self.common,
             nothing if held is None else held,
             np.ones(len(self.rays.photos), dtype=bool),
-            self.models,
+            self.from_models,
             held_errors=self.control_errors,
             blunders=self.blunders,
         )

@@ -16,6 +16,7 @@ from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block,
 from orip.prelim.medians import median
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.refinement import ROUGH
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
@@ -131,7 +132,7 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
     free = np.ones(len(grower.rays.photos), dtype=bool)
     while (start := _starting_pair(grower, free, choice if not systems else 0)) is not None:
         how = f"model of photos {start.left} and {start.right}, {len(start.points)} points"
-        system = grower.grow(growing_block_of(grower.rays, start.block, how), ROUGH)
+        system = grower.grown_from(start, how, no_corrections(grower.rays))
         systems.append(system)
         relative.append(start)
         free &= ~system.oriented

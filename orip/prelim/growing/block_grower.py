@@ -13,6 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.prelim.growing.from_models import FromModels
 from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
 from orip.prelim.growing.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.intersection.intersection import intersect
@@ -84,8 +85,8 @@ class BlockGrower(Struct, frozen=True):
         Coordinates of points that do not change; NaN for the others.
     allowed : array (photos,) of bool
         Photos that may be added.
-    models : dict
-        Relative orientations by pairs of photos, kept since many are needed again.
+    from_models : FromModels
+        Of these rays.
     branching : bool
         Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
@@ -99,7 +100,7 @@ class BlockGrower(Struct, frozen=True):
     common: IntArray
     held: FloatArray
     allowed: BoolArray
-    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    from_models: FromModels = field(default_factory=FromModels)
     branching: bool = True
     held_errors: FloatArray | None = None
     blunders: float = FEW_BLUNDERS
@@ -331,8 +332,7 @@ class BlockGrower(Struct, frozen=True):
             how = f"model with photo {model.left} ({len(model.points)} points)"
             allowed = self.allowed & ~current.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            start = replace(growing_block_of(self.rays, model.block, how), corrections=current.corrections)
-            block = grower.grow(start, ROUGH)
+            block = grower.grown_from(model, how, current.corrections)
             joined = join(
                 block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
             )
@@ -346,11 +346,24 @@ class BlockGrower(Struct, frozen=True):
 
     def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:
         """Return the relative orientation of a photo to another one."""
-        if (left, right) not in self.models:
+        models = self.from_models.models
+        if (left, right) not in models:
             name = self.rays.photos[left]
-            found = orient_pair(self.rays, left, right, model=name, row=None, column=None, index=self.index)
-            self.models[left, right] = found
-        return self.models[left, right]
+            models[left, right] = orient_pair(
+                self.rays, left, right, model=name, row=None, column=None, index=self.index
+            )
+        return models[left, right]
+
+    def grown_from(self, model: RelativeOrientation, how: str, corrections: FloatArray) -> GrowingBlock:
+        """Return what grows from a model without control, by which `how` its two photos are oriented.
+
+        The cameras start with `corrections` (cameras, 4).
+        """
+        key = (*model.block.photos.tolist(), self.branching, self.allowed.tobytes(), corrections.tobytes())
+        if key not in self.from_models.blocks:
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=corrections)
+            self.from_models.blocks[key] = self.grow(start, ROUGH)
+        return self.from_models.blocks[key]
 
     def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""

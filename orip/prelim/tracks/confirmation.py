@@ -85,7 +85,7 @@ def votes_of(rays: ImageRays, index: PhotoIndex, common: IntArray, most: int | N
         Number of pairs of photos to compare, spread over the block; None: all.
     """
     votes = Votes(len(rays.photo))
-    pairs = list(_pairs(common))
+    pairs = list(compared_pairs(common))
     step = 1 if most is None else max(len(pairs) // most, 1)
     models = [model for pair in pairs[::step] if (model := _model(rays, index, pair)) is not None]
     if models:
@@ -125,7 +125,7 @@ def _at_usual_scale(model: _Model, usual: float) -> _Model | None:
     return model._replace(solution=solution)
 
 
-def _pairs(common: IntArray) -> Iterator[tuple[int, int]]:
+def compared_pairs(common: IntArray) -> Iterator[tuple[int, int]]:
     """Yield the pairs of each photo and those with which it shares most points, once."""
     found: set[tuple[int, int]] = set()
     for photo, counts in enumerate(common):

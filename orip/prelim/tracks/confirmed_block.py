@@ -10,7 +10,8 @@ from orip.prelim.rays.image_rays import ImageRays, rays_of_plane_images
 from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.rays.thinning import thinned
 from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.tracks.confirmation import Votes, votes_of
+from orip.prelim.tracks.confirmation import Votes, compared_pairs, votes_of
+from orip.records.results.preliminary import RelativeOrientation
 
 _POINTS_OF_TRACKS = 15
 """Points of the median photo from which so many points are common to three photos that wrong ones show."""
@@ -18,6 +19,10 @@ _POINTS_OF_TRACKS = 15
 _SAMPLE, _MANY = 12, 0.03
 """Pairs of photos from which the part of the rays that others contradict is estimated, and the part from which the
 block is one of tracks."""
+
+_PAIRS_LOOKED_AT, _MANY_MISS = 3, 0.14
+"""Pairs of photos spread over a block, and the part of their rays that miss each other from which the block may be one
+of tracks: an ordinary one, with twenty photo points in a hundred wrong in no more than a few photos, has less."""
 
 _PHOTOS_COMPARED = 3
 """Photos by which a ray is confirmed, itself included."""
@@ -33,13 +38,33 @@ _ENOUGH = 80
 """Points of a photo that are compared."""
 
 
+def has_many_misses(measured: MeasuredBlock) -> bool:
+    """Tell whether many rays of a few pairs of photos miss each other: a block that grows from them all will not do.
+
+    Pairs that cannot be oriented count with all their points. The models are those with which the block grows.
+    """
+    if not _can_be_compared(measured):
+        return False
+    pairs, grower = list(compared_pairs(measured.common)), measured.grower()
+    points = misses = 0
+    for left, right in pairs[:: max(len(pairs) // _PAIRS_LOOKED_AT, 1)][:_PAIRS_LOOKED_AT]:
+        model, number = grower.model(left, right), int(measured.common[left, right])
+        fitting = np.count_nonzero(model.weight_factor >= 1.0) if isinstance(model, RelativeOrientation) else 0
+        points, misses = points + number, misses + number - fitting
+    return misses > _MANY_MISS * points
+
+
+def _can_be_compared(measured: MeasuredBlock) -> bool:
+    per_photo = np.bincount(measured.rays.photo, minlength=len(measured.rays.photos))
+    return bool(len(per_photo) >= _PHOTOS_COMPARED and np.median(per_photo) >= _POINTS_OF_TRACKS)
+
+
 def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     """Return the block without the rays that others contradict; None where these are few.
 
     Rays that could not be compared stay, and so do those of control of which too few would be left.
     """
-    per_photo = np.bincount(measured.rays.photo, minlength=len(measured.rays.photos))
-    if len(per_photo) < _PHOTOS_COMPARED or np.median(per_photo) < _POINTS_OF_TRACKS:
+    if not _can_be_compared(measured):
         return None
     all_rays, names = measured.all_rays, set(measured.control.names)
     control = np.array([name in names for name in all_rays.points], dtype=bool)
