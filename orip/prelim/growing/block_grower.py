@@ -20,7 +20,7 @@ from orip.prelim.intersection.intersection import intersect
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
 from orip.prelim.refinement.refinement import ROUGH, refine
-from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.relative.orientation import OrientedPair, orient_two_photos
 from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.known_points import FEW_BLUNDERS
@@ -28,7 +28,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import NotOriented
 from orip.structs import replace
 from orip.wording import counted
 
@@ -304,16 +304,16 @@ class BlockGrower(Struct, frozen=True):
         """
         for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+            if isinstance(model, NotOriented) or model.fitting < FITTING:
                 continue
             known = np.count_nonzero(current.known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
-            joined = join(model.block, _part(current, oriented, model.block.points), self.rays, "connect")
+            joined = join(model.block, current.part(oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
-                    f"model with photo {model.left} ({len(model.points)} points), connected by "
+                    f"model with photo {self.rays.photos[oriented]} ({len(model.rows[0])} points), connected by "
                     f"{len(joined.step.points)} known points"
                 )
                 return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
@@ -327,14 +327,14 @@ class BlockGrower(Struct, frozen=True):
         """
         for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+            if isinstance(model, NotOriented) or model.fitting < FITTING:
                 continue
-            how = f"model with photo {model.left} ({len(model.points)} points)"
+            how = f"model with photo {self.rays.photos[oriented]} ({len(model.rows[0])} points)"
             allowed = self.allowed & ~current.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
             block = grower.grown_from(model, how, current.corrections)
             joined = join(
-                block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+                block.partial_block(), current.part(oriented, np.flatnonzero(block.known)), self.rays, "connect"
             )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
@@ -344,22 +344,21 @@ class BlockGrower(Struct, frozen=True):
                 return more
         return None
 
-    def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:
+    def model(self, left: int, right: int) -> OrientedPair | NotOriented:
         """Return the relative orientation of a photo to another one."""
         models = self.from_models.models
         if (left, right) not in models:
-            name = self.rays.photos[left]
-            models[left, right] = orient_pair(
-                self.rays, left, right, model=name, row=None, column=None, index=self.index
+            models[left, right] = orient_two_photos(
+                self.rays, left, right, model=self.rays.photos[left], index=self.index
             )
         return models[left, right]
 
-    def grown_from(self, model: RelativeOrientation, how: str, corrections: FloatArray) -> GrowingBlock:
+    def grown_from(self, model: OrientedPair, how: str, corrections: FloatArray) -> GrowingBlock:
         """Return what grows from a model without control, by which `how` its two photos are oriented.
 
         The cameras start with `corrections` (cameras, 4).
         """
-        key = (*model.block.photos.tolist(), self.branching, self.allowed.tobytes(), corrections.tobytes())
+        key = (*model.photos, self.branching, self.allowed.tobytes(), corrections.tobytes())
         if key not in self.from_models.blocks:
             start = replace(growing_block_of(self.rays, model.block, how), corrections=corrections)
             self.from_models.blocks[key] = self.grow(start, ROUGH)
@@ -391,17 +390,3 @@ def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) 
 
 def _fitting_points(joined: Joined) -> int:
     return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
-
-
-def _part(current: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
-    """Return one photo of a system, with those of its points that are known."""
-    known = points[current.known[points]]
-    return PartialBlock(
-        current.name,
-        np.array([photo]),
-        current.rotations[[photo]],
-        current.centres[[photo]],
-        known,
-        current.coordinates[known],
-        np.nan_to_num(current.deviations[known]),
-    )

@@ -5,14 +5,15 @@ from __future__ import annotations
 from msgspec import Struct, field
 
 from orip.prelim.growing.growing_block import GrowingBlock
-from orip.records.results.preliminary import NotOriented, RelativeOrientation
+from orip.prelim.relative.orientation import OrientedPair
+from orip.records.results.preliminary import NotOriented
 
 
 class FromModels(Struct, frozen=True):
     """Models of the rays of a block, and blocks grown from them.
 
-    Routes that begin with different pairs of photos come to the same parts, and a part that cannot be connected is tried
-    again when the block has grown.
+    Routes that begin with different pairs of photos come to the same parts, and a part that cannot be connected is
+    tried again when the block has grown.
 
     Parameters
     ----------
@@ -22,5 +23,5 @@ class FromModels(Struct, frozen=True):
         Blocks by the pair that they began with and all else that they depend on.
     """
 
-    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    models: dict[tuple[int, int], OrientedPair | NotOriented] = field(default_factory=dict)
     blocks: dict[tuple[int, int, bool, bytes, bytes], GrowingBlock] = field(default_factory=dict)
