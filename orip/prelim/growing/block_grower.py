@@ -302,11 +302,12 @@ class BlockGrower(Struct, frozen=True):
 
         Known points have to fit: they give the scale and check it.
         """
+        all_known = current.known
         for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
             if isinstance(model, NotOriented) or model.fitting < FITTING:
                 continue
-            known = np.count_nonzero(current.known[model.block.points])
+            known = np.count_nonzero(all_known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
             joined = join(model.block, current.part(oriented, model.block.points), self.rays, "connect")
@@ -317,7 +318,7 @@ class BlockGrower(Struct, frozen=True):
                     f"{len(joined.step.points)} known points"
                 )
                 return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
-            refused.models[oriented, photo] = int(known)
+            refused.models[oriented, photo] = known
         return None
 
     def _with_block(self, current: GrowingBlock) -> GrowingBlock | None:
@@ -369,10 +370,9 @@ class BlockGrower(Struct, frozen=True):
         oriented = current.oriented
         counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
         tried = np.zeros(len(oriented), dtype=int)
-        for flat in np.argsort(-counts, axis=None, kind="stable"):
-            first, photo = divmod(int(flat), counts.shape[1])
-            if counts[first, photo] < _FEWEST_FOR_MODEL:
-                return
+        first_of, photo_of = np.nonzero(counts >= _FEWEST_FOR_MODEL)
+        order = np.argsort(-counts[first_of, photo_of], kind="stable")
+        for first, photo in zip(first_of[order].tolist(), photo_of[order].tolist(), strict=True):
             if tried[photo] < _MODELS_TRIED:
                 tried[photo] += 1
                 yield first, photo
