@@ -7,8 +7,8 @@
 Cases: a number of photos; penta and rings, blocks without a narrow band; BAL, a real problem with a camera for each
 photo; Zurich, the sample project from texts to results; solve:N, a project of N photos on the disk; threads:N, two
 threads against one; variants:N, free network, sets of additional parameters and fisheye against the same block with
-control and a plain camera; large, 5000 photos and 500 000 points. The environment has pycolmap and SciPy. What counts
-is the smallest of the repetitions.
+control and a plain camera; chain:N, blocks of the studies of preliminary values, once; large, 5000 photos and 500 000
+points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
 
 Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
 in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
@@ -35,6 +35,7 @@ from wide_blocks import BLOCKS
 HERE = Path(__file__).parent
 BASELINE = HERE / "baseline.json"
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_WITH_STUDIES = {**ONE_THREAD, "PYTHONPATH": str(HERE.parent / "tests")}
 _SCIPY_PHOTOS = 500
 """Larger blocks would take SciPy's recipe hours."""
 SOLVERS = ("DENSE_SCHUR", "SPARSE_SCHUR")
@@ -43,9 +44,9 @@ _LARGE = ("5000", 353)
 """Photos and points in each, which are 500 000 in all."""
 
 
-def run(*command: str, threads: Mapping[str, str] = ONE_THREAD) -> Figures:
+def run(*command: str, environment: Mapping[str, str] = ONE_THREAD) -> Figures:
     """Run a program that prints its figures as JSON in its last line."""
-    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env={**os.environ, **threads})
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env={**os.environ, **environment})
     return dict(json.loads(done.stdout.splitlines()[-1]))
 
 
@@ -54,7 +55,7 @@ def run_orip(case: str, points: int | None = None, threads: int = 1) -> Figures:
     more = [] if points is None else ["--points", str(points)]
     environment = {name: str(threads) for name in ONE_THREAD}
     command = (sys.executable, str(HERE / "orip_adjustment.py"), case, "--threads", str(threads), *more)
-    return run(*command, threads=environment)
+    return run(*command, environment=environment)
 
 
 def run_variant(photos: str, variant: str) -> Figures:
@@ -122,6 +123,8 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
             for _ in range(given.repetitions)
         ]
         return {name: best(list(of_name)) for name, of_name in zip(names, zip(*runs, strict=True), strict=True)}
+    if kind == "chain":
+        return run(sys.executable, str(HERE / "chain_study.py"), size, environment=_WITH_STUDIES)
     if kind == "large":
         return {"orip": best([run_orip(*_LARGE) for _ in range(given.repetitions)])}
     return compared(case, given.peer, given.repetitions)

@@ -45,6 +45,7 @@ _OF_PROJECTS: dict[str, tuple[tuple[str, str, tuple[str, ...], float, float], ..
         ("CPU s of the three commands", "cpu", _COMMANDS, 12.0, 8.0),
         ("MB of memory of `orip solve`", "peak", ("solve",), 800.0, 500.0),
     ),
+    "solve:20000": (("MB of memory of `orip solve`", "peak", ("solve",), 16e3, 10e3),),
 }
 """What is asked of whole projects: the figure, of which commands it is the sum, what it must be and should be."""
 
@@ -149,6 +150,10 @@ def _against_itself(found: Results) -> Iterator[Requirement]:
             yield Requirement(what, ratio, 0.65, 0.55, more=False)
         if case.startswith("variants:"):
             yield from _of_variants(_title(case.partition(":")[2]), programs)
+        if case.startswith("chain:"):
+            for group, figures in programs.items():
+                what = f"{group}: chain from nothing to the adjustment, median"
+                yield Requirement(what, figures["ratio"], 1.0, 0.5, more=False)
 
 
 def _of_variants(title: str, programs: dict[str, Figures]) -> Iterator[Requirement]:
@@ -173,6 +178,8 @@ def grown_slower(found: Results, baseline: Results) -> Iterator[str]:
     same_machine = found["machine"] == baseline.get("machine")
     for case in found.keys() & baseline.keys() - {"machine"}:
         now, then = found[case], baseline[case]
+        if "orip" not in now:
+            continue
         for key in ("minimum", "precision"):
             if "pycolmap" in now and "pycolmap" in then and key in now["pycolmap"] and key in then["pycolmap"]:
                 ratio, before = (figures["pycolmap"][key] / figures["orip"][key] for figures in (now, then))
@@ -185,7 +192,8 @@ def grown_slower(found: Results, baseline: Results) -> Iterator[str]:
 
 def tables(found: Results) -> str:
     """Return all tables for which there are figures."""
-    made = (_adjustments(found), _recipe(found), _threads(found), _whole(found), _startup(found))
+    kinds = (_adjustments, _recipe, _threads, _variants, _chain, _whole, _startup)
+    made = (table(found) for table in kinds)
     return "\n\n".join(table for table in made if table)
 
 
@@ -270,6 +278,28 @@ def _threads(found: Results) -> str:
             for threads, program in ((1, programs["orip"]), (2, programs["two threads"])):
                 times = f"{program['minimum_wall']:.3f} | {program['precision_wall']:.3f}"
                 lines.append(f"| {program['photos']:.0f} | {threads} | {times} |")
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _variants(found: Results) -> str:
+    lines = ["| photos | variant | iterations | an iteration, s | covariances, s |", "|---|---|---|---|---|"]
+    for case, programs in found.items():
+        if case.startswith("variants:"):
+            for name, figures in programs.items():
+                variant = "plain camera, control" if name == "orip" else name
+                times = f"{_iteration(figures):.4f} | {figures['precision']:.3f}"
+                lines.append(f"| {figures['photos']:.0f} | {variant} | {figures['iterations']} | {times} |")
+    return "\n".join(lines) if len(lines) > 2 else ""
+
+
+def _chain(found: Results) -> str:
+    heads = ("group of blocks", "number", "right", "chain, median s", "adjustment, median s", "ratio, median")
+    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+    for case, groups in found.items():
+        if case.startswith("chain:"):
+            for group, figures in groups.items():
+                times = f"{figures['chain']:.4f} | {figures['adjustment']:.4f} | {figures['ratio']:.2f}"
+                lines.append(f"| {group} | {figures['blocks']} | {figures['right']} | {times} |")
     return "\n".join(lines) if len(lines) > 2 else ""
 
 

@@ -40,6 +40,15 @@ def distinct(numbers: IntArray) -> IntArray:
     return np.asarray(ordered[is_new])
 
 
+def along_diagonal(*blocks: FloatArray) -> FloatArray:
+    """Return a matrix with blocks (k, k') along its diagonal, zero elsewhere."""
+    rows, columns = np.cumsum([(0, 0), *(block.shape for block in blocks)], axis=0).T
+    matrix = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):
+        matrix[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return matrix
+
+
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:
     """Return for each of `count` groups the rows in it, ascending; `group` (n,) is that of each row, -1 for none.
 

@@ -55,7 +55,7 @@ _SAME_COST = 1e-9
 _LARGE = 1e9
 """Standard residual of what cannot be computed."""
 
-_SIZES = ((2, 5), (6, 20), (21, 60), (61, 200))
+SIZES = ((2, 5), (6, 20), (21, 60), (61, 200))
 _PARTS = (("no blunders", 0.0, 0.0), ("up to 2 %", 1e-9, 0.02), ("over 2 %", 0.02, 1.0))
 
 
@@ -268,7 +268,7 @@ def tables(found: Sequence[dict]) -> str:
     groups += [(family, lambda outcome, family=family: outcome["family"] == family) for family in FAMILIES]
     groups += [
         (f"{low} to {high} photos", lambda outcome, low=low, high=high: low <= outcome["photos"] <= high)
-        for low, high in _SIZES
+        for low, high in SIZES
     ]
     groups += [
         (name, lambda outcome, low=low, high=high: low <= outcome["wrong"] / outcome["photo_points"] <= high)
@@ -296,7 +296,7 @@ def _time_table(found: Sequence[dict]) -> list[str]:
         "| photos | blocks | chain, median s | bundle adjustment, median s | chain / bundle, median | largest |",
         "|---|---|---|---|---|---|",
     ]
-    for low, high in _SIZES:
+    for low, high in SIZES:
         group = [outcome for outcome in found if low <= outcome["photos"] <= high and outcome["bundle_seconds"]]
         if group:
             chain, bundle = (
