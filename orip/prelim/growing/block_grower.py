@@ -318,7 +318,7 @@ class BlockGrower(Struct, frozen=True):
                     f"{len(joined.step.points)} known points"
                 )
                 return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
-            refused.models[oriented, photo] = known
+            refused.models[oriented, photo] = int(known)
         return None
 
     def _with_block(self, current: GrowingBlock) -> GrowingBlock | None:
