@@ -39,7 +39,9 @@ INLINE int has_both_triangles(const Reduced *m)
 }
 
 typedef struct {
-    const double *factor, *misclosure;
+    /* of each row; factor: root of the weight over the error, for the loops that come after */
+    const double *weight, *residual;
+    double *factor;
     const uint8_t *fixed;
     /* on_diagonal: the diagonals of the blocks are multiplied by it */
     double least_pivot, on_diagonal;
@@ -490,11 +492,31 @@ INLINE void mirror(const Reduced *m)
             m->band[i * m->stride + j] = m->band[j * m->stride + i];
 }
 
+/* Weigh the photo points from the k-th of the pattern on that are linearised at once; fetch those that come later. */
+INLINE void weigh(const Block *b, const Pattern *p, const Normals *n, int64_t k, double (*roots)[2])
+{
+    const int64_t rest = p->start[p->blocks] - k;
+    for (int64_t lane = 0; lane < LANES && lane < rest; lane++) {
+        const int64_t first = 2 * (int64_t)p->order[k + lane];
+        for (int c = 0; c < 2; c++) {
+            roots[lane][c] = sqrt(n->weight[first + c]);
+            n->factor[first + c] = roots[lane][c] / b->error[first + c];
+        }
+        if (lane + FETCHED_BEFORE < rest) {
+            const int64_t later = 2 * (int64_t)p->order[k + lane + FETCHED_BEFORE];
+            FETCH(n->weight + later);
+            FETCH(n->residual + later);
+            FETCH(b->error + later);
+        }
+    }
+}
+
 /* Form the sums of each group of a share, one after the other in `room`. */
 static void normals_loop(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room,
                          double *of_panel)
 {
     Ahead a;
+    double roots[LANES][2];
     PhotoRows kept[KEPT_PHOTOS];
     Local local = local_in(p, numbers);
     Panel panel = {.rows = of_panel, .seen = numbers + ARRAYS_OF_LOCAL * p->longest};
@@ -514,10 +536,13 @@ static void normals_loop(const Block *b, const Pattern *p, Share share, const No
             int32_t last[2] = {0, 0};
             memset(s.coupling, 0, sizeof(double) * 3 * (size_t)s.stride);
             for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
+                if (k >= a.end)
+                    weigh(b, p, n, k, roots);
                 const int lane = ahead(b, p, n->factor, k, &a);
                 const int32_t row = p->order[k];
-                const double *y = n->misclosure + 2 * row;
-                if (!a.found.in_front[lane] || (n->factor[2 * row] == 0.0 && n->factor[2 * row + 1] == 0.0))
+                const double *root = roots[lane], *residual = n->residual + 2 * (int64_t)row;
+                const double y[2] = {-residual[0] * root[0], -residual[1] * root[1]};
+                if (!a.found.in_front[lane] || (root[0] == 0.0 && root[1] == 0.0))
                     continue;
                 const Places at = places_of(b, p, &local, row, a.cameras[lane], last);
                 double px[3], py[3];
