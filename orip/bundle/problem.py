@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
+from orip.adjustment.factorisation.inner_constraints import InnerConstraints
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -84,6 +85,10 @@ class BlockProblem(Struct, frozen=True):
     def defect(self) -> int:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
+
+    def inner_constraints(self, state: BlockState) -> InnerConstraints | None:
+        """Return the inner constraints of a free network at a state; None: control defines the datum."""
+        return None if self.datum is None else self.datum.inner_constraints(state, self.unknowns)
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
         """Return the unknowns that each equation touches, kind by kind."""

@@ -178,7 +178,8 @@ static int has_sets(const Pattern *p, int64_t group, const Block *b)
 /* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
 {
-    const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
+    const int64_t size = size_of_group(b, p, group, 0);
+    const int64_t vectors = numbers_of_vectors(size, MOST_VECTORS) + (is_first ? NUMBERS_OF_OWN : 0);
     const int64_t common = has_sets(p, group, b) ? size_of_group(b, p, group, 1) : 0;
     const int64_t sums = numbers_of_sums(size, common) + (is_first ? numbers_of_cameras(common) : 0);
     return sums > vectors ? sums : vectors;

@@ -3,23 +3,24 @@
 #ifndef ORIP_PRECISION_H
 #define ORIP_PRECISION_H
 
-#include "normals.h"
+#include "inner_constraints.h"
 
 typedef struct {
     /* factor: root of the weight over the error (2 n); scale: one over the error */
     const double *factor, *scale, *half;
     double *cofactors, *leverage;
     Reduced inverse;
+    Amounts amounts;
 } Precision;
 
 /* Points of a group whose products with the inverse are formed together, where most of its photos show them. */
 #define POINTS_AT_ONCE 4
 
 /* The part of the inverse Q that a group needs: whole columns, each `stride` long; B: couplings of points with the group's
- * columns, three rows for each; product: B times Q. */
+ * columns, three rows for each; product: B times Q; amounts: what a free network needs of its columns. */
 typedef struct {
     int64_t stride;
-    double *inverse, *coupling, *product;
+    double *inverse, *coupling, *product, *amounts;
 } Part;
 
 /* The part of the inverse by the columns of some cameras, which most groups that follow each other have in common. */
@@ -32,7 +33,7 @@ typedef struct {
 /* Numbers that the part of a group of so many columns needs, so many of them of cameras. */
 static int64_t numbers_of_part(int64_t size, int64_t of_cameras)
 {
-    return (size + 6 * POINTS_AT_ONCE) * stride_of(size) + of_cameras * stride_of(of_cameras);
+    return (size + 6 * POINTS_AT_ONCE + MOST_MOVEMENTS) * stride_of(size) + of_cameras * stride_of(of_cameras);
 }
 
 /* Take the elements of a column of the inverse at a stretch of consecutive places, from the i-th local unknown on. */
@@ -84,7 +85,8 @@ INLINE void take_part(const Pattern *p, const Reduced *inverse, const Local *loc
     part->stride = stride;
     part->coupling = room;
     part->product = room + 3 * POINTS_AT_ONCE * stride;
-    part->inverse = room + 6 * POINTS_AT_ONCE * stride;
+    part->amounts = room + 6 * POINTS_AT_ONCE * stride;
+    part->inverse = room + (6 * POINTS_AT_ONCE + MOST_MOVEMENTS) * stride;
     /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
     memset(part->product, 0, sizeof(double) * 3 * POINTS_AT_ONCE * (size_t)stride);
     find_stretches(local, stretch);
@@ -336,6 +338,9 @@ INLINE void find_precision(const Block *b, const Pattern *p, const Local *local,
                     sum += H[3 * k + i] * inner[3 * k + l] * H[3 * l + j];
             cofactors[3 * i + j] = sum;
         }
+    if (c->amounts.is_free)
+        transform_cofactors(&c->amounts, part->amounts, local->size, (const double *const *)coupling, H, p->block[place],
+                            cofactors);
     for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
         const int lane = ahead(b, p, c->scale, k, again);
         if (!again->found.in_front[lane])
@@ -373,6 +378,8 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
         double *coupling[3], *q[3];
         local_unknowns(b, p, group, &local);
         take_part(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
+        if (c->amounts.is_free)
+            take_amounts(p, &local, &c->amounts, part.amounts);
         const int64_t end = p->group_start[group + 1], most = is_dense(p, &local, group) ? POINTS_AT_ONCE : 1;
         for (int64_t place = p->group_start[group], count; place < end; place += count) {
             count = end - place < most ? end - place : most;
