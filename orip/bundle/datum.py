@@ -87,7 +87,7 @@ class FreeDatum(Struct, frozen=True):
 
 def free_datum(
     block: Block, state: BlockState, unknowns: Unknowns, equations: Equations, on_the_ground: NDArray[np.bool_]
-) -> FreeDatum:
+) -> FreeDatum | None:
     """Find what is free in a network.
 
     Parameters
@@ -103,7 +103,8 @@ def free_datum(
 
     Returns
     -------
-    FreeDatum
+    FreeDatum or None
+        None: observations and constants determine every movement.
 
     Raises
     ------
@@ -112,6 +113,8 @@ def free_datum(
     """
     movements = movements_of_block(state, unknowns)
     free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
+    if not free.shape[1]:
+        return None
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
     length = np.isin(photo_columns, unknowns.photos[:, :3])
     scaled = (movements.rows_of(photo_columns) / np.where(length, movements.size, 1.0)[:, None]) @ free

@@ -62,7 +62,7 @@ class BlockProblem(Struct, frozen=True):
     observations : tuple of Observations
         One of each kind, in the order of their rows.
     datum : FreeDatum or None
-        That of a free network; None: control.
+        That of a free network; None: control, or whatever else leaves no movement free.
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
@@ -87,7 +87,7 @@ class BlockProblem(Struct, frozen=True):
         return 0 if self.datum is None else len(self.datum.held)
 
     def inner_constraints(self, state: BlockState) -> InnerConstraints | None:
-        """Return the inner constraints of a free network at a state; None: control defines the datum."""
+        """Return the inner constraints of a free network at a state; None: nothing is free to move."""
         return None if self.datum is None else self.datum.inner_constraints(state, self.unknowns)
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
@@ -363,6 +363,8 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
     every = np.ones(len(on_the_ground.residual), dtype=bool)
     datum = free_datum(block, state, unknowns, on_the_ground, every)
+    if datum is None:
+        return problem
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
     layout = replace(unknowns.layout, fixed=fixed)

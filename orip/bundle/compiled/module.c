@@ -298,9 +298,13 @@ static int take_amounts_of(const Call *c, int first, int64_t size, Amounts *amou
     const Py_buffer *v = c->a.views + first;
     amounts->is_free = v[HALF_OF_OWN].len > 0;
     amounts->with_reduced = v[WITH_REDUCED].buf, amounts->half_of_own = v[HALF_OF_OWN].buf;
-    return !amounts->is_free
-        || (take_movements(c, first + MOVEMENTS, &amounts->movements)
-            && has(&c->a, first + WITH_REDUCED, size * MOST_MOVEMENTS) && has(&c->a, first + HALF_OF_OWN, MOST_MOVEMENTS));
+    if (amounts->is_free)
+        return take_movements(c, first + MOVEMENTS, &amounts->movements)
+            && has(&c->a, first + WITH_REDUCED, size * MOST_MOVEMENTS) && has(&c->a, first + HALF_OF_OWN, MOST_MOVEMENTS);
+    for (int array = first; array <= first + HALF_OF_OWN; array++)
+        if (!has(&c->a, array, 0))
+            return 0;
+    return 1;
 }
 
 static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
