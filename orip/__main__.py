@@ -9,11 +9,17 @@ _ALLOCATIONS = 250_000
 """Containers after which Python looks for circles among them: orip's data have none, and every thousandth container, as
 is usual, takes a quarter of the time of a large block."""
 
+_IN_PARTS = {"scipy.linalg": (), "scipy.special": ("_ufuncs",)}
+"""Packages of SciPy of which orip needs a few modules and functions."""
+
 
 def main() -> None:
     """Load and run the program `orip`."""
     gc.set_threshold(_ALLOCATIONS, 20, 20)
     try:
+        from orip.waiting_modules import load_in_parts
+
+        load_in_parts(_IN_PARTS)
         from orip.cli.main import main as run
 
         run()

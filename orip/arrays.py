@@ -8,9 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.waiting_modules import let_wait
+from orip.waiting_modules import WaitingMaskedArrays, let_wait
 
 let_wait(np, "char", "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
+let_wait(np, "ma", stand_in=WaitingMaskedArrays)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -38,6 +39,15 @@ def distinct(numbers: IntArray) -> IntArray:
     is_new = np.ones(len(ordered), dtype=bool)
     np.not_equal(ordered[1:], ordered[:-1], out=is_new[1:])
     return np.asarray(ordered[is_new])
+
+
+def along_diagonal(*blocks: FloatArray) -> FloatArray:
+    """Return a matrix with blocks (k, k') along its diagonal, zero elsewhere."""
+    rows, columns = np.cumsum([(0, 0), *(block.shape for block in blocks)], axis=0).T
+    matrix = np.zeros((rows[-1], columns[-1]))
+    for block, row, column in zip(blocks, rows[:-1], columns[:-1], strict=True):
+        matrix[row : row + block.shape[0], column : column + block.shape[1]] = block
+    return matrix
 
 
 def rows_of_groups(group: IntArray, count: int) -> list[IntArray]:

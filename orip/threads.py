@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from functools import lru_cache
@@ -15,10 +15,14 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 T = TypeVar("T")
+PartT = TypeVar("PartT")
 
 VARIABLE = "OMP_NUM_THREADS"
 """The variable that limits the threads of numerical programs; a list has the number of each level."""
 MOST_THREADS = 256
+
+_PARTS_OF_A_THREAD = 16
+"""Parts of some thousand elements for which a thread pays: a few operations on each take about a millisecond."""
 
 _limit: ContextVar[int | None] = ContextVar("limit", default=None)
 
@@ -70,6 +74,28 @@ def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:
         for helper in helpers:
             helper.end()
     return [first, *(helper.result() for helper in helpers)]
+
+
+def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT]) -> list[T]:
+    """Return what a task returns of each part, in their order; a thread takes one part after the other.
+
+    A task that writes to its part of an array leaves the others alone: nothing depends on how many threads there are.
+
+    Parameters
+    ----------
+    task : callable
+    parts : iterable
+        Each with some thousand elements, as those of `orip.arrays.parts`, or with more work.
+    """
+    given = list(parts)
+    waiting, found = iter(enumerate(given)), dict[int, T]()
+
+    def take_parts() -> None:
+        for number, part in waiting:
+            found[number] = task(part)
+
+    at_once([take_parts] * max(1, min(available_threads(), len(given) // _PARTS_OF_A_THREAD)))
+    return [found[number] for number in range(len(given))]
 
 
 class _Helper(Thread, Generic[T]):

@@ -31,9 +31,10 @@ def joined(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
-def first_names(names: Sequence[str], most: int) -> str:
-    """Return the first names and how many more there are: ``101, 102 and 5 more``."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
+def first_names(names: Sequence[str], most: int, count: int | None = None) -> str:
+    """Return the first names and how many more there are: ``101, 102 and 5 more``; `count` is how many there are."""
+    count = len(names) if count is None else count
+    more = f" and {count - most} more" if count > most else ""
     return ", ".join(names[:most]) + more
 
 

@@ -9,6 +9,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import parts
+from orip.threads import by_threads
+
 ENP_LIMIT = 15.0
 """Printed for corrections that are zero to working precision."""
 
@@ -53,8 +56,11 @@ def exponent_of_numerical_precision(reduced_square_sum: float, unknowns: int) ->
 
 def weights_are_steady(before: NDArray[np.float64], after: NDArray[np.float64]) -> bool:
     """Return whether no weight factor changes by more than 0.05 from one iteration to the next."""
-    change = after - before
-    return bool(max(change.max(initial=0.0), -change.min(initial=0.0)) <= _WEIGHT_CHANGE)
+
+    def is_steady(part: slice) -> bool:
+        return bool(np.abs(after[part] - before[part]).max() <= _WEIGHT_CHANGE)
+
+    return all(by_threads(is_steady, parts(len(after))))
 
 
 def is_diverging(enps: Sequence[float]) -> bool:

@@ -86,15 +86,23 @@ class DesignMatrix(Protocol):
         """Return some rows (k, m + 3 b) of the design matrix."""
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
+        self, weights: FloatArray, residual: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
-        """Return the normal equations of the rows times `root_weights` (n,), and of `misclosure` (n,) so weighted.
+        """Return the weighted normal equations of the rows with their blocks eliminated.
 
-        The diagonals of the blocks are multiplied by 1 + damping; that of the reduced system is left to the caller.
+        Parameters
+        ----------
+        weights : array (n,)
+            Zero for observations that take no part.
+        residual : array (n,)
+        layout : Layout
+        max_lost_digits : float
+        damping : float
+            The diagonals of the blocks are multiplied by 1 + damping; that of the reduced system is left to the caller.
         """
 
     def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
-        """Return the normal equations of the blocks alone, of rows and misclosures weighted as in `eliminated`."""
+        """Return the normal equations of the blocks alone, of rows times `root_weights` (n,), and `misclosure` (n,)."""
 
     def precision(
         self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None

@@ -27,9 +27,10 @@ from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, parts
 from orip.set_aside import set_aside
 from orip.structs import replace
+from orip.threads import by_threads
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
@@ -286,19 +287,25 @@ def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: La
     equations, normals = step.moved.equations, step.normals
     singular = int(np.count_nonzero(normals.removed))
     effective = layout.unknowns - singular
-    full = equations.active & (weights >= 1.0)
+
+    def counts(part: slice) -> tuple[int, int, float]:
+        active = equations.active[part]
+        full = active & (weights[part] >= 1.0)
+        judged = np.where(full & ~equations.exact[part], equations.residual[part], 0.0)
+        return int(np.count_nonzero(active)), int(np.count_nonzero(full)), float(judged @ judged)
+
+    of_parts = [(0, 0, 0.0), *by_threads(counts, parts(len(weights)))]
+    active, full, square_sum = (sum(column) for column in zip(*of_parts, strict=True))
     # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
-    redundancy = max(int(np.count_nonzero(full)) - effective, 0)
-    judged = np.where(full & ~equations.exact, equations.residual, 0.0)
-    square_sum = float(judged @ judged)
+    redundancy = max(full - effective, 0)
     return IterationRecord(
         iteration=iteration,
         enp=exponent_of_numerical_precision(normals.reduced_square_sum, effective),
         sigma0=float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0,
-        down_weighted=int(np.count_nonzero(equations.active & (weights < 1.0))),
+        down_weighted=active - full,
         singular=singular,
         step_limited=step.limited,
-        active=int(np.count_nonzero(equations.active)),
+        active=active,
     )
 
 

@@ -147,11 +147,9 @@ def solve_normals(
     -------
     SolvedNormals
     """
-    root = np.where(equations.active, weight_factors, 0.0)
-    np.sqrt(root, out=root)
-    misclosure = -equations.residual
-    misclosure *= root
-    normals = equations.rows.eliminated(root, misclosure, layout, max_lost_digits, damping)
+    active = equations.active
+    weights = weight_factors if active.all() else np.where(active, weight_factors, 0.0)
+    normals = equations.rows.eliminated(weights, equations.residual, layout, max_lost_digits, damping)
     held = layout.fixed[: layout.reduced]
     diagonal = np.where(held, 0.0, normals.diagonal)
     scale = np.where(diagonal > 0.0, np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)

@@ -41,10 +41,11 @@ class SparseRows(Struct, frozen=True):
         return self.stored[chosen]
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
+        self, weights: FloatArray, residual: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
-        weighted = scale_rows(self.stored, root_weights)
+        root_weights = np.sqrt(weights)
+        weighted, misclosure = scale_rows(self.stored, root_weights), -residual * root_weights
         reduced_design, block_design = weighted[:, : layout.reduced], weighted[:, layout.reduced :]
         complete = (reduced_design.T @ reduced_design).tocsr()
         fixed_places = layout.fixed[layout.reduced :].reshape(-1, 3)

@@ -15,8 +15,9 @@ from orip.adjustment.block_fit import judged_residuals
 from orip.adjustment.convergence import exponent_of_numerical_precision
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, parts
 from orip.structs import replace
+from orip.threads import by_threads
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4
@@ -113,7 +114,10 @@ def _total_weight(before: Equations, weights: FloatArray) -> float:
 
 def _mean_square(before: Equations, weights: FloatArray, residual: FloatArray) -> float:
     """Return the weighted mean square of residuals (n,) of what could be computed before the step."""
-    taken = np.where(before.active, weights, 0.0)
-    total = max(float(taken.sum()), 1.0)
-    taken *= residual
-    return float(taken @ residual) / total
+
+    def sums(part: slice) -> tuple[float, float]:
+        taken, mine = np.where(before.active[part], weights[part], 0.0), residual[part]
+        return float(taken.sum()), float((taken * mine) @ mine)
+
+    total, square_sum = np.sum([(0.0, 0.0), *by_threads(sums, parts(len(residual)))], axis=0)
+    return float(square_sum / max(total, 1.0))

@@ -17,9 +17,10 @@ from orip.adjustment.weights import (
     wide_costs,
     wide_weights,
 )
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, parts
 from orip.set_aside import set_aside
 from orip.structs import replace
+from orip.threads import by_threads
 
 SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
@@ -202,8 +203,13 @@ def weighing_from(limit: float, start: int | None, *, early: bool) -> Weighing:
 
 def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
     """Return whether weights (n,) are reduced as often as in tracks of feature matching."""
-    judged = _judged(equations)
-    return _is_many(int(np.count_nonzero(judged & (weights < 1.0))), int(np.count_nonzero(judged)))
+
+    def counts(part: slice) -> tuple[int, int]:
+        judged = equations.active[part] & ~equations.exact[part]
+        return int(np.count_nonzero(judged & (weights[part] < 1.0))), int(np.count_nonzero(judged))
+
+    reduced, judged = np.sum([(0, 0), *by_threads(counts, parts(len(weights)))], axis=0)
+    return _is_many(int(reduced), int(judged))
 
 
 def _are_many(wrong: BoolArray) -> bool:

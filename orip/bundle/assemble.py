@@ -326,13 +326,13 @@ def _photo_points(keys: Sequence[str], point_names: tuple[str, ...], inputs: Blo
     point = coded(observations.points).places_among(point_names)
     photo, point = set_aside(photo), set_aside(point)
     xy = np.empty(observations.measured.shape)
-    default = np.empty(observations.measured.shape)
-    precision = inputs.definition.measurement_precision
     for rows, key in zip(_rows_by_photo(photo, len(keys)), keys, strict=True):
         xy[rows] = inputs.interior.to_photo[key].apply(observations.measured[rows])
-        unit = np.array(inputs.interior.pixel_sizes[key]) if precision.unit == "px" else np.ones(2)
-        default[rows] = precision.value * unit
     xy = set_aside(xy)
+    precision = inputs.definition.measurement_precision
+    sizes = inputs.interior.pixel_sizes
+    units = [sizes[key] if precision.unit == "px" else (1.0, 1.0) for key in keys]
+    default = (precision.value * np.array(units, dtype=np.float64).reshape(-1, 2))[photo]
     own = ~np.isnan(observations.errors)
     used = ~observations.disregarded[:, None] & ~(own & (observations.errors < 0.0))
     error = set_aside(np.where(own, np.abs(observations.errors), default))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
-from scipy.linalg import qr
+from scipy.linalg import lapack
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
@@ -118,10 +118,16 @@ def free_datum(
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
     length = np.isin(photo_columns, unknowns.photos[:, :3])
     scaled = (movements.rows_of(photo_columns) / np.where(length, movements.size, 1.0)[:, None]) @ free
-    _, _, order = qr(scaled.T, pivoting=True, mode="economic")
-    datum = FreeDatum(free, photo_columns[order[: free.shape[1]]], _datum_points(block))
+    datum = FreeDatum(free, photo_columns[_pivots(scaled.T)[: free.shape[1]]], _datum_points(block))
     _require_enough_points(datum, state, unknowns)
     return datum
+
+
+def _pivots(matrix: FloatArray) -> IntArray:
+    """Return the order (m,) of the columns of a matrix (d, m), each with the most beyond those before it."""
+    work = int(lapack.dgeqp3(matrix, lwork=-1)[3][0])
+    _, order, _, _, _ = lapack.dgeqp3(matrix, lwork=work)
+    return np.asarray(order, dtype=np.int64) - 1
 
 
 def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> FloatArray:

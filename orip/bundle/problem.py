@@ -170,16 +170,16 @@ class BlockProblem(Struct, frozen=True):
 
     def _streamed(self, state: BlockState, loop: PointLoop, others: BlockProblem) -> Equations:
         rest = others.linearise(state)
-        of_photos, in_front = loop.residuals(state)
         staying = loop.staying()
-        stay = len(staying)
-        rows = np.concatenate([staying, len(of_photos) + np.arange(len(rest.residual) - stay)])
-        return Equations(
-            StreamedRows(loop, state, SparseRows(rest.design), rows, self.design),
-            set_aside(np.concatenate([of_photos, rest.residual[stay:]])),
-            set_aside(np.concatenate([loop.points.rows.used & in_front, rest.active[stay:]])),
-            set_aside(np.concatenate([np.zeros(len(of_photos), dtype=bool), rest.exact[stay:]])),
-        )
+        stay, photos = len(staying), loop.points.xy.size
+        residual, active = loop.residuals(state, len(rest.residual) - stay)
+        residual[photos:], active[photos:] = rest.residual[stay:], rest.active[stay:]
+        active[:photos] &= loop.points.rows.used
+        exact = np.zeros(len(residual), dtype=bool)
+        exact[photos:] = rest.exact[stay:]
+        rows = np.concatenate([staying, np.arange(photos, len(residual))])
+        stored = StreamedRows(loop, state, SparseRows(rest.design), rows, self.design)
+        return Equations(stored, set_aside(residual), set_aside(active), set_aside(exact))
 
     def update(self, state: BlockState, correction: FloatArray) -> BlockState:
         """Return the state after a correction."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, parts
 
 _PARALLEL = 5e-11
 """Least det(N) / (II(N) tr(N)) of the normal matrix N of rays that meet: for two rays an eighth of the square of their
@@ -59,7 +59,9 @@ class RayMeeting:
 
     def add(self, origins: FloatArray, directions: FloatArray, point_index: NDArray[np.int64]) -> None:
         """Add rays; arguments as of `intersect_rays`."""
-        dx, dy, dz = np.ascontiguousarray(directions.T) / np.sqrt(np.einsum("ij,ij->i", directions, directions))
+        dx, dy, dz = np.array(directions.T, order="C")  # a row for each axis: passes along it are quick
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
+        dx, dy, dz = dx / length, dy / length, dz / length
         x, y, z = np.ascontiguousarray(origins.T) - self._base[:, None]
         # I - d d^T has the squares of two components in its diagonal: exact where rays are parallel to an axis
         xx, yy, zz = dx * dx, dy * dy, dz * dz
@@ -71,9 +73,16 @@ class RayMeeting:
 
     def positions(self) -> FloatArray:
         """Return where the rays of each point meet (point_count, 3), NaN where they do not."""
-        a, b, c, f, g, h = self._normals
+        count = len(self._right[0])
+        found = np.empty((count, 3))
+        for part in parts(count):
+            found[part] = self._positions_of(part)
+        return found
+
+    def _positions_of(self, part: slice) -> FloatArray:
+        a, b, c, f, g, h = self._normals[:, part]
         f, g, h = -f, -g, -h
-        p, q, r = self._right
+        p, q, r = self._right[:, part]
         # the adjoint of the normal matrix ((a, h, g), (h, b, f), (g, f, c))
         aa, bb, cc = b * c - f * f, a * c - g * g, a * b - h * h
         ff, gg, hh = g * h - a * f, h * f - b * g, f * g - c * h
@@ -94,4 +103,5 @@ def points_at_origins(
     Rays from one place meet there only: a position nearer to it than a thousandth of a typical distance is none.
     """
     apart = positions[point_index] - origins
-    return np.asarray(point_index[np.einsum("ij,ij->i", apart, apart) < (_AT_ORIGIN * typical) ** 2])
+    apart *= apart
+    return np.asarray(point_index[apart @ np.ones(3) < (_AT_ORIGIN * typical) ** 2])

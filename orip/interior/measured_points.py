@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, distinct
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
 from orip.records.coded_names import coded, joined, repeated, rows_of_records
@@ -168,7 +168,7 @@ class MeasuredPoints:
     def mountings(self, photo: str) -> set[int]:
         """Return the mountings in which points of a photo were measured."""
         of_photo = (photos.get(photo, _NO_POINTS) for photos in self._bundles.values())
-        return {number for points in of_photo for number in np.unique(points.mounting).tolist()}
+        return {number for points in of_photo for number in distinct(points.mounting).tolist()}
 
     def require_orientations(
         self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
@@ -177,10 +177,10 @@ class MeasuredPoints:
         for by_photo in (self._bundles[key] for key in self._bundles if key in bundles):
             for photo in photos:
                 points = by_photo.get(photo, _NO_POINTS)
-                for number in np.unique(points.mounting).tolist():
+                for number in distinct(points.mounting).tolist():
                     to_stored(photo, number)
                 in_pixels = points.errors_in_pixels.any(axis=1)
-                for number in np.unique(points.mounting[in_pixels]).tolist():
+                for number in distinct(points.mounting[in_pixels]).tolist():
                     pixel_sizes(photo, number)
 
     def observations(
@@ -282,7 +282,7 @@ def _errors_in_millimetres(photo: str, points: PointsOfPhoto, pixel_sizes: Pixel
     """Return own a-priori errors (n, 2)."""
     errors = points.errors.copy()
     in_pixels = points.errors_in_pixels.any(axis=1)
-    for number in np.unique(points.mounting[in_pixels]).tolist():
+    for number in distinct(points.mounting[in_pixels]).tolist():
         size = np.where(points.errors_in_pixels, pixel_sizes(photo, number), 1.0)
         rows = in_pixels & (points.mounting == number)
         errors[rows] *= size[rows]
@@ -292,7 +292,7 @@ def _errors_in_millimetres(photo: str, points: PointsOfPhoto, pixel_sizes: Pixel
 def _stored_coordinates(photo: str, points: PointsOfPhoto, to_stored: ToStored) -> FloatArray:
     """Return stored coordinates (n, 2), NaN where the mounting is not oriented."""
     xy = points.measured.copy()
-    for number in np.unique(points.mounting).tolist():
+    for number in distinct(points.mounting).tolist():
         transformation = to_stored(photo, number)
         rows = points.mounting == number
         xy[rows] = transformation.apply(xy[rows]) if transformation else np.nan

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections import deque
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from orip.arrays import BoolArray, IntArray
 from orip.prelim.rays.image_rays import ImageRays
 from orip.wording import agreeing, counted, first_names
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
 
 _FEW = 5
 """Number of common points up to which a wrong one among them cannot be distinguished from a wrong scale."""
@@ -33,34 +29,65 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
     known_on_ground : array (number of points,) of bool
         Control: a part that sees two of these points has a scale of its own.
     """
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    together = csr_array(common > _FEW)
-    named: set[frozenset[int]] = set()
-    for joint in _possible_joints(together):
-        others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
-        count, label = connected_components(together[others][:, others], directed=False)
-        largest = int(np.bincount(label).argmax()) if count > 1 else 0
-        for part in range(count):
-            members = others[label == part]
-            if part == largest or frozenset(members.tolist()) in named:
+    neighbours = _neighbours(np.asarray(common > _FEW, dtype=bool))
+    everyone = (1 << len(neighbours)) - 1
+    named: set[int] = set()
+    for joint in _possible_joints(neighbours):
+        parts = list(_parts(neighbours, everyone & ~(1 << joint)))
+        largest = max(parts, key=int.bit_count, default=0)
+        for part in parts:
+            if part == largest or part in named:
                 continue
+            members = np.array(list(_places(part)), dtype=np.int64)
             shared, points = _shared(rays, members, joint)
             if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
-                named.add(frozenset(members.tolist()))
+                named.add(part)
                 yield _sentence(rays, members, joint, shared)
 
 
-def _possible_joints(together: csr_array) -> IntArray:
-    """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
+def _neighbours(together: BoolArray) -> list[int]:
+    """Return the neighbours of each photo as the bits of a number: sets of some hundred photos at once."""
+    rows = np.packbits(together, axis=1, bitorder="little")
+    return [int.from_bytes(row.tobytes(), "little") for row in rows]
 
-    _, label = connected_components(together, directed=False)
-    _, roots = np.unique(label, return_index=True)
-    before = [breadth_first_order(together, root, directed=False)[1] for root in roots]
-    reached_from = np.unique(np.concatenate([roots, *before]))
-    return np.asarray(reached_from[reached_from >= 0], dtype=np.int64)
+
+def _places(photos: int) -> Iterator[int]:
+    """Yield the places of the bits of a number, ascending."""
+    while photos:
+        last = photos & -photos
+        yield last.bit_length() - 1
+        photos ^= last
+
+
+def _possible_joints(neighbours: Sequence[int]) -> list[int]:
+    """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
+    joints, unreached = set(), (1 << len(neighbours)) - 1
+    while unreached:
+        root = (unreached & -unreached).bit_length() - 1
+        joints.add(root)
+        unreached ^= 1 << root
+        waiting = deque([root])
+        while waiting:
+            photo = waiting.popleft()
+            if new := neighbours[photo] & unreached:
+                joints.add(photo)
+                unreached ^= new
+                waiting.extend(_places(new))
+    return sorted(joints)
+
+
+def _parts(neighbours: Sequence[int], photos: int) -> Iterator[int]:
+    """Yield the connected parts of photos."""
+    while photos:
+        part = front = photos & -photos
+        photos ^= part
+        while front:
+            photo = front.bit_length() - 1
+            new = neighbours[photo] & photos
+            front ^= (1 << photo) | new
+            photos ^= new
+            part |= new
+        yield part
 
 
 def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:

@@ -45,9 +45,10 @@ def suspect_rows(solution: Solution, test_level: float | None = None) -> IntArra
     names = {_key(residuals, row) for row in np.flatnonzero(misfit).tolist()}
     beside = [row for row in np.flatnonzero(down & ~misfit).tolist() if _key(residuals, row) in names]
     rows = np.concatenate([np.flatnonzero(misfit), np.array(beside, dtype=np.int64)])
-    size = np.where(np.isnan(residuals.w), residuals.standard_residual, np.abs(residuals.w))
     rows = np.sort(rows)
-    return np.asarray(rows[np.argsort(-size[rows], kind="stable")])
+    w = residuals.w[rows]
+    size = np.where(np.isnan(w), residuals.standard_residual[rows], np.abs(w))
+    return np.asarray(rows[np.argsort(-size, kind="stable")])
 
 
 def number_by_chance(solution: Solution, test_level: float | None = None) -> int:
@@ -61,7 +62,7 @@ def _misfit(solution: Solution, test_level: float | None) -> BoolArray:
     """Return which residuals are too large for chance; those that nothing tests if they have lost weight."""
     residuals = solution.residuals
     untested = np.isnan(residuals.w) & (residuals.weight_factor < 1.0)
-    too_large = np.abs(np.nan_to_num(residuals.w)) > suspicious_w(solution, test_level)
+    too_large = np.abs(residuals.w) > suspicious_w(solution, test_level)
     return np.asarray(untested | (too_large & (residuals.weight_factor > 0.0)))
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import zlib
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import msgspec
 from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
@@ -135,7 +135,7 @@ def _size(solution: Solution) -> str:
 
 def _as_data(content: dict[str, Any]) -> Markup:
     """Return JSON that is safe inside a script element."""
-    text = json.dumps(content, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    text = msgspec.json.encode(content).decode("utf-8")
     # the characters that could end the element, as JSON writes them
     return Markup(text.replace("<", "\\u003c").replace("&", "\\u0026").replace(">", "\\u003e"))
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from msgspec import Struct
 
-from orip.records.coded_names import coded
+from orip.records.coded_names import CodedNames, coded
+from orip.records.names import places_of_names
 from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
@@ -60,7 +59,7 @@ def point_table(solution: Solution) -> PageTable:
         columns.append(_values(points, rows, axis, (name, unit), decimals))
     for axis, name in enumerate("XYZ"):
         columns.append(_deviations(points, rows, axis, (name, unit), decimals))
-    largest = _largest_standard_residuals(solution, [points.names[row] for row in rows])
+    largest = _largest_standard_residuals(solution, rows)
     columns.append(PageColumn("Largest standard residual", [fixed(size, 1) for size in largest]))
     return PageTable("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
 
@@ -144,30 +143,39 @@ def _least_precise(estimates: Estimates, most: int) -> list[int]:
     if len(estimates.names) <= most:
         return list(range(len(estimates.names)))
     # np.inf, an unknown that nothing determines, comes first; a constant last
-    largest = np.nan_to_num(estimates.sd[:, :3], nan=0.0, posinf=np.inf).max(axis=1)
-    return sorted(np.argsort(-largest, kind="stable")[:most].tolist())
+    x, y, z = np.nan_to_num(estimates.sd[:, :3], nan=0.0, posinf=np.inf).T
+    largest = np.maximum(np.maximum(x, y), z)
+    least = np.partition(largest, -most)[-most]
+    larger, equal = np.flatnonzero(largest > least), np.flatnonzero(largest == least)
+    rows: list[int] = np.sort(np.concatenate([larger, equal[: most - len(larger)]])).tolist()
+    return rows
 
 
-def _largest_standard_residuals(solution: Solution, names: Sequence[str]) -> list[float]:
+def _largest_standard_residuals(solution: Solution, rows: list[int]) -> list[float]:
     """Return the largest standard residual of each of these points; NaN for one without residuals."""
-    residuals, place = solution.residuals, {name: row for row, name in enumerate(names)}
+    residuals, names = solution.residuals, solution.points.names
     point = coded(residuals.point)
-    further = (name for name in point.distinct if name not in place and name.endswith(")"))  # measured twice in a photo
-    place |= {name: place.get(point_of_measurement(name), -1) for name in further}
-    row = point.places(place)
-    value = np.where(np.isnan(residuals.weight_factor), -1.0, np.nan_to_num(residuals.standard_residual, nan=-1.0))
-    largest = np.full(len(names), -1.0)
-    np.maximum.at(largest, row[row >= 0], value[row >= 0])
+    place = CodedNames(point.distinct, np.arange(len(point.distinct))).places_among(names)
+    for other in np.flatnonzero(place < 0).tolist():  # measured twice in a photo, or no point
+        place[other] = places_of_names(names).get(point_of_measurement(point.distinct[other]), -1)
+    wanted = np.full(len(names) + 1, -1)  # the last one: of what is no point
+    wanted[rows] = np.arange(len(rows))
+    row = wanted[place][point.codes]
+    chosen = np.flatnonzero(row >= 0)
+    chosen = chosen[~np.isnan(residuals.weight_factor[chosen])]
+    largest = np.full(len(rows), -1.0)
+    np.maximum.at(largest, row[chosen], np.nan_to_num(residuals.standard_residual[chosen], nan=-1.0))
     return [size if size >= 0.0 else np.nan for size in largest.tolist()]
 
 
 def _spread(estimates: Estimates, axis: int, name: str, unit: str) -> Spread | None:
-    sd = np.where(np.isfinite(estimates.sd[:, axis]), estimates.sd[:, axis], np.nan)
-    if not np.isfinite(sd).any():
+    known = np.flatnonzero(np.isfinite(estimates.sd[:, axis]))
+    if not known.size:
         return None
-    worst = int(np.nanargmax(sd))
-    median, rms = float(np.nanmedian(sd)), float(np.sqrt(np.nanmean(sd**2)))
-    figures = [significant(value) for value in (median, rms, float(sd[worst]))]
+    sd = estimates.sd[known, axis]
+    worst = int(known[np.argmax(sd)])
+    median, rms = float(np.median(sd)), float(np.sqrt(np.mean(sd**2)))
+    figures = [significant(value) for value in (median, rms, float(estimates.sd[worst, axis]))]
     return Spread(name, unit, figures[0], figures[1], figures[2], estimates.names[worst])
 
 

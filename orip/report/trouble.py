@@ -172,10 +172,10 @@ def _few_rays(solution: Solution) -> Iterator[Spot]:
         ),
     ):
         rows = np.flatnonzero(_without_control(solution) & (solution.point_rays == number))
-        names = [solution.points.names[row] for row in rows.tolist()]
-        if names:
-            remedy = by_hand if len(names) <= _MOST_BY_HAND else matched
-            yield Spot(counted(len(names), "point"), what, remedy, first_names(names, _NAMED))
+        if len(rows):
+            remedy = by_hand if len(rows) <= _MOST_BY_HAND else matched
+            names = first_names([solution.points.names[row] for row in rows[:_NAMED].tolist()], _NAMED, len(rows))
+            yield Spot(counted(len(rows), "point"), what, remedy, names)
 
 
 def _without_control(solution: Solution) -> BoolArray:
@@ -227,10 +227,11 @@ def _one_or_each(points: Mapping[str, Spot], what: str, remedy: str) -> Iterable
 
 def _imprecise(solution: Solution) -> Iterable[Spot]:
     sd = np.where(np.isfinite(solution.points.sd), solution.points.sd, np.nan)
-    if not np.isfinite(sd).any():
+    largest = np.fmax(np.fmax(sd[:, 0], sd[:, 1]), sd[:, 2])
+    known = largest[~np.isnan(largest)]
+    if not known.size:
         return []
-    largest = np.fmax.reduce(sd, axis=1)
-    typical = float(np.nanmedian(largest))
+    typical = float(np.median(known))
     rows = np.flatnonzero(largest > _FAR_WORSE * typical)
     rows = rows[np.argsort(-largest[rows], kind="stable")]
     decimals = decimals_for([typical])

@@ -56,6 +56,20 @@ class Point(Part, frozen=True):
     kind: Literal["control", "check", "rejected", "tie"]
 
 
+class PointColumns(Part, frozen=True):
+    """The points of a large block: lists of equal length, an element a point; sd as of an estimate."""
+
+    name: list[str]
+    X: list[float | None]
+    X_sd: list[float | Literal["singular"] | None]
+    Y: list[float | None]
+    Y_sd: list[float | Literal["singular"] | None]
+    Z: list[float | None]
+    Z_sd: list[float | Literal["singular"] | None]
+    rays: list[int]
+    kind: list[Literal["control", "check", "rejected", "tie"]]
+
+
 class Station(Part, frozen=True):
     """A photo with an exposure station."""
 
@@ -221,7 +235,7 @@ Antenna = Annotated[
 class Result(Part, frozen=True):
     """All figures of an adjustment: result.json, also printed by `orip solve` and `orip run` with --json."""
 
-    schema: Literal["orip.result/1"]
+    schema: Literal["orip.result/2"]
     run: str
     project: str
     user: str
@@ -241,6 +255,7 @@ class Result(Part, frozen=True):
     projections: dict[str, Literal["perspective", "equidistant"]]
     photos: dict[str, Photo]
     points: dict[str, Point]
+    point_columns: PointColumns | None
     antennas: dict[str, Antenna]
     stations: dict[str, Station]
     rigs: list[Rig]

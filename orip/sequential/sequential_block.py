@@ -12,9 +12,8 @@ from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Generic, TypeVar
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, along_diagonal
 from orip.sequential.hyper_row import ObservationRows
 from orip.sequential.points_in_triangle import PointInTriangle, PointsInTriangle, factored_point
 from orip.sequential.reduced_rows import ReducedRows
@@ -262,7 +261,7 @@ class SequentialBlock(Generic[Key]):
         """
         found = self._whitened(rows)
         spread = np.hstack([one.spread for one in found])
-        own = block_diag(*(one.own.T @ one.own for one in found))
+        own = along_diagonal(*(one.own.T @ one.own for one in found))
         return np.concatenate([one.innovation for one in found]), np.asarray(own + spread.T @ spread)
 
     def has_point(self, name: str) -> bool:

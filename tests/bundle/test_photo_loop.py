@@ -217,7 +217,7 @@ def test_partials_of_single_photo_coordinates(block):
     for row in np.random.default_rng(4).permutation(photo)[:_ROWS].tolist():
         y = np.zeros(len(design))
         y[row] = root[row]
-        reduced = streamed.rows.eliminated(root, y, layout, MAX_LOST, _POINTS_STAY).right
+        reduced = streamed.rows.eliminated(root, -y, layout, MAX_LOST, _POINTS_STAY).right
         points = streamed.rows.block_normals(root, y, layout).right
         free = ~layout.fixed
         found = np.concatenate([reduced, points.ravel()])
@@ -226,9 +226,9 @@ def test_partials_of_single_photo_coordinates(block):
 
 def test_normal_equations_with_eliminated_points(block):
     layout, streamed, stored = both_ways(block)
-    root = np.sqrt(weights_of(stored) * stored.active)
+    weights = weights_of(stored) * stored.active
     found, wanted = (
-        version.rows.eliminated(root, -version.residual * root, layout, MAX_LOST, 0.0) for version in (streamed, stored)
+        version.rows.eliminated(weights, version.residual, layout, MAX_LOST, 0.0) for version in (streamed, stored)
     )
     scale = np.sqrt(np.where(wanted.diagonal > 0.0, wanted.diagonal, 1.0))
     assert np.allclose(found.diagonal, wanted.diagonal, rtol=RELATIVE)

@@ -13,13 +13,13 @@ from bundle.test_banded_block import BLOCK as BANDED
 from bundle.test_photo_loop import two_cameras_with_sets
 from support.wrong_calls import recorded
 
-from orip import threads
+from orip import arrays, threads
 from orip.adjustment.factorisation import two_ends
 from orip.bundle.compiled import photo_loop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
 from orip.structs import replace
-from orip.threads import at_once, available_threads, limited_threads
+from orip.threads import at_once, available_threads, by_threads, limited_threads
 
 THREADS = (1, 2, 4, 16)
 
@@ -57,6 +57,8 @@ def test_results_do_not_depend_on_the_number_of_threads(name: str, monkeypatch: 
     # even these small blocks are shared out
     monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
     monkeypatch.setattr(two_ends, "_WORK_OF_A_THREAD", 0.0)
+    monkeypatch.setattr(threads, "_PARTS_OF_A_THREAD", 1)
+    monkeypatch.setattr(arrays, "_AT_A_TIME", 100)
     shared: list[int] = []
     for module in (photo_loop, two_ends):
         monkeypatch.setattr(module, "at_once", lambda tasks: shared.append(len(tasks)) or at_once(tasks))
@@ -98,6 +100,21 @@ def test_tasks_run_at_the_same_time_and_the_first_error_is_raised() -> None:
     with pytest.raises(MemoryError, match="no memory"):
         at_once([lambda: 1, fail])
     assert not any(isinstance(one, threads._Helper) for one in threading.enumerate())
+
+
+def test_threads_share_parts_whose_results_stay_in_order() -> None:
+    together, takers = threading.Barrier(3, timeout=10.0), set[int]()
+
+    def take(part: int) -> int:
+        if threading.get_ident() not in takers:
+            takers.add(threading.get_ident())
+            together.wait()
+        return 2 * part
+
+    with limited_threads(3):
+        assert by_threads(take, range(100)) == list(range(0, 200, 2))
+    assert len(takers) == 3
+    assert by_threads(take, []) == []
 
 
 def test_without_further_threads_the_calling_one_does_all(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -147,10 +147,52 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
 
 
-def test_run_imports_neither_what_converts_words_nor_parts_of_numpy_that_scipy_names(project: Path) -> None:
-    found = modules_after("from orip.cli.main import app; app(['-C', '.', 'run'], standalone_mode=False)", project)
-    assert "scipy.sparse" in found
+def test_run_imports_neither_what_converts_words_nor_parts_of_libraries_that_small_blocks_do_without(
+    project: Path,
+) -> None:
+    program = "from orip.__main__ import main\ntry: main()\nexcept SystemExit: pass\n"
+    found = modules_after(f"import sys; sys.argv[1:] = ['-C', '.', 'run']; exec({program!r})", project)
+    assert {"scipy.sparse", "scipy.linalg.lapack", "scipy.special._ufuncs"} <= found
     assert not {"pydantic", "numpy.f2py", "numpy.testing", "numpy.polynomial"} & found
+    assert not {"scipy.linalg._basic", "scipy.special._basic", "scipy.spatial", "scipy.sparse.csgraph"} & found
+
+
+IN_PARTS = (
+    "from orip.waiting_modules import load_in_parts; load_in_parts({'scipy.linalg': (), 'scipy.special': ('_ufuncs',)})"
+)
+
+
+def test_modules_of_a_package_are_loaded_alone(tmp_path: Path) -> None:
+    found = modules_after(f"{IN_PARTS}; from scipy.linalg import lapack; from scipy.special import gammaincc", tmp_path)
+    assert {"scipy.linalg.lapack", "scipy.special._ufuncs"} <= found
+    assert not {"scipy.linalg._basic", "scipy.special._basic"} & found
+
+
+def test_all_of_a_package_is_there_after_one_of_its_modules(tmp_path: Path) -> None:
+    asked = "from scipy.linalg import lapack; from scipy.sparse.csgraph import reverse_cuthill_mckee; from scipy.linalg"
+    assert "scipy.linalg._basic" in modules_after(f"{IN_PARTS}; {asked} import get_lapack_funcs, inv", tmp_path)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "from scipy.special import factorial; assert factorial(3) == 6",
+        "import scipy.special; assert 'factorial' in dir(scipy.special) and scipy.special.factorial(3) == 6",
+        "from scipy.special import *; assert factorial(3) == 6",
+        "from scipy import special; assert special.gammaincc(1, 0) == 1; assert special.factorial(3) == 6",
+        "import scipy.special as s; assert not hasattr(s, 'what_it_has_not') and not hasattr(s, '__what__')",
+    ],
+)
+def test_what_else_is_asked_of_a_package_is_there(asked: str, tmp_path: Path) -> None:
+    assert "scipy.special._basic" in modules_after(f"{IN_PARTS}; {asked}", tmp_path)
+
+
+def test_threads_find_all_of_a_package_that_one_of_them_loads(tmp_path: Path) -> None:
+    asked = "from concurrent.futures import ThreadPoolExecutor as Pool; import scipy.linalg as s"
+    each = (
+        "list(Pool(8).map(lambda name: getattr(s, name), ['qr', 'inv', 'solve_triangular', 'eigh', 'svd', 'rq'] * 4))"
+    )
+    assert "scipy.linalg._basic" in modules_after(f"{IN_PARTS}; {asked}; {each}", tmp_path)
 
 
 @pytest.mark.parametrize(

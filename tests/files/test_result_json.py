@@ -15,6 +15,7 @@ from orip.files.result.identification import run_of_result
 from orip.files.result.json_text import result_document, result_text
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results import solution as records
 from orip.records.results.group_test import GroupTest
 from orip.records.results.solution import Correlation, InteriorSummary, Solution
 from orip.structs import replace
@@ -28,6 +29,7 @@ TOP = [
         "projections",
         "photos",
         "points",
+        "point_columns",
         "antennas",
         "stations",
         "rigs",
@@ -66,7 +68,7 @@ def test_names_and_order_of_the_schema() -> None:
 def test_key_figures() -> None:
     document = parsed(awkward())
     expected = {
-        "schema": "orip.result/1",
+        "schema": "orip.result/2",
         "run": "20240229-0001-7f3a",
         "project": "ZURICH",
         "bundle": "MAIN",
@@ -283,12 +285,12 @@ def test_the_run_id_is_found_in_a_reformatted_file() -> None:
         "null",
         "[]",
         "[" * 100_000,
-        '{"schema": "orip.result/1"}',
-        '{"schema": "orip.result/1", "run": 7}',
-        '{"schema": "orip.result/1", "run": "cut',
+        '{"schema": "orip.result/2"}',
+        '{"schema": "orip.result/2", "run": 7}',
+        '{"schema": "orip.result/2", "run": "cut',
         '{"schema": "other/1", "run": "r"}',
         '{"run": "r"}',
-        '{"schema": "orip.result/1", "run": "\\q"}',
+        '{"schema": "orip.result/2", "run": "\\q"}',
     ],
 )
 def test_garbage_has_no_run_id(text: str) -> None:
@@ -302,7 +304,7 @@ def test_any_text_is_tolerated(text: str) -> None:
 
 @pytest.mark.parametrize("count", [1, 20_000], ids=["one", "several pieces"])
 def test_points_are_written_as_every_other_part_is(count: int) -> None:
-    solution = with_many_points(count)
+    solution = with_many_points(count, photos=2)
     points = solution.points
     points.values[0] = [1e-7, 1e22, NAN]
     points.sd[0] = [NAN, INF, 1e-5]
@@ -314,3 +316,41 @@ def test_points_are_written_as_every_other_part_is(count: int) -> None:
 
 def test_no_points_are_an_empty_object() -> None:
     assert "".join(module._json_pieces(result_document(empty()), "")) + "\n" == result_text(empty())
+
+
+def large(solution: Solution, monkeypatch: pytest.MonkeyPatch) -> Solution:
+    monkeypatch.setattr(records, "MOST_AS_TEXT", len(solution.residuals.kind) - 1)
+    return solution
+
+
+@pytest.mark.parametrize("count", [1, 3000], ids=["a line", "several lines"])
+def test_points_of_a_large_block_are_columns(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = with_many_points(count)
+    few.points.values[0] = [1e-7, 1e22, NAN]
+    few.points.sd[0] = [NAN, INF, 1e-5]
+    few = replace(few, points=replace(few.points, names=('a "quoted", Ü', *few.points.names[1:])))
+    by_name = parsed(few)
+    assert by_name["point_columns"] is None
+    document = parsed(large(few, monkeypatch))
+    assert document == result_document(few)
+    assert list(document) == TOP
+    assert document["points"] == {}
+    columns = document["point_columns"]
+    again = {
+        name: {
+            **{axis: {"value": columns[axis][row], "sd": columns[f"{axis}_sd"][row]} for axis in "XYZ"},
+            "rays": columns["rays"][row],
+            "kind": columns["kind"][row],
+        }
+        for row, name in enumerate(columns["name"])
+    }
+    assert again == by_name["points"]
+    assert {key: document[key] for key in TOP if key not in ("points", "point_columns")} == {
+        key: by_name[key] for key in TOP if key not in ("points", "point_columns")
+    }
+
+
+def test_columns_of_a_block_without_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = parsed(large(empty(), monkeypatch))["point_columns"]
+    assert len(columns) == 9
+    assert set(map(len, columns.values())) == {0}

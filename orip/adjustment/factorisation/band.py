@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import eigh
 from scipy.sparse import csr_array
 
 from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
 from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.threads import by_threads
 
 _LEAST_UNKNOWNS = 400
 """Number of unknowns below which a full matrix is as fast."""
@@ -47,7 +47,9 @@ class Arrangement(Struct, frozen=True):
     @property
     def columns(self) -> IntArray:
         """Return the unknowns (m,) in the order of their places."""
-        return np.argsort(self.places)
+        columns = np.empty_like(self.places)
+        columns[self.places] = np.arange(len(columns))
+        return columns
 
 
 class BandMatrix(Struct, frozen=True):
@@ -117,11 +119,15 @@ class BandMatrix(Struct, frozen=True):
         ordered = factors[self.arrangement.columns]
         # elements of the band beyond the last row are not part of the matrix
         padded = np.append(ordered[:banded], np.zeros(width))
-        for start, part in parts_of(self.band, self.arrangement.reach):
+        of_rows = np.lib.stride_tricks.sliding_window_view(padded, width + 1)
+
+        def scale_panel(panel: tuple[int, FloatArray]) -> None:
+            start, part = panel
             count, stored = part.shape
-            of_rows = np.lib.stride_tricks.sliding_window_view(padded[start : start + count + stored - 1], stored)
-            np.multiply(part, of_rows, out=part)
+            np.multiply(part, of_rows[start : start + count, :stored], out=part)
             np.multiply(part, ordered[start : start + count, None], out=part)
+
+        by_threads(scale_panel, parts_of(self.band, self.arrangement.reach))
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 
@@ -244,6 +250,8 @@ def _spectral_order(graph: csr_array) -> IntArray:
 
     It is the second eigenvector of the normalised Laplace matrix: neighbours differ least.
     """
+    from scipy.linalg import eigh  # takes its time to import; narrow bands do without
+
     adjacent = (graph.toarray() != 0.0).astype(np.float64)
     np.fill_diagonal(adjacent, 0.0)
     scale = 1.0 / np.sqrt(np.maximum(adjacent.sum(axis=1), 1.0))

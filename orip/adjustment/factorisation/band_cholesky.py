@@ -10,12 +10,13 @@ from functools import partial
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
-from scipy.linalg import cho_solve, lapack, solve_triangular
+from scipy.linalg import lapack
 
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix
 from orip.adjustment.factorisation.band_panels import add_product
 from orip.adjustment.factorisation.envelope import EnvelopeFactor, factorise_envelope
 from orip.adjustment.factorisation.null_space import factor_of_determined
+from orip.adjustment.factorisation.triangular import solve_lower
 from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
 
@@ -53,12 +54,12 @@ class BandFactor(Struct, frozen=True):
         ordered[self.at_border] = 0.0
         in_band = ordered[: self.arrangement.banded]
         rest = of_border - self.spread.T @ in_band
-        return np.concatenate([self.band.reduce(in_band), solve_triangular(self.corner, rest, lower=True)])
+        return np.concatenate([self.band.reduce(in_band), solve_lower(self.corner, rest)])
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
         banded = self.arrangement.banded
-        of_border = solve_triangular(self.corner, reduced_right[banded:], lower=True, trans="T")
+        of_border = solve_lower(self.corner, reduced_right[banded:], transposed=True)
         ordered = np.zeros((len(self.removed), *reduced_right.shape[1:]))
         ordered[:banded] = self.band.back_substitute(reduced_right[:banded]) - self.spread @ of_border
         ordered[self.at_border] = of_border
@@ -68,7 +69,7 @@ class BandFactor(Struct, frozen=True):
     def inverse(self) -> BandMatrix:
         """Return the inverse where the matrix has its band and border, zero for removed columns."""
         banded, size = self.arrangement.banded, len(self.removed)
-        corner = cho_solve((self.corner, True), np.eye(len(self.corner)))
+        corner = _inverse(self.corner)
         cross = -self.spread @ corner
         band = self.band.inverse()
         add_product(band, self.spread, -cross, self.arrangement.reach)
@@ -140,6 +141,14 @@ def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, sh
         arrangement, lower, lower.back_substitute(half), np.asarray(corner), at_border, digits[arrangement.places],
         removed.copy(),
     )  # fmt: skip
+
+
+def _inverse(lower: FloatArray) -> FloatArray:
+    """Return the inverse (k, k) of the matrix with the factor L (k, k)."""
+    if not len(lower):
+        return np.zeros((0, 0))
+    found, _ = lapack.dpotrs(lower, np.eye(len(lower)), lower=1)
+    return np.asarray(found)
 
 
 def _without(matrix: BandMatrix, left_out: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
+from orip.threads import by_threads
 
 PANEL = 64
 """Columns of a panel."""
@@ -44,9 +45,13 @@ def from_the_end(band: FloatArray, count: int) -> FloatArray:
 def add_product(band: FloatArray, left: FloatArray, right: FloatArray, reach: IntArray | None = None) -> None:
     """Add L R^T, a symmetric matrix of factors (n, k), to a band (n, w + 1), as far as its columns reach (n,)."""
     left = np.vstack([left, np.zeros((band.shape[1] - 1, left.shape[1]))])
-    for start, part in parts_of(band, reach):
+
+    def add_to_panel(panel: tuple[int, FloatArray]) -> None:
+        start, part = panel
         count, stored = part.shape
         np.add(part, stored_part(right[start : start + count] @ left[start : start + count + stored - 1].T), out=part)
+
+    by_threads(add_to_panel, parts_of(band, reach))
 
 
 def parts_of(band: FloatArray, reach: IntArray | None) -> Iterator[tuple[int, FloatArray]]:

@@ -8,13 +8,12 @@ and its correction is zero.
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import blas, lapack, solve_triangular
+from scipy.linalg import blas, lapack
 
 from orip.adjustment.factorisation.null_space import factor_of_determined
+from orip.adjustment.factorisation.triangular import solve_lower
 from orip.arrays import BoolArray, FloatArray
 
 _BLOCK = 128
@@ -44,11 +43,11 @@ class Factor(Struct, frozen=True):
 
         The square sum of c is the drop of the weighted square sum.
         """
-        return self._solved(self._determined(right), trans="N")
+        return solve_lower(self.lower, self._determined(right))
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
-        return self._determined(self._solved(reduced_right, trans="T"))
+        return self._determined(solve_lower(self.lower, reduced_right, transposed=True))
 
     def inverse(self) -> FloatArray:
         """Return the inverse (m, m), with zero rows and columns for removed columns."""
@@ -59,11 +58,6 @@ class Factor(Struct, frozen=True):
         lower[columns, columns] = 0.0
         _copy_lower_triangle(lower)
         return np.asarray(lower.T)  # LAPACK has columns where NumPy has rows
-
-    def _solved(self, right: FloatArray, trans: Literal["N", "T"]) -> FloatArray:
-        """Return L^-1 or L^-T times vectors; what stands above the diagonal need not be finite."""
-        finite = np.asarray_chkfinite(right)
-        return np.asarray(solve_triangular(self.lower, finite, trans=trans, lower=True, check_finite=False))
 
     def _determined(self, vectors: FloatArray) -> FloatArray:
         """Return vectors (m,) or (m, k) with zero for removed columns."""

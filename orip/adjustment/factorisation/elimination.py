@@ -17,7 +17,8 @@ from scipy.sparse import bsr_array, csr_array
 from orip.adjustment.factorisation.inner_constraints import MovementSums, PointMovements, movement_sums
 from orip.adjustment.factorisation.null_space import LOST_ALL
 from orip.adjustment.factorisation.symmetric import Symmetric
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, parts
+from orip.threads import by_threads
 
 _AS_LARGE = 1e-9
 """Pivots that differ by less than this part are taken in order: rounding must not decide which is removed."""
@@ -172,8 +173,16 @@ def factorise_blocks(
 def times_half(half: FloatArray, vectors: FloatArray) -> FloatArray:
     """Return H v (3 b,) or (3 b, k) for blocks H (b, 3, 3)."""
     by_block = vectors.reshape(len(half), 3, *vectors.shape[1:])
-    product = np.einsum("bij,bj->bi", half, by_block) if vectors.ndim == 1 else half @ by_block
-    return np.asarray(product.reshape(vectors.shape))
+    product = np.empty(by_block.shape)
+
+    def multiply(part: slice) -> None:
+        if vectors.ndim == 1:
+            np.einsum("bij,bj->bi", half[part], by_block[part], out=product[part])
+        else:
+            np.matmul(half[part], by_block[part], out=product[part])
+
+    by_threads(multiply, parts(len(half)))
+    return product.reshape(vectors.shape)
 
 
 def times_transposed_half(half: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -13,18 +13,19 @@ from typing import TypeVar
 
 import numpy as np
 from msgspec import Struct
-from scipy.linalg import lapack, solve_triangular
+from scipy.linalg import lapack
 
 from orip.adjustment.factorisation.band_lapack import factorise_in_place, solve_in_place
 from orip.adjustment.factorisation.band_panels import PANEL, columns_of, from_the_end, stored_part
+from orip.adjustment.factorisation.triangular import solve_lower
 from orip.arrays import FloatArray
 from orip.structs import replace
 from orip.threads import at_once, available_threads
 
 T = TypeVar("T")
 
-_WORK_OF_A_THREAD = 3e6
-"""Multiplications from which a second thread pays: about a millisecond."""
+_WORK_OF_A_THREAD = 1e6
+"""Multiplications from which a second thread pays: half a millisecond with one vector, which waits for memory."""
 
 
 class Half(Struct, frozen=True):
@@ -52,8 +53,8 @@ class Half(Struct, frozen=True):
         solve_in_place(self.band, vectors, "T")
         return vectors
 
-    def inverse(self, of_middle: FloatArray) -> FloatArray:
-        """Return the inverse of the whole matrix in the columns of the half, as a band (h, w + 1).
+    def put_inverse(self, of_middle: FloatArray, result: FloatArray) -> None:
+        """Put the inverse of the whole matrix in the columns of the half, as a band, into an array (h, w + 1).
 
         Takahashi's recursion (1973), panel by panel from the middle: below a panel with L = (D; E) the inverse is Z G
         with G = -E D^-1 and the part Z that is known already, and the panel's own is D^-T D^-1 + G^T Z G.
@@ -62,9 +63,9 @@ class Half(Struct, frozen=True):
         ----------
         of_middle : array (w, w)
             The inverse of the matrix in the w unknowns that follow.
+        result : array (h, w + 1)
         """
         count, width = len(self.band), self.band.shape[1] - 1
-        result = np.empty_like(self.band)
         known = _Known(of_middle)
         for start in range((count - 1) // PANEL * PANEL, -1, -PANEL):
             panel = columns_of(self.band[start : start + PANEL])
@@ -77,7 +78,6 @@ class Half(Struct, frozen=True):
             found[:, size:] = below.T
             result[start : start + size] = stored_part(found)
             known.put_before(found)
-        return result
 
 
 class _Known:
@@ -133,13 +133,13 @@ class TwoEndedFactor(Struct, frozen=True):
         first, middle, last = self._parts(right)
         tasks = partial(self.first.reduced, first), partial(self.last.reduced, last)
         (first, from_first), (last, from_last) = self._at_once(tasks, first.size)
-        rest = solve_triangular(self.middle, (middle - from_first - from_last).T, lower=True).T
+        rest = solve_lower(self.middle, (middle - from_first - from_last).T).T
         return self._joined(first, rest, last, right)
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (n,) or (n, k) of L^T x = c."""
         first, middle, last = self._parts(reduced_right)
-        middle = solve_triangular(self.middle, middle.T, lower=True, trans="T").T
+        middle = solve_lower(self.middle, middle.T, transposed=True).T
         tasks = partial(self.first.substituted, first, middle), partial(self.last.substituted, last, middle)
         first, last = self._at_once(tasks, first.size)
         return self._joined(first, middle, last, reduced_right)
@@ -150,13 +150,16 @@ class TwoEndedFactor(Struct, frozen=True):
         result = np.zeros((len(self.first.band) + len(self.middle) + len(self.last.band), width + 1))
         of_middle, _ = lapack.dpotri(self.middle, lower=1)
         of_middle = np.tril(of_middle) + np.tril(of_middle, -1).T
-        tasks = partial(self.first.inverse, of_middle), partial(self.last.inverse, of_middle[::-1, ::-1])
-        first, last = self._at_once(tasks, width * count * PANEL)
-        result[:count] = first
         middle = np.zeros((len(of_middle), len(of_middle) + width))
         middle[:, : len(of_middle)] = of_middle
         result[count : count + len(of_middle)] = stored_part(middle)
-        from_the_end(result, len(last))[:] = last
+        # its columns reach into those of the middle, which have nothing there
+        last = from_the_end(result, len(self.last.band))
+        tasks = (
+            partial(self.first.put_inverse, of_middle, result[:count]),
+            partial(self.last.put_inverse, of_middle[::-1, ::-1], last),
+        )
+        self._at_once(tasks, width * count * PANEL)
         return result
 
     def _parts(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -179,29 +182,32 @@ def factorise_from_both_ends(band: FloatArray) -> TwoEndedFactor | None:
     count, width = len(band), band.shape[1] - 1
     first = (count - width) // 2
     tasks = partial(_half, band[:first]), partial(_half, from_the_end(band, count - width - first))
-    one, other = _both(tasks, float(first) * width**2)
-    if one is None or other is None:
+    forwards, backwards = _both(tasks, float(first) * width**2)
+    if forwards is None or backwards is None:
         return None
+    (one, of_one), (other, of_other) = forwards, backwards
     remaining = columns_of(band[first : first + width])[:, :width].T
-    remaining -= one.to_middle.T @ one.to_middle
+    remaining -= of_one
     # the other half has the unknowns of the middle in the order in which it comes to them
-    of_other = other.to_middle[:, ::-1]
-    remaining -= of_other.T @ of_other
+    remaining -= of_other[::-1, ::-1]
     middle, info = lapack.dpotrf(remaining, lower=1, clean=1)
-    return TwoEndedFactor(one, replace(other, to_middle=of_other), np.asarray(middle)) if info == 0 else None
+    other = replace(other, to_middle=other.to_middle[:, ::-1])
+    return TwoEndedFactor(one, other, np.asarray(middle)) if info == 0 else None
 
 
-def _half(columns: FloatArray) -> Half | None:
-    """Return the factor of the columns of a half (h, w + 1); None if it has none."""
+def _half(columns: FloatArray) -> tuple[Half, FloatArray] | None:
+    """Return the factor of the columns of a half (h, w + 1), and what it takes off the middle; None if it has none."""
     count, width = len(columns), columns.shape[1] - 1
-    band = np.zeros((count + width, width + 1))
+    band = np.empty((count + width, width + 1))
     band[:count] = columns
     # the columns before do not depend on what stands in the middle: it only has to have a factor
+    band[count:] = 0.0
     band[count:, 0] = width + 1.0
     if factorise_in_place(band):
         return None
     coupled = min(width, count)
-    return Half(band[:count], columns_of(band[count - coupled : count])[:, coupled:])
+    to_middle = columns_of(band[count - coupled : count])[:, coupled:]
+    return Half(band[:count], to_middle), to_middle.T @ to_middle
 
 
 def _both(tasks: tuple[Callable[[], T], Callable[[], T]], work: float) -> list[T]:

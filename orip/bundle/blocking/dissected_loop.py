@@ -65,9 +65,10 @@ class DissectedLoop(Struct, frozen=True):
         """Return the rows (of 2 n) of photo points of points that are not eliminated."""
         return np.flatnonzero(np.repeat(~self.eliminated, 2))
 
-    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
-        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
-        residual, computable = np.empty(self.points.xy.size), np.empty(self.points.xy.size, dtype=bool)
+    def residuals(self, state: BlockState, others: int = 0) -> tuple[FloatArray, BoolArray]:
+        """Return residuals divided by their a-priori errors, and which can be computed; see `PointLoop.residuals`."""
+        size = self.points.xy.size + others
+        residual, computable = np.empty(size), np.empty(size, dtype=bool)
         found = self.passes.gathered(self.passes.each(node_tasks.residuals, self.sources, self._state(state)))
         for of_node, (values, in_front) in zip(self.members, found, strict=True):
             residual[of_node.rows], computable[of_node.rows] = values, in_front
@@ -104,8 +105,8 @@ class DissectedLoop(Struct, frozen=True):
     def eliminate(
         self,
         state: BlockState,
-        root_weights: FloatArray,
-        misclosure: FloatArray,
+        weights: FloatArray,
+        residual: FloatArray,
         others: Contributions,
         layout: Layout,
         max_lost_digits: float,
@@ -119,8 +120,8 @@ class DissectedLoop(Struct, frozen=True):
             of_node, matrix = self.members[number], matrices[number]
             blocks, right = others.blocks[of_node.blocks], others.block_right[of_node.block_rows]
             return NodeEquations(
-                root_weights[of_node.rows],
-                misclosure[of_node.rows],
+                weights[of_node.rows],
+                residual[of_node.rows],
                 Contributions(matrix, np.zeros(matrix.shape[0]), blocks, right),
                 fixed[of_node.blocks],
             )
@@ -143,7 +144,7 @@ class DissectedLoop(Struct, frozen=True):
             factors.removed[of_node.blocks] = found.removed
             block_right[of_node.block_rows] = found.block_right
         factors = BlockFactors(set_aside(factors.half), set_aside(factors.pivots), set_aside(factors.removed))
-        factor = set_aside(root_weights / self.points.rows.error)
+        factor = set_aside(np.sqrt(weights) / self.points.rows.error)
         coupling = DissectedCoupling(self, couplings, state, factor, factors.half)
         matrix = dissected_matrix(self.tree, self.passes, parts)
         return EliminatedNormals(matrix, right, diagonal, factors, coupling, block_right)

@@ -21,7 +21,7 @@ class NodeEquations(NamedTuple):
 
     Attributes
     ----------
-    root_weights, misclosure : arrays (2 n,)
+    weights, residual : arrays (2 n,)
         See `DesignMatrix.eliminated`.
     others : Contributions
         Of observations other than photo points, in the places of the node's front.
@@ -29,8 +29,8 @@ class NodeEquations(NamedTuple):
         Coordinates that are no unknowns.
     """
 
-    root_weights: FloatArray
-    misclosure: FloatArray
+    weights: FloatArray
+    residual: FloatArray
     others: Contributions
     fixed: BoolArray
 
@@ -92,7 +92,7 @@ def eliminate(source: SubBlockSource, state: BlockState, given: NodeEquations, a
     # the loop changes what it is given, and a task may be repeated
     others = given.others._replace(blocks=given.others.blocks.copy(), block_right=given.others.block_right.copy())
     found = loop.eliminate(
-        state, given.root_weights, given.misclosure, others, Layout(size, len(given.fixed), fixed), *accuracy
+        state, given.weights, given.residual, others, Layout(size, len(given.fixed), fixed), *accuracy
     )
     assert isinstance(found.matrix, np.ndarray), "the layout has no arrangement"
     assert isinstance(found.coupling, StreamedCoupling), "the loop has no other"

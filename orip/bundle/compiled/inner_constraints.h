@@ -172,9 +172,10 @@ INLINE void take_amounts(const Pattern *p, const Local *local, const Amounts *am
     unknowns_to_columns(p, local, of_columns);
 }
 
-/* Transform the cofactors of a point: Q_pp - G Z^T - Z G^T with Z = H^T (H B - C Q_rt) - G Q_tt / 2; coupling: C. */
-INLINE void transform_cofactors(const Amounts *amounts, const double *of_columns, int64_t size, const double *const *coupling,
-                                const double *H, int64_t block, double *cofactors)
+/* Transform the cofactors of a point: Q_pp - G Z^T - Z G^T with Z = H^T (H B - C Q_rt) - G Q_tt / 2; coupling: C, three rows
+ * of so many columns, each `stride` long. */
+INLINE void transform_cofactors(const Amounts *amounts, const double *of_columns, int64_t size, const double *coupling,
+                                int64_t stride, const double *H, int64_t block, double *cofactors)
 {
     ThreeRows g, defining, with_amounts, z;
     rows_of_movements(&amounts->movements, block, g, defining);
@@ -182,7 +183,7 @@ INLINE void transform_cofactors(const Amounts *amounts, const double *of_columns
     for (int64_t u = 0; u < size; u++)
         for (int k = 0; k < 3; k++)
             for (int v = 0; v < VECTORS; v++)
-                with_amounts[k][v] -= coupling[k][u] * AT(of_columns + u * MOST_MOVEMENTS + v * LANES);
+                with_amounts[k][v] -= coupling[k * stride + u] * AT(of_columns + u * MOST_MOVEMENTS + v * LANES);
     times_matrix(H, 1, 3, with_amounts, z);
     for (int k = 0; k < 3; k++)
         for (int v = 0; v < VECTORS; v++)

@@ -124,20 +124,23 @@ def pattern_of_loop(
     order = order[np.arange(len(order)) + np.repeat(start[by_group] - ends + counts, counts)]
     group_start = np.searchsorted(group[by_group], np.arange(group.max(initial=-1) + 2))
 
-    runs_start, runs = _runs(group_of_set[sets.number], sets.photo, camera_of_photo, cameras)
-    coupled = _runs(sets.number, sets.photo, camera_of_photo, cameras)
+    runs_start, runs = _runs(group_of_set[sets.number], sets.photo, len(group_start) - 1, camera_of_photo, cameras)
+    coupled = _runs(sets.number, sets.photo, len(sets.first), camera_of_photo, cameras)
     small = (order, np.append(0, ends), by_group, group_start, runs_start, runs, *coupled)
     return Pattern(*(array.astype(np.int32) for array in small))
 
 
 def _runs(
-    number: NDArray[np.int64], photo: NDArray[np.int64], camera_of_photo: IntArray, cameras: int
+    number: NDArray[np.int64], photo: NDArray[np.int64], count: int, camera_of_photo: IntArray, cameras: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where the runs of each number begin and the runs, cameras first, of pairs of a number and a photo."""
+    """Return where the runs of each number begin and the runs, cameras first, of pairs of a number and a photo.
+
+    There are `count` numbers; that of points that no photo shows is in no pair.
+    """
     every = cameras + len(camera_of_photo)
     keys = distinct(np.concatenate([every * number + camera_of_photo[photo], every * number + cameras + photo]))
     of_number, runs = np.divmod(keys, every)
-    return np.append(0, np.cumsum(np.bincount(of_number, minlength=int(number.max(initial=-1)) + 1))), runs
+    return np.append(0, np.cumsum(np.bincount(of_number, minlength=count))), runs
 
 
 def blocks_of_points(unknowns: Unknowns) -> NDArray[np.int64]:

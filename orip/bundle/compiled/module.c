@@ -75,8 +75,8 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    const size_t room = (size_t)(p->room + numbers_of_panel(p->longest));
-    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
+    const size_t room = (size_t)(p->room + numbers_of_panels(p));
+    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 2) * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->memory = PyMem_Malloc(sizeof(double) * room + LINE_OF_CACHE);
     if (!call->numbers || !call->memory) {
         PyErr_NoMemory();
@@ -183,7 +183,7 @@ static PyObject *residuals(PyObject *Py_UNUSED(module), PyObject *const *argumen
     Call c;
     if (!begin(&c, arguments, given, OBSERVATIONS "DB", 0))
         return NULL;
-    if (!take_block(&c) || !has(&c.a, RESIDUAL, 2 * c.block.count) || !has(&c.a, IN_FRONT, c.block.count))
+    if (!take_block(&c) || !has(&c.a, RESIDUAL, 2 * c.block.count) || !has(&c.a, IN_FRONT, 2 * c.block.count))
         return refuse(&c);
     const Residuals r = {c.a.views[RESIDUAL].buf, c.a.views[IN_FRONT].buf};
     return work(&c, (c.block.count + ROWS_OF_SHARE - 1) / ROWS_OF_SHARE, compute_residuals, NULL, &r);
@@ -224,23 +224,24 @@ static void add_normals_of(const Call *c, int64_t share, const void *arrays)
 static PyObject *eliminate(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum {
-        FACTOR = PATTERN_END, MISCLOSURE, FIXED, BLOCKS, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, PIVOTS, REMOVED, BAND, BORDER
+        WEIGHT = PATTERN_END, RESIDUAL, FIXED, BLOCKS, FACTOR, BLOCK_RIGHT, DIAGONAL, RIGHT, HALF, PIVOTS, REMOVED, BAND,
+        BORDER
     };
     Call c;
     Normals n;
-    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddbd" "DDDDDBDD", 5))
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddbd" "DDDDDDBDD", 5))
         return NULL;
     if (!take_reduced(&c.a, BAND, BORDER, c.a.numbers + 2, &n.reduced) || !take_block(&c)
         || !take_pattern(&c, n.reduced.size))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
-    if (!has(&c.a, FACTOR, rows) || !has(&c.a, MISCLOSURE, rows) || !has(&c.a, FIXED, 3 * blocks)
-        || !has(&c.a, BLOCKS, 9 * blocks) || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, DIAGONAL, n.reduced.size)
+    if (!has(&c.a, WEIGHT, rows) || !has(&c.a, RESIDUAL, rows) || !has(&c.a, FIXED, 3 * blocks)
+        || !has(&c.a, BLOCKS, 9 * blocks) || !has(&c.a, FACTOR, rows) || !has(&c.a, BLOCK_RIGHT, 3 * blocks) || !has(&c.a, DIAGONAL, n.reduced.size)
         || !has(&c.a, RIGHT, n.reduced.size) || !has(&c.a, HALF, 9 * blocks) || !has(&c.a, PIVOTS, 3 * blocks)
         || !has(&c.a, REMOVED, 3 * blocks))
         return refuse(&c);
-    n.factor = v[FACTOR].buf, n.misclosure = v[MISCLOSURE].buf, n.fixed = v[FIXED].buf;
+    n.weight = v[WEIGHT].buf, n.residual = v[RESIDUAL].buf, n.factor = v[FACTOR].buf, n.fixed = v[FIXED].buf;
     n.blocks = v[BLOCKS].buf, n.block_right = v[BLOCK_RIGHT].buf, n.diagonal = v[DIAGONAL].buf, n.right = v[RIGHT].buf;
     n.half = v[HALF].buf, n.pivots = v[PIVOTS].buf, n.removed = v[REMOVED].buf;
     n.least_pivot = c.a.numbers[0], n.on_diagonal = c.a.numbers[1];

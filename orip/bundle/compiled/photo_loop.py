@@ -95,12 +95,12 @@ class PhotoPointLoop(Struct, frozen=True):
         """Return which photo points (n,) are of points that are eliminated."""
         return np.asarray(self.block >= 0)
 
-    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
-        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
-        residual = np.empty(self.points.xy.size)
-        in_front = np.empty(len(self.points.xy), dtype=np.uint8)
-        self._compute(compiled.residuals, *self._observations(state), residual, in_front)
-        return residual, np.repeat(in_front.astype(bool), 2)
+    def residuals(self, state: BlockState, others: int = 0) -> tuple[FloatArray, BoolArray]:
+        """Return residuals divided by their a-priori errors, and which can be computed; see `PointLoop.residuals`."""
+        rows = self.points.xy.size
+        residual, in_front = np.empty(rows + others), np.empty(rows + others, dtype=bool)
+        self._compute(compiled.residuals, *self._observations(state), residual[:rows], in_front[:rows].view(np.uint8))
+        return residual, in_front
 
     def block_normals(
         self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
@@ -115,8 +115,8 @@ class PhotoPointLoop(Struct, frozen=True):
     def eliminate(
         self,
         state: BlockState,
-        root_weights: FloatArray,
-        misclosure: FloatArray,
+        weights: FloatArray,
+        residual: FloatArray,
         others: Contributions,
         layout: Layout,
         max_lost_digits: float,
@@ -127,8 +127,8 @@ class PhotoPointLoop(Struct, frozen=True):
         Parameters
         ----------
         state : BlockState
-        root_weights, misclosure : arrays (2 n,)
-            Root of the weight factors, and weighted residuals with opposite sign; see `DesignMatrix.eliminated`.
+        weights, residual : arrays (2 n,)
+            See `DesignMatrix.eliminated`.
         others : Contributions
             Its `block_right` is overwritten.
         layout : Layout
@@ -141,10 +141,10 @@ class PhotoPointLoop(Struct, frozen=True):
         diagonal, right = others.matrix.diagonal()[columns], others.right[columns]
         half, pivots = np.empty((b, 3, 3)), np.empty((b, 3))
         removed = np.empty((b, 3), dtype=np.uint8)
-        factor = root_weights / self.points.rows.error
+        factor = np.empty(len(weights))
         self._compute(
-            compiled.eliminate, *self._observations(state), *self._places(arrangement), factor, misclosure,
-            np.ascontiguousarray(layout.fixed[m:]), others.blocks, others.block_right, diagonal, right,
+            compiled.eliminate, *self._observations(state), *self._places(arrangement), weights, residual,
+            np.ascontiguousarray(layout.fixed[m:]), others.blocks, factor, others.block_right, diagonal, right,
             half, pivots, removed, *_stored(matrix), 10.0**-max_lost_digits, 1.0 + damping,
             *_measures(matrix),
         )  # fmt: skip
@@ -249,7 +249,7 @@ class StreamedCoupling(Struct, frozen=True):
     loop : PhotoPointLoop
     state : BlockState
     factor : array (2 n,)
-        Roots of the weight factors over the a-priori errors.
+        Roots of the weights over the a-priori errors, of photo points of eliminated points.
     half : array (b, 3, 3)
     size : int
         Number m of reduced unknowns.

@@ -87,14 +87,28 @@ def groups_of_sets(sets: PhotoSets, coordinates: FloatArray) -> IntArray:
     size = len(sets.first)
     if not size:
         return np.empty(0, dtype=np.int64)
-    from scipy.spatial import KDTree  # takes its time to import
-
-    # halves of halves of its order are neighbours
-    order = KDTree(np.nan_to_num(coordinates[sets.first]), leafsize=1).indices
+    order = _order_of_neighbours(np.nan_to_num(coordinates[sets.first]))
     place = np.empty(size, dtype=np.int64)
     place[order] = np.arange(size)
     points = np.bincount(sets.of_point, minlength=size)[order]
     return np.asarray(np.cumsum(_begins_group(place[sets.number], sets.photo, points))[place] - 1)
+
+
+def _order_of_neighbours(positions: FloatArray) -> IntArray:
+    """Return an order of positions (s, 3) of which the halves, the halves of these and so on are neighbours.
+
+    Each is halved across its longest side, as by a k-d tree (Bentley 1975); all of the same length at once.
+    """
+    size = len(positions)
+    rank = np.empty((size, 3), dtype=np.int64)
+    np.put_along_axis(rank, np.argsort(positions, axis=0, kind="stable"), np.arange(size)[:, None], axis=0)
+    order = np.arange(size)
+    for first, _ in _halves(size)[:-1]:  # of two it does not matter which comes first
+        placed = positions[order]
+        longest = np.argmax(np.maximum.reduceat(placed, first) - np.minimum.reduceat(placed, first), axis=1)
+        part = np.repeat(np.arange(len(first)), np.diff(first, append=size))
+        order = order[np.argsort(part * size + rank[order, longest[part]])]
+    return order
 
 
 def _begins_group(place: IntArray, photo: IntArray, points: IntArray) -> BoolArray:

@@ -1,4 +1,4 @@
-/* Residuals of photo points. */
+/* Residuals of photo points, and for each coordinate whether it can be computed. */
 
 #ifndef ORIP_RESIDUALS_H
 #define ORIP_RESIDUALS_H
@@ -20,9 +20,10 @@ static void residual_loop(const Block *b, Share share, double *residual, uint8_t
         linearise(b, rows, 0, &ray, cameras, &found);
         for (int lane = 0; lane < count; lane++) {
             const int64_t at = 2 * (row + lane);
-            in_front[row + lane] = (uint8_t)found.in_front[lane];
-            for (int c = 0; c < 2; c++)
+            for (int c = 0; c < 2; c++) {
+                in_front[at + c] = (uint8_t)found.in_front[lane];
                 residual[at + c] = found.in_front[lane] ? LANE(found.residual[c], lane) / b->error[at + c] : 0.0;
+            }
         }
     }
 }

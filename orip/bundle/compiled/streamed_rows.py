@@ -31,8 +31,11 @@ class PointLoop(Protocol):
     def staying(self) -> NDArray[np.int64]:
         """Return the rows of photo points of points that are not eliminated."""
 
-    def residuals(self, state: BlockState) -> tuple[FloatArray, BoolArray]:
-        """Return residuals (2 n,) divided by their a-priori errors, and which of them can be computed (2 n,)."""
+    def residuals(self, state: BlockState, others: int = 0) -> tuple[FloatArray, BoolArray]:
+        """Return residuals divided by their a-priori errors, and which of them can be computed.
+
+        Arrays (2 n + others,): those of further observations, which the caller fills in, come last.
+        """
 
     def block_normals(
         self, state: BlockState, root_weights: FloatArray, misclosure: FloatArray, others: BlockNormals, layout: Layout
@@ -42,8 +45,8 @@ class PointLoop(Protocol):
     def eliminate(
         self,
         state: BlockState,
-        root_weights: FloatArray,
-        misclosure: FloatArray,
+        weights: FloatArray,
+        residual: FloatArray,
         others: Contributions,
         layout: Layout,
         max_lost_digits: float,
@@ -86,13 +89,14 @@ class StreamedRows(Struct, frozen=True):
         return self.others.some(np.searchsorted(self.other_rows, chosen)) if stored else self.matrix()[chosen]
 
     def eliminated(
-        self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout, max_lost_digits: float, damping: float
+        self, weights: FloatArray, residual: FloatArray, layout: Layout, max_lost_digits: float, damping: float
     ) -> EliminatedNormals:
         """Return the weighted normal equations with their blocks eliminated."""
         stored = self.others.stored
         # sparse slices and products of a handful of rows would take longer than all photo points of a small block
         row = np.repeat(np.arange(len(self.other_rows)), np.diff(stored.indptr))
-        value, misclosures = stored.data * root_weights[self.other_rows][row], misclosure[self.other_rows][row]
+        root = np.sqrt(weights[self.other_rows])
+        value, misclosures = stored.data * root[row], (-residual[self.other_rows] * root)[row]
         right = np.zeros(layout.size)
         np.add.at(right, stored.indices, value * misclosures)
         of_blocks = stored.indices >= layout.reduced
@@ -106,7 +110,7 @@ class StreamedRows(Struct, frozen=True):
         )
         photos = slice(0, self.loop.points.xy.size)
         return self.loop.eliminate(
-            self.state, root_weights[photos], misclosure[photos], others, layout, max_lost_digits, damping
+            self.state, weights[photos], residual[photos], others, layout, max_lost_digits, damping
         )
 
     def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, along_diagonal
 from orip.bundle.results.ground import rotation_partials, undetermined_points
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
@@ -61,8 +60,8 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
     columns = solved.problem.unknowns.photos[photo]
     return Figures(
         columns,
-        block_diag(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN),
-        block_diag(ground.dependence, np.eye(3)) @ _removed(solved, columns) > 0.0,
+        along_diagonal(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN),
+        along_diagonal(ground.dependence.astype(np.float64), np.eye(3)) @ _removed(solved, columns) > 0.0,
     )
 
 
@@ -122,7 +121,7 @@ def cofactors_times(solved: SolvedBlock, right: FloatArray) -> FloatArray:
 def _joined(figures: Sequence[Figures]) -> Figures:
     return Figures(
         np.concatenate([part.columns for part in figures]),
-        block_diag(*(part.partials for part in figures)),
+        along_diagonal(*(part.partials for part in figures)),
         np.concatenate([part.undetermined for part in figures]),
     )
 

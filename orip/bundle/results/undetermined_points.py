@@ -37,7 +37,7 @@ def undetermined_coordinates(solved: SolvedBlock, cofactors: FloatArray) -> Bool
     nearest = np.full(len(found), np.inf)
     for part in parts(len(solved.block.photo_points.photo)):
         point, direction = _rays(solved, part)
-        distance = np.sqrt(np.einsum("ni,ni->n", direction, direction))
+        distance = np.sqrt(direction**2 @ np.ones(3))
         np.minimum.at(nearest, point, distance)
         of_part = of_found[point]
         np.logical_or.at(along, point[of_part], np.abs(direction[of_part]) > _ALONG * distance[of_part, None])

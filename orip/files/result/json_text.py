@@ -1,12 +1,17 @@
-"""result.json: a solution for programs, schema ``orip.result/1``."""
+"""result.json: a solution for programs, schema ``orip.result/2``.
+
+The points of a large block are columns (`point_columns`) in place of objects by name (`points`): half as long.
+"""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Literal
 
+import msgspec
 import numpy as np
 from msgspec import Struct
 
@@ -28,6 +33,8 @@ LONGEST_LEAF = 160
 """An object or list without others inside stands on one line if that line's own text is not longer than this."""
 
 POINTS_PER_PIECE = 8192
+ELEMENTS_PER_LINE = 1024
+"""Of columns, which nobody reads element by element."""
 
 
 def result_document(solution: Solution) -> dict[str, object]:
@@ -36,10 +43,13 @@ def result_document(solution: Solution) -> dict[str, object]:
     Numbers that are not finite are None, apart from the standard deviation of a removed unknown, which is "singular".
     Units: mm for C, DX, DY and photo residuals, degrees for angles, ground units otherwise.
     """
-    return _document(solution, _points(solution), RESIDUALS_FILE)
+    if not solution.is_large:
+        return _document(solution, points_by_name(solution), None, RESIDUALS_FILE)
+    columns = {name: column.rows(slice(None)) for name, column in _point_columns(solution).items()}
+    return _document(solution, {}, columns, RESIDUALS_FILE)
 
 
-def _document(solution: Solution, points: object, residuals_file: str) -> dict[str, object]:
+def _document(solution: Solution, points: object, point_columns: object, residuals_file: str) -> dict[str, object]:
     return {
         "schema": SCHEMA,
         "run": solution.run,
@@ -64,6 +74,7 @@ def _document(solution: Solution, points: object, residuals_file: str) -> dict[s
         "projections": dict(zip(solution.cameras.names, solution.projections, strict=True)),
         "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
         "points": points,
+        "point_columns": point_columns,
         "antennas": _antennas(solution),
         "stations": _stations(solution),
         "rigs": _rigs(solution),
@@ -104,7 +115,8 @@ def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> I
 
     `residuals_file` is the name of the file with the residuals, beside it.
     """
-    yield from _json_pieces(_document(solution, _Points(solution), residuals_file), "")
+    points, columns = ({}, _point_columns(solution)) if solution.is_large else (_Points(solution), None)
+    yield from _json_pieces(_document(solution, points, columns, residuals_file), "")
     yield "\n"
 
 
@@ -189,7 +201,8 @@ def _stations(solution: Solution) -> dict[str, dict[str, object]]:
     return found
 
 
-def _points(solution: Solution) -> dict[str, dict[str, object]]:
+def points_by_name(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return the points of a solution as plain Python objects, by name."""
     points = _estimates(solution.points, ("X", "Y", "Z"))
     for point, rays, kind in zip(points.values(), solution.point_rays.tolist(), solution.point_kinds, strict=True):
         point.update(rays=rays, kind=kind)
@@ -202,7 +215,7 @@ class _Points(Struct, frozen=True):
     solution: Solution
 
     def pieces(self, margin: str) -> Iterator[str]:
-        """Yield what `_json_pieces` makes of `_points`."""
+        """Yield what `_json_pieces` makes of `points_by_name`."""
         points, rays, kinds = self.solution.points, self.solution.point_rays, self.solution.point_kinds
         if not points.names:
             yield "{}"
@@ -230,6 +243,41 @@ class _Points(Struct, frozen=True):
             ]
             yield ("," if start else "") + _woven(between, columns)
         yield f"\n{margin}}}"
+
+
+class _Column(Struct, frozen=True):
+    """A list of `count` elements, of which `rows` returns some."""
+
+    count: int
+    rows: Callable[[slice], list[object]]
+
+    def pieces(self, margin: str) -> Iterator[str]:
+        """Yield the list as JSON, many elements on a line."""
+        yield "["
+        for start in range(0, self.count, ELEMENTS_PER_LINE):
+            line = msgspec.json.encode(self.rows(slice(start, start + ELEMENTS_PER_LINE))).decode("utf-8")[1:-1]
+            yield f"{',' if start else ''}\n{margin}{INDENT}{line}"
+        yield f"\n{margin}]"
+
+
+def _point_columns(solution: Solution) -> dict[str, _Column]:
+    points, count = solution.points, len(solution.points.names)
+    columns: dict[str, Callable[[slice], list[object]]] = {"name": lambda rows: list(points.names[rows])}
+    for k, axis in enumerate("XYZ"):
+        columns[axis] = partial(_numbers, points.values[:, k], None)
+        columns[f"{axis}_sd"] = partial(_numbers, points.sd[:, k], SINGULAR)
+    columns["rays"] = lambda rows: solution.point_rays[rows].tolist()
+    columns["kind"] = lambda rows: list(solution.point_kinds[rows])
+    return {name: _Column(count, rows) for name, rows in columns.items()}
+
+
+def _numbers(values: FloatArray, infinite: str | None, rows: slice) -> list[object]:
+    """Return some numbers as JSON has them: None for NaN, `infinite` for infinity."""
+    some = values[rows]
+    found: list[object] = some.tolist()
+    for place in np.flatnonzero(~np.isfinite(some)).tolist():
+        found[place] = None if np.isnan(some[place]) else infinite
+    return found
 
 
 def _woven(between: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
@@ -337,14 +385,14 @@ def _interior(summary: InteriorSummary) -> dict[str, object]:
 
 def _json_pieces(node: object, margin: str) -> Iterator[str]:
     inner = margin + INDENT
-    if isinstance(node, _Points):
+    if isinstance(node, _Points | _Column):
         yield from node.pieces(margin)
         return
     if not isinstance(node, dict | list) or not node:
         yield _compact(node)
         return
     entries = list(node.values()) if isinstance(node, dict) else node
-    if not any(isinstance(entry, dict | list | _Points) for entry in entries):
+    if not any(isinstance(entry, dict | list | _Points | _Column) for entry in entries):
         line = _compact(node)
         if len(line) <= LONGEST_LEAF:
             yield line

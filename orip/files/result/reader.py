@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,9 @@ _QUANTITIES: Mapping[str, Quantity] = {
 }
 _POWERS = {"A1": 1, "A3": 3, "A5": 5, "A7": 7, "A9": 9, "P1": 2, "P2": 2, "B1": 1, "B2": 1}
 _RADIUS_MM = 10.0
+
+_BEFORE_COLUMNS = "orip.result/1"
+"""Its points are always by name."""
 
 Found = dict[tuple[str, str], FigureGroup]
 
@@ -59,7 +62,7 @@ def _refused(constant: str) -> None:
 
 
 def _figures(document: Any) -> ResultFigures:
-    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+    if not isinstance(document, dict) or document.get("schema") not in (SCHEMA, _BEFORE_COLUMNS):
         message = f'"schema" is not "{SCHEMA}"'
         raise _MalformedError(message)
     found: Found = {("", ""): FigureGroup("", _of_adjustment(document))}
@@ -68,6 +71,10 @@ def _figures(document: Any) -> ResultFigures:
             shown = printable(f"{kind} {name}")
             key = name if kind == "point" else record_key(name)
             found[kind, key] = FigureGroup(shown, _of_record(_object(record, shown), shown))
+    if document.get("point_columns") is not None:
+        for name, record in _points_of_columns(_object(document["point_columns"], "point_columns")):
+            shown = printable(f"point {name}")
+            found["point", name] = FigureGroup(shown, _of_record(record, shown))
     for name, record in _object(document.get("theodolites", {}), "theodolites").items():
         shown = printable(f"theodolite {name}")
         found["theodolite", name] = FigureGroup(shown, _of_record(_object(record, shown), shown))
@@ -111,6 +118,21 @@ def _of_record(record: Mapping[str, Any], where: str) -> dict[str, Figure]:
             figures[name] = Figure(value, quantity, deviation, adjusted=sd != SINGULAR, effect=effect)
             figures[f"{name} sd"] = Figure(SINGULAR if sd == SINGULAR else deviation, "other", effect=effect)
     return figures
+
+
+def _points_of_columns(columns: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and record of each point of a large block."""
+    names = ("name", "rays", "kind", *(f"{axis}{what}" for axis in "XYZ" for what in ("", "_sd")))
+    for name in names:
+        if not isinstance(columns.get(name), list) or len(columns[name]) != len(columns["name"]):
+            raise _MalformedError(_not_so(f"point_columns {name}", "a list with an element for each point"))
+    for name, rays, kind, *figures in zip(*(columns[name] for name in names), strict=True):
+        estimates = {
+            axis: {"value": value, "sd": sd} for axis, value, sd in zip("XYZ", figures[::2], figures[1::2], strict=True)
+        }
+        if not isinstance(name, str):
+            raise _MalformedError(_not_so("point_columns name", "a list of texts"))
+        yield name, {**estimates, "rays": rays, "kind": kind}
 
 
 def _object(value: Any, where: str) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 A sum goes over the values of a table, column by column, in the order in which they are read. Tables that are read
 owner by owner have one for each owner. They are computed while rows are written or read; a store is
-never read for its sums alone.
+never read for its sums alone. They are of SHA-256, for which processors have instructions: with these it is more than
+twice as fast as BLAKE2.
 """
 
 from __future__ import annotations
@@ -21,10 +22,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 CHECKSUM = StoreTable(
-    "checksum", (text("of_table"), text("part"), integer("row_count"), text("blake2b")), key=("of_table", "part")
+    "checksum", (text("of_table"), text("part"), integer("row_count"), text("sha256")), key=("of_table", "part")
 )
 
-_BYTES = 16
+_DIGITS = 32
+"""Of a digest's 64: enough for what happens by chance."""
+
 _NULL_TEXT = "\1"
 _END = "\0"
 
@@ -46,7 +49,7 @@ class RunningSum:
 
     def __init__(self, table: StoreTable) -> None:
         self._columns = table.in_file.columns
-        self._hashes = [hashlib.blake2b(digest_size=_BYTES) for _ in self._columns]
+        self._hashes = [hashlib.sha256() for _ in self._columns]
         self._rows = 0
 
     def add(self, columns: Sequence[Sequence[Any] | NDArray[Any]]) -> None:
@@ -60,8 +63,8 @@ class RunningSum:
         """Return the sum of all rows; None if there were none."""
         if not self._rows:
             return None
-        digest = hashlib.blake2b(b"".join(running.digest() for running in self._hashes), digest_size=_BYTES)
-        return Sum(self._rows, digest.hexdigest())
+        digest = hashlib.sha256(b"".join(running.digest() for running in self._hashes))
+        return Sum(self._rows, digest.hexdigest()[:_DIGITS])
 
 
 class ContentSums:

@@ -7,12 +7,12 @@ adjusted values not at all, and what does not compress is left as it is.
 
 from __future__ import annotations
 
-import json
 import zlib
 from functools import lru_cache
 from itertools import repeat
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +41,7 @@ def packed_column(column: StoreColumn, values: Any) -> bytes:
     """
     if column.type == "TEXT":
         names = coded(values)
-        words = json.dumps(names.distinct, ensure_ascii=False).encode("utf-8")
+        words = msgspec.json.encode(names.distinct)
         return _judged_part(words) + _numbers(names.codes.astype("<i4", copy=False))
     return _numbers(np.ascontiguousarray(values, dtype=_TYPES[column.type]))
 

@@ -5,12 +5,13 @@ They are taken apart without arrays, which take longer to load than a digest of 
 
 from __future__ import annotations
 
-import json
 import struct
 import sys
 import zlib
 from array import array
 from collections.abc import Sequence
+
+import msgspec
 
 from orip.files.stores.table import StoreColumn
 
@@ -35,7 +36,7 @@ def unpacked_parts(column: StoreColumn, data: bytes, count: int) -> tuple[list[s
     distinct: list[str] = []
     if column.type == "TEXT":
         words, rest = _taken(rest, None)
-        distinct = json.loads(bytes(words).decode("utf-8"))
+        distinct = _names(words)
     places = []
     for _ in range(WIDTH):
         part, rest = _taken(rest, count)
@@ -61,6 +62,13 @@ def whole_numbers(places: Sequence[Place], count: int) -> array[int]:
     if sys.byteorder == "big":
         numbers.byteswap()
     return numbers
+
+
+def _names(words: Place) -> list[str]:
+    try:
+        return msgspec.json.decode(words, type=list[str])
+    except msgspec.DecodeError as error:
+        raise ValueError(str(error)) from error
 
 
 def _taken(data: memoryview, size: int | None) -> tuple[Place, memoryview]:

@@ -98,11 +98,10 @@ def _normalisation(coordinates: FloatArray) -> FloatArray:
 
 def _decomposed(projection: FloatArray, points: FloatArray) -> DirectLinear | Unresected:
     """Return camera, rotation and centre of a 3 x 4 matrix of any scale and sign."""
-    from scipy.linalg import rq
-
     left = projection[:, :3] * np.sign(np.linalg.det(projection[:, :3]))
     centre = -np.linalg.solve(projection[:, :3], projection[:, 3])
-    camera, rotation = rq(left)
+    across, below = np.linalg.qr(left[::-1].T)
+    camera, rotation = below.T[::-1, ::-1], across.T[::-1]
     # x = x0 - C u1 / u3 with u3 < 0 in front: the first two diagonal elements are negative, the third is positive
     signs = np.sign(camera.diagonal()) * [-1.0, -1.0, 1.0]
     camera, rotation = camera * signs / abs(camera[2, 2]), signs[:, None] * rotation

@@ -24,8 +24,9 @@ def measured_before(photo: IntArray, point: IntArray) -> IntArray:
         0 for the first measurement.
     """
     both = photo * (point.max(initial=0) + 1) + point
-    ordered = np.sort(both)
-    if (ordered[1:] != ordered[:-1]).all():  # mostly; to sort without places is several times faster
+    # mostly measured in this order, in which a stable sort leaves what is there; without places it is quicker
+    ordered = np.sort(both, kind="stable")
+    if (ordered[1:] != ordered[:-1]).all():
         return np.zeros(len(both), dtype=np.int64)
     order = np.argsort(both, kind="stable")
     first = np.flatnonzero(np.diff(both[order], prepend=-1))

@@ -103,7 +103,7 @@ def _of_rays(solution: Solution) -> Markup:
 def _used(solution: Solution) -> np.ndarray:
     residuals = solution.residuals
     of_photos = coded(residuals.kind).where(PHOTO_POINT.name.__eq__)
-    return np.asarray(of_photos & (np.nan_to_num(residuals.weight_factor) > 0.0))
+    return np.asarray(of_photos & (residuals.weight_factor > 0.0))
 
 
 def _residuals(given: ReportInput) -> tuple[FloatArray, FloatArray]:

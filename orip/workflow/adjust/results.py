@@ -13,7 +13,7 @@ from orip.bundle.results.reliability import reliability_of
 from orip.errors import UsageError
 from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
 from orip.files.listings.bundle_residuals import component_columns
-from orip.files.result.json_text import result_document
+from orip.files.result.json_text import points_by_name, result_document
 from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.result.residuals_npz import residuals_npz_pieces
 from orip.files.text.atomic import replace_in_pieces, reporting_failure
@@ -57,7 +57,8 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
         "points": lambda: list(point_lines(chosen)),
         "theodolites": lambda: zero_direction_lines(chosen),
     }[what]()
-    return Results("\n".join(lines) + "\n", {"run": solution.run, what: result_document(chosen)[what]})
+    part = points_by_name(chosen) if what == "points" else result_document(chosen)[what]
+    return Results("\n".join(lines) + "\n", {"run": solution.run, what: part})
 
 
 def _chosen(

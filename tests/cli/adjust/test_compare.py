@@ -23,6 +23,37 @@ def changed(project: Path, change: Callable[[Any], object]) -> str:
     return "other.json"
 
 
+def one_point(**changed: object) -> dict[str, object]:
+    """The columns of one point, some of them changed."""
+    figures = {f"{axis}{what}": [1.0] for axis in "XYZ" for what in ("", "_sd")}
+    return {"name": ["p"], **figures, "rays": [2], "kind": ["tie"], **changed}
+
+
+def test_points_by_name_and_in_columns_and_results_of_earlier_versions(project: Path) -> None:
+    def columns(document: Any) -> None:
+        points = document.pop("points")
+        found: dict[str, list[Any]] = {"name": list(points)}
+        for axis in "XYZ":
+            found[axis] = [point[axis]["value"] for point in points.values()]
+            found[f"{axis}_sd"] = [point[axis]["sd"] for point in points.values()]
+        for key in ("rays", "kind"):
+            found[key] = [point[key] for point in points.values()]
+        document.update(points={}, point_columns=found)
+
+    def earlier(document: Any) -> None:
+        del document["point_columns"]
+        document["schema"] = "orip.result/1"
+
+    assert orip(project, "compare", "result.json", changed(project, earlier)).code == 0
+    assert orip(project, "compare", "result.json", changed(project, columns)).code == 0
+    document = json.loads((project / "other.json").read_text())
+    document["point_columns"]["Z"][0] += 1.0
+    (project / "other.json").write_text(json.dumps(document))
+    said = orip(project, "compare", "result.json", "other.json")
+    assert said.code == 5
+    assert said.out.splitlines()[2].startswith("point 1 Z")
+
+
 def test_a_result_equals_itself_by_file_and_by_folder(project: Path, tmp_path: Path) -> None:
     before = contents(project)
     for a, b in (("result.json", "."), (".", str(project)), ("../first/result.json", "result.json")):
@@ -129,10 +160,10 @@ def test_two_adjustments(project: Path) -> None:
     [
         (b"", "it is not JSON"),
         (b"name,value\n", "it is not JSON"),
-        (b"[1, 2]", '"schema" is not "orip.result/1"'),
-        (b'{"schema": "orip.error/1"}', '"schema" is not "orip.result/1"'),
-        (b'{"schema": "orip.result/1"}', "'status' is not a text"),
-        (b'{"schema": "orip.result/1", "x": NaN}', "JSON has no NaN"),
+        (b"[1, 2]", '"schema" is not "orip.result/2"'),
+        (b'{"schema": "orip.error/1"}', '"schema" is not "orip.result/2"'),
+        (b'{"schema": "orip.result/2"}', "'status' is not a text"),
+        (b'{"schema": "orip.result/2", "x": NaN}', "JSON has no NaN"),
         (b"[" * 100000, "it is nested too deeply"),
         (b"\xff\xfe{}", "the file is UTF-16"),
         (b"{\xff}", "byte 0xFF is not UTF-8"),
@@ -157,6 +188,11 @@ def test_what_is_no_result_is_3(project: Path, text: bytes, sentence: str) -> No
         (lambda document: document["points"]["P1"]["X"].update(value="east"), "'point P1 X' is not a number or null"),
         (lambda document: document["points"]["P1"]["X"].update(sd=True), "'point P1 X' is not a number or null"),
         (lambda document: document["points"]["P1"]["X"].update(value=10**400), "'point P1 X' is not a number or null"),
+        (lambda document: document.update(point_columns=3), "'point_columns' is not an object"),
+        (lambda document: document.update(point_columns={}), "'point_columns name' is not a list with an element"),
+        (lambda document: document.update(point_columns=one_point(Y=[])), "'point_columns Y' is not a list with an el"),
+        (lambda document: document.update(point_columns=one_point(name=[7])), "'point_columns name' is not a list of"),
+        (lambda document: document.update(point_columns=one_point(X=["1"])), "'point p X' is not a number or null"),
         (lambda document: document.update(check_points=[3]), "'check_points' is not an object"),
         (lambda document: document.update(singular=None), "'singular' is not a list"),
         (lambda document: document.update(status=1), "'status' is not a text"),

@@ -34,6 +34,8 @@ def test_residuals_are_arrays_and_the_table_is_written_on_request(
     listing = (project / "BUNDLE_RESULT.OUT").read_text()
     assert "'orip results residuals' shows them" in listing
     assert "'orip results points' shows them" in listing
+    points = json.loads((project / "result.json").read_text())["point_columns"]["name"]
+    assert list(orip(project, "results", "points", "--json").document["points"]) == points
     assert orip(project, "results", "residuals", "--output", str(project / "again.csv")).code == 0
     assert (project / "again.csv").read_bytes() == table
     rows = [line.split(",") for line in table.decode().splitlines()[1:]]

@@ -12,8 +12,9 @@ from math import isqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas, lapack, solve_triangular
+from scipy.linalg import blas, lapack
 
+from orip.adjustment.factorisation.triangular import solve_lower
 from orip.arrays import FloatArray, IntArray
 
 
@@ -99,7 +100,7 @@ def eliminate_front(
     lower, info = lapack.dpotrf(front[:own, :own], lower=1, clean=1)
     if info != 0:
         return None, None
-    below = solve_triangular(lower, front[own:, :own].T, lower=True).T
+    below = solve_lower(lower, front[own:, :own].T).T
     rest = below @ below.T
     np.subtract(front[own:, own:], rest, out=rest)
     return FrontFactor(np.asarray(lower), np.asarray(below)), triangle_of(rest)
@@ -119,7 +120,7 @@ def reduce_front(
     front[:own] = right
     for places, added in zip(shape.children, of_children, strict=True):
         front[places] += added
-    reduced = solve_triangular(factor.lower, front[:own], lower=True) if own else front[:0]
+    reduced = solve_lower(factor.lower, front[:own]) if own else front[:0]
     return np.asarray(reduced), np.asarray(front[own:] - factor.below @ reduced)
 
 
@@ -129,7 +130,7 @@ def substitute_front(
     """Return the own unknowns (o, k) from c (o, k) and those of the border (r, k), and the children's borders."""
     border = np.zeros((0, reduced.shape[1])) if of_border is None else of_border
     rest = reduced - factor.below.T @ border
-    own = solve_triangular(factor.lower, rest, lower=True, trans="T") if shape.own else rest
+    own = solve_lower(factor.lower, rest, transposed=True) if shape.own else rest
     front = np.vstack([own, border])
     return np.asarray(own), [front[places] for places in shape.children]
 
@@ -144,7 +145,7 @@ def invert_front(
     """
     own = shape.own
     border = np.zeros((0, 0)) if of_border is None else lower_of(of_border)
-    inverse = solve_triangular(factor.lower, np.eye(own), lower=True) if own else np.zeros((0, 0))
+    inverse = solve_lower(factor.lower, np.eye(own)) if own else np.zeros((0, 0))
     multiplier = -factor.below @ inverse
     below = _symmetric_times(border, multiplier)
     found = np.zeros((own + len(border),) * 2)
