@@ -22,7 +22,6 @@ from orip.arrays import FloatArray, IntArray
 from orip.set_aside import set_aside
 from orip.structs import replace
 
-
 _AT_ONCE = 32
 """Unit vectors that are solved for together."""
 
