@@ -61,6 +61,9 @@ class WaitingPackage(ModuleType):
             except ModuleNotFoundError as error:
                 if error.name != f"{self.__name__}.{name}":
                     raise
+                if name.startswith("_"):  # a module that not every build has: asked for while others are being loaded
+                    message = f"module {self.__name__!r} has no module {name!r}"
+                    raise AttributeError(message) from None
         self._load()
         return super().__getattribute__(name)
 

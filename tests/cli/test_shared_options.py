@@ -168,6 +168,11 @@ def test_modules_of_a_package_are_loaded_alone(tmp_path: Path) -> None:
     assert not {"scipy.linalg._basic", "scipy.special._basic"} & found
 
 
+def test_all_of_a_package_is_there_after_one_of_its_modules(tmp_path: Path) -> None:
+    asked = "from scipy.linalg import lapack; from scipy.sparse.csgraph import reverse_cuthill_mckee; from scipy.linalg"
+    assert "scipy.linalg._basic" in modules_after(f"{IN_PARTS}; {asked} import get_lapack_funcs, inv", tmp_path)
+
+
 @pytest.mark.parametrize(
     "asked",
     [
