@@ -35,7 +35,7 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
-from orip.prelim.tracks.confirmed_block import confirmed_block
+from orip.prelim.tracks.confirmed_block import confirmed_block, has_many_misses
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
@@ -137,11 +137,15 @@ def _values(found: _Search) -> PreliminaryValues:
 
 
 def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
-    """Try routes; if the first is not good enough and others contradict many rays, begin again without these."""
+    """Try routes; if the first is not good enough and others contradict many rays, begin again without these.
+
+    Where many rays of a few pairs miss each other, that is looked at before the first route.
+    """
     searches = _searches(measured, _routes(measured))
-    first = next(searches)
-    if first.is_enough:
-        return first
+    if not has_many_misses(measured):
+        first = next(searches)
+        if first.is_enough:
+            return first
     confirmed = confirmed_block(measured)
     if confirmed is None:
         return _ended(searches)
@@ -183,13 +187,27 @@ def _searches(measured: MeasuredBlock, routes: Iterator[Sequence[Route]]) -> Ite
 
 
 def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
-    """Yield routes, those together that begin with assumptions of which one is wrong: either may seem to fit."""
+    """Yield routes, those together that begin with assumptions of which one is wrong: either may seem to fit.
+
+    Where the first pair of photos has led to a part of the block only, other pairs lead to the same parts: these are
+    placed together first.
+    """
     free, with_control = measured.grower(), measured.grower(measured.full_control())
-    yield from _short_routes(measured, free, with_control)
-    given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
-    if not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES:
-        yield [by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT)]
+    yield from _first_routes(measured, free, with_control)
+    together = not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES
+    falls_apart = together and not any(system.oriented.all() for system in by_pairs(free, 0).systems)
+    parts = (by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT))
+    if falls_apart:
+        yield from _by_little_control(with_control)
+        yield list(parts)
+    yield from _other_pairs(free)
+    if not falls_apart:
+        yield from _by_little_control(with_control)
+    if together:
+        if not falls_apart:
+            yield list(parts)
         yield [by_photos(with_control, measured.known_control())]
+    given: BoolArray = np.asarray(np.isfinite(measured.block.photo_orientation).all(axis=1))
     if given.any():
         orientation = np.where(given[:, None], measured.block.photo_orientation, np.nan)
         rotations = np.full((len(given), 3, 3), np.nan)
@@ -199,6 +217,13 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
 
 def _short_routes(measured: MeasuredBlock, free: BlockGrower, with_control: BlockGrower) -> Iterator[Sequence[Route]]:
     """Yield blocks that grow from models, control or pairs of photos."""
+    yield from _first_routes(measured, free, with_control)
+    yield from _other_pairs(free)
+    yield from _by_little_control(with_control)
+
+
+def _first_routes(measured: MeasuredBlock, free: BlockGrower, with_control: BlockGrower) -> Iterator[Sequence[Route]]:
+    """Yield blocks that grow from models, control or the best pair of photos."""
     seen = control_points_seen(with_control)
     seeing = seen >= SAFE_RESECTION
     models = measured.block.definition.models
@@ -208,11 +233,20 @@ def _short_routes(measured: MeasuredBlock, free: BlockGrower, with_control: Bloc
         yield [by_control(with_control)]
     if len(measured.rays.cameras.unknown) and (seen >= POINTS_NEEDED).any():
         yield [by_unknown_cameras(with_control)]
-    for choice in range(_STARTING_PAIRS):
+    yield [by_pairs(free, 0)]
+    if seeing.any() and (models or seeing.mean() <= 0.5):
+        yield [by_control(with_control)]
+
+
+def _other_pairs(free: BlockGrower) -> Iterator[Sequence[Route]]:
+    for choice in range(1, _STARTING_PAIRS):
         yield [by_pairs(free, choice)]
-        if choice == 0 and seeing.any() and (models or seeing.mean() <= 0.5):
-            yield [by_control(with_control)]
-    if not seeing.any() and (seen >= LEAST_RESECTION).any():
+
+
+def _by_little_control(with_control: BlockGrower) -> Iterator[Sequence[Route]]:
+    """Yield the block that grows from control of which no photo sees enough to tell a wrong point."""
+    seen = control_points_seen(with_control)
+    if (seen < SAFE_RESECTION).all() and (seen >= LEAST_RESECTION).any():
         yield [by_control(with_control)]
 
 

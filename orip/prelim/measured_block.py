@@ -8,6 +8,7 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
 from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.from_models import FromModels
 from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.rays.thinning import thinned
@@ -15,7 +16,7 @@ from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
-from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.results.preliminary import SimilarityStep
 
 _ENOUGH, MORE = 30, 80
 """Points that suffice to orient a photo, and where models are listed point by point or few points tie parts."""
@@ -46,8 +47,8 @@ class MeasuredBlock(Struct, frozen=True):
         Index in `rays` by name of the point.
     control_errors : array (number of points,)
         Root mean square a-priori errors of the coordinates of control, 0 for other points.
-    models : dict
-        Relative orientations by pairs of photos, kept since many are needed again.
+    from_models : FromModels
+        What has been computed from pairs of photos, of `rays`.
     """
 
     block: Block
@@ -60,7 +61,7 @@ class MeasuredBlock(Struct, frozen=True):
     common: IntArray
     row_of: dict[str, int]
     control_errors: FloatArray
-    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    from_models: FromModels = field(default_factory=FromModels)
 
     @property
     def is_free(self) -> bool:
@@ -91,21 +92,26 @@ class MeasuredBlock(Struct, frozen=True):
         wanted : frozenset of str, optional
             Names of the control points to return; None: all.
         """
-        held = np.full((len(self.rays.points), 3), np.nan)
+        known = self.known_control()
         if self.is_free:
-            return held
-        for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
-            if np.isfinite(xyz).all() and name in self.row_of and (wanted is None or name in wanted):
-                held[self.row_of[name]] = xyz
-        return held
+            known[:] = np.nan
+        known[np.isnan(known).any(axis=1)] = np.nan
+        if wanted is not None:
+            left_out = [row for name, row in self.row_of_control.items() if name not in wanted]
+            known[left_out] = np.nan
+        return known
 
     def known_control(self) -> FloatArray:
         """Return all known coordinates (number of points, 3) of control points; NaN where not known."""
         known = np.full((len(self.rays.points), 3), np.nan)
-        for name, xyz in zip(self.control.names, self.control.coordinates, strict=True):
-            if name in self.row_of:
-                known[self.row_of[name]] = xyz
+        has_rays = [name in self.row_of for name in self.control.names]
+        known[list(self.row_of_control.values())] = self.control.coordinates[has_rays]
         return known
+
+    @property
+    def row_of_control(self) -> dict[str, int]:
+        """Return the index in `rays` of each control point that has rays, by its name."""
+        return {name: self.row_of[name] for name in self.control.names if name in self.row_of}
 
     def fitting_control(self, absolute: SimilarityStep | None) -> FloatArray:
         """Return the control as `full_control` does, without the points that the absolute orientation down-weighted."""
@@ -113,6 +119,10 @@ class MeasuredBlock(Struct, frozen=True):
             return self.full_control()
         fits = np.all(absolute.weight_factor >= 1.0, axis=1)
         return self.full_control(frozenset(name for name, good in zip(absolute.points, fits, strict=True) if good))
+
+    def with_rays(self, confirmed: BoolArray, enough: int = _ENOUGH) -> MeasuredBlock:
+        """Return the block with those of all its rays (n,) that others confirm; `enough` points of a photo are kept."""
+        return _measured_block(self.block, self.control, self.centres, self.all_rays, confirmed, enough)
 
     def grower(self, held: FloatArray | None = None) -> BlockGrower:
         """Return what a block grows with from these rays; `held` (number of points, 3) are points that do not move."""
@@ -123,7 +133,7 @@ class MeasuredBlock(Struct, frozen=True):
             self.common,
             nothing if held is None else held,
             np.ones(len(self.rays.photos), dtype=bool),
-            self.models,
+            self.from_models,
             held_errors=self.control_errors,
             blunders=self.blunders,
         )
@@ -132,15 +142,18 @@ class MeasuredBlock(Struct, frozen=True):
 def measured_block(block: Block) -> MeasuredBlock:
     """Return the rays and the control of a block; in a free network preliminary coordinates are used as control."""
     all_rays = image_rays(block)
-    return measured_block_of(block, all_rays, np.ones(len(all_rays.photo), dtype=bool))
-
-
-def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray, enough: int = _ENOUGH) -> MeasuredBlock:
-    """Return what a block's preliminary values are found from, of all its rays (n,) those that others confirm.
-
-    Of each photo at least `enough` points are kept, if it has as many.
-    """
     control = approximate_points(block) if block.is_free_network else known_points(block)
+    return _measured_block(block, control, known_centres(block), all_rays, np.ones(len(all_rays.photo), dtype=bool))
+
+
+def _measured_block(
+    block: Block,
+    control: KnownPositions,
+    centres: KnownPositions,
+    all_rays: ImageRays,
+    confirmed: BoolArray,
+    enough: int = _ENOUGH,
+) -> MeasuredBlock:
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
     used = rays_of_plane_images(block, all_rays.of(confirmed))
@@ -149,7 +162,7 @@ def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray, e
     return MeasuredBlock(
         block,
         control,
-        known_centres(block),
+        centres,
         all_rays,
         confirmed,
         rays,
@@ -162,7 +175,7 @@ def measured_block_of(block: Block, all_rays: ImageRays, confirmed: BoolArray, e
 
 def _control_errors(control: KnownPositions, row_of: dict[str, int]) -> FloatArray:
     errors = np.zeros(len(row_of))
-    for name, error in zip(control.names, control.errors, strict=True):
-        if name in row_of:
-            errors[row_of[name]] = np.sqrt(np.mean(np.nan_to_num(error) ** 2))
+    has_rays = [name in row_of for name in control.names]
+    rows = [row_of[name] for name in control.names if name in row_of]
+    errors[rows] = np.sqrt(np.mean(np.nan_to_num(control.errors[has_rays]) ** 2, axis=1))
     return errors

@@ -5,7 +5,9 @@ Each route gives one or more blocks in systems of their own, or one that is on t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import numpy as np
 from msgspec import Struct
@@ -16,7 +18,9 @@ from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block,
 from orip.prelim.medians import median
 from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.refinement import ROUGH
+from orip.prelim.relative.orientation import OrientedPair, listed
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
 from orip.records.project.definition import StereoModel
@@ -130,10 +134,11 @@ def by_pairs(grower: BlockGrower, choice: int) -> Route:
     relative: list[RelativeOrientation] = []
     free = np.ones(len(grower.rays.photos), dtype=bool)
     while (start := _starting_pair(grower, free, choice if not systems else 0)) is not None:
-        how = f"model of photos {start.left} and {start.right}, {len(start.points)} points"
-        system = grower.grow(growing_block_of(grower.rays, start.block, how), ROUGH)
+        shown = listed(grower.rays, start)
+        how = f"model of photos {shown.left} and {shown.right}, {len(shown.points)} points"
+        system = grower.grown_from(start, how, no_corrections(grower.rays))
         systems.append(system)
-        relative.append(start)
+        relative.append(shown)
         free &= ~system.oriented
         # the two photos may have been removed as wrong, and would begin the same system again
         free[start.block.photos] = False
@@ -147,22 +152,22 @@ def control_points_seen(grower: BlockGrower) -> IntArray:
     return np.array([np.count_nonzero(known[points]) for points in grower.index.points], dtype=np.int64)
 
 
-def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> RelativeOrientation | None:
+def _starting_pair(grower: BlockGrower, free: BoolArray, choice: int) -> OrientedPair | None:
     """Return the pair of free photos that determines its points best, or the next best ones."""
     counts = np.where(free[:, None] & free, grower.common, 0)
-    found: list[RelativeOrientation] = []
+    found: list[tuple[float, OrientedPair]] = []
     for left, right, common in pairs_by_common_points(counts, POINTS_FOR_A_PAIR)[:_PAIRS_COMPARED]:
         # pairs come with fewer and fewer points, and none is better than with all of them at a good angle
-        if sum(_worth(pair) >= np.sqrt(common) * _GOOD_ANGLE for pair in found) > choice:
+        if sum(worth >= math.sqrt(common) * _GOOD_ANGLE for worth, _ in found) > choice:
             break
         pair = grower.model(left, right)
-        if isinstance(pair, RelativeOrientation):
-            found.append(pair)
-    found.sort(key=_worth, reverse=True)
-    return found[min(choice, len(found) - 1)] if found else None
+        if isinstance(pair, OrientedPair):
+            found.append((_worth(pair), pair))
+    found.sort(key=itemgetter(0), reverse=True)
+    return found[min(choice, len(found) - 1)][1] if found else None
 
 
-def _worth(pair: RelativeOrientation) -> float:
+def _worth(pair: OrientedPair) -> float:
     """Return how good a starting pair is: many points that fit, at good angles."""
     to_left = pair.block.coordinates
     to_right = to_left - pair.base

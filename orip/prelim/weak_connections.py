@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orip.arrays import BoolArray, IntArray, distinct
+from orip.arrays import BoolArray, IntArray
 from orip.prelim.rays.image_rays import ImageRays
 from orip.wording import agreeing, counted, first_names
 
@@ -28,48 +29,65 @@ def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArr
     known_on_ground : array (number of points,) of bool
         Control: a part that sees two of these points has a scale of its own.
     """
-    together = common > _FEW
-    named: set[frozenset[int]] = set()
-    for joint in _possible_joints(together):
-        others = np.flatnonzero(np.arange(len(rays.photos)) != joint)
-        parts, _ = _connected_parts(together[np.ix_(others, others)])
-        largest = max(parts, key=len, default=None)
+    neighbours = _neighbours(np.asarray(common > _FEW, dtype=bool))
+    everyone = (1 << len(neighbours)) - 1
+    named: set[int] = set()
+    for joint in _possible_joints(neighbours):
+        parts = list(_parts(neighbours, everyone & ~(1 << joint)))
+        largest = max(parts, key=int.bit_count, default=0)
         for part in parts:
-            members = others[part]
-            if part is largest or frozenset(members.tolist()) in named:
+            if part == largest or part in named:
                 continue
+            members = np.array(list(_places(part)), dtype=np.int64)
             shared, points = _shared(rays, members, joint)
             if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
-                named.add(frozenset(members.tolist()))
+                named.add(part)
                 yield _sentence(rays, members, joint, shared)
 
 
-def _possible_joints(together: BoolArray) -> IntArray:
+def _neighbours(together: BoolArray) -> list[int]:
+    """Return the neighbours of each photo as the bits of a number: sets of some hundred photos at once."""
+    rows = np.packbits(together, axis=1, bitorder="little")
+    return [int.from_bytes(row.tobytes(), "little") for row in rows]
+
+
+def _places(photos: int) -> Iterator[int]:
+    """Yield the places of the bits of a number, ascending."""
+    while photos:
+        last = photos & -photos
+        yield last.bit_length() - 1
+        photos ^= last
+
+
+def _possible_joints(neighbours: Sequence[int]) -> list[int]:
     """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
-    parts, reached_from = _connected_parts(together)
-    roots = [part[:1] for part in parts]
-    return distinct(np.concatenate([*roots, reached_from[reached_from >= 0]]))
+    joints, unreached = set(), (1 << len(neighbours)) - 1
+    while unreached:
+        root = (unreached & -unreached).bit_length() - 1
+        joints.add(root)
+        unreached ^= 1 << root
+        waiting = deque([root])
+        while waiting:
+            photo = waiting.popleft()
+            if new := neighbours[photo] & unreached:
+                joints.add(photo)
+                unreached ^= new
+                waiting.extend(_places(new))
+    return sorted(joints)
 
 
-def _connected_parts(together: BoolArray) -> tuple[list[IntArray], IntArray]:
-    """Return the members of each connected part, ascending, and from which photo each one was reached, the first -1.
-
-    `together` (photos, photos) says which two are connected. Each part is gone through
-    from its first photo, breadth first.
-    """
-    parts: list[IntArray] = []
-    part_of = np.full(len(together), -1)
-    reached_from = np.full(len(together), -1)
-    while (left := np.flatnonzero(part_of < 0)).size:
-        newest = left[:1]
-        while newest.size:
-            part_of[newest] = len(parts)
-            neighbours = together[newest] & (part_of < 0)
-            found = np.flatnonzero(neighbours.any(axis=0))
-            reached_from[found] = newest[neighbours[:, found].argmax(axis=0)]
-            newest = found
-        parts.append(np.flatnonzero(part_of == len(parts)))
-    return parts, reached_from
+def _parts(neighbours: Sequence[int], photos: int) -> Iterator[int]:
+    """Yield the connected parts of photos."""
+    while photos:
+        part = front = photos & -photos
+        photos ^= part
+        while front:
+            photo = front.bit_length() - 1
+            new = neighbours[photo] & photos
+            front ^= (1 << photo) | new
+            photos ^= new
+            part |= new
+        yield part
 
 
 def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:

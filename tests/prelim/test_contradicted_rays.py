@@ -23,7 +23,7 @@ from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
-from orip.prelim.tracks.confirmed_block import confirmed_block
+from orip.prelim.tracks.confirmed_block import confirmed_block, has_many_misses
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.records.names import record_key
 from orip.structs import replace
@@ -56,6 +56,15 @@ def test_parts_of_a_block_tell_right_rays_from_wrong_ones():
     # each ray can be told
     assert not by_threes.confirmed[~wrong].all()
     assert by_parts.confirmed.tolist() == (~wrong).tolist()
+
+
+def test_many_rays_of_tracks_miss_each_other_and_few_of_an_ordinary_block():
+    tracks, ordinary = outlier_records(6), simulated_records(3, "convergent", largest=12)
+    # a pair has twice the wrong rays of a photo
+    assert tracks.blunders > 0.05
+    assert ordinary.blunders < 0.05
+    assert has_many_misses(measured_block(gathered(tracks)))
+    assert not has_many_misses(measured_block(gathered(ordinary)))
 
 
 def test_contradicted_rays_are_counted_in_one_sentence():

@@ -30,3 +30,22 @@ def test_a_pair_that_was_taken_out_of_its_own_system_does_not_begin_another_one(
     assert len(begun) == len(rays.photos) // 2
     assert len(set.union(*begun)) == 2 * len(begun)
     assert not any(system.oriented.any() for system in found.systems)
+
+
+def test_routes_from_other_pairs_use_the_parts_that_have_grown_before(monkeypatch: pytest.MonkeyPatch):
+    rays = image_rays(synthetic_block("convergent", "routes").block)
+    shared = grower(rays)
+    grown = []
+    grow = BlockGrower.grow
+    monkeypatch.setattr(BlockGrower, "grow", lambda self, *given: grown.append(self) or grow(self, *given))
+    first, again = by_pairs(shared, 0), by_pairs(shared, 0)
+    assert len(grown) == len(first.systems) > 0
+    for one, other in zip(first.systems, again.systems, strict=True):
+        assert one is other
+    # another pair begins a block of its own
+    another = by_pairs(shared, 1)
+    assert another.relative[0].left + another.relative[0].right != first.relative[0].left + first.relative[0].right
+    assert len(grown) > len(first.systems)
+    # what does not share the parts comes to the same
+    alone = by_pairs(grower(rays), 1)
+    assert alone.systems[0].centres.tolist() == another.systems[0].centres.tolist()

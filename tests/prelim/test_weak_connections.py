@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
+import pytest
+from scipy.sparse.csgraph import connected_components
 
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.relative.pair_selection import common_point_counts
@@ -47,3 +51,28 @@ def test_few_points_across() -> None:
 def test_enough_points_across_or_control_beyond() -> None:
     assert told(strip(6)) == []
     assert told(strip(2), control=2) == []
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_joints_are_those_without_which_a_block_falls_apart(seed):
+    # 30 photos with one to three neighbours, and one point in each: no part has a scale of its own
+    random = np.random.default_rng(seed)
+    common = np.zeros((30, 30), dtype=np.int64)
+    for photo in range(1, 30):
+        for other in random.choice(photo, size=min(photo, int(random.integers(1, 3))), replace=False):
+            common[photo, other] = common[other, photo] = 6
+    nothing = np.zeros((30, 3))
+    each = np.arange(30)
+    rays = ImageRays(tuple(map(str, each)), tuple(map(str, each)), each, each, nothing[:, :2], nothing, np.ones(30))
+    found = set()
+    for joint in range(30):
+        others = np.delete(each, joint)
+        count, label = connected_components(common[np.ix_(others, others)], directed=False)
+        parts = sorted((others[label == part].tolist() for part in range(count)), key=len)
+        # the largest is the rest of the block; of equally large ones the first
+        largest = max((part for part in parts if len(part) == len(parts[-1])), key=lambda part: -part[0])
+        found |= {(joint, len(part)) for part in parts if part != largest}
+    sentences = list(weak_connections(rays, common, np.zeros(30, dtype=bool)))
+    told = {int(re.search(r"only by photo (\d+)", sentence)[1]) for sentence in sentences}
+    assert told == {joint for joint, _ in found}
+    assert len(sentences) >= len(told) > 0

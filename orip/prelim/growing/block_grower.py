@@ -13,13 +13,14 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.prelim.growing.from_models import FromModels
 from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
 from orip.prelim.growing.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
 from orip.prelim.refinement.refinement import ROUGH, refine
-from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.relative.orientation import OrientedPair, orient_two_photos
 from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.configuration import image_configuration
 from orip.prelim.resection.known_points import FEW_BLUNDERS
@@ -27,7 +28,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
-from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import NotOriented
 from orip.structs import replace
 from orip.wording import counted
 
@@ -84,8 +85,8 @@ class BlockGrower(Struct, frozen=True):
         Coordinates of points that do not change; NaN for the others.
     allowed : array (photos,) of bool
         Photos that may be added.
-    models : dict
-        Relative orientations by pairs of photos, kept since many are needed again.
+    from_models : FromModels
+        Of these rays.
     branching : bool
         Partial blocks may grow by themselves before they are connected; they do not branch again.
     held_errors : array (number of points,) or None
@@ -99,7 +100,7 @@ class BlockGrower(Struct, frozen=True):
     common: IntArray
     held: FloatArray
     allowed: BoolArray
-    models: dict[tuple[int, int], RelativeOrientation | NotOriented] = field(default_factory=dict)
+    from_models: FromModels = field(default_factory=FromModels)
     branching: bool = True
     held_errors: FloatArray | None = None
     blunders: float = FEW_BLUNDERS
@@ -301,18 +302,19 @@ class BlockGrower(Struct, frozen=True):
 
         Known points have to fit: they give the scale and check it.
         """
+        all_known = current.known
         for oriented, photo in self._models_to_try(current):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+            if isinstance(model, NotOriented) or model.fitting < FITTING:
                 continue
-            known = np.count_nonzero(current.known[model.block.points])
+            known = np.count_nonzero(all_known[model.block.points])
             if known < _SCALE_CHECKED or refused.models.get((oriented, photo), 0) >= known:
                 continue
-            joined = join(model.block, _part(current, oriented, model.block.points), self.rays, "connect")
+            joined = join(model.block, current.part(oriented, model.block.points), self.rays, "connect")
             if isinstance(joined, Joined) and _fitting_points(joined) >= _SCALE_CHECKED:
                 place = int(np.flatnonzero(joined.block.photos == photo)[0])
                 how = (
-                    f"model with photo {model.left} ({len(model.points)} points), connected by "
+                    f"model with photo {self.rays.photos[oriented]} ({len(model.rows[0])} points), connected by "
                     f"{len(joined.step.points)} known points"
                 )
                 return current.with_photo(photo, joined.block.rotations[place], joined.block.centres[place], how)
@@ -326,15 +328,14 @@ class BlockGrower(Struct, frozen=True):
         """
         for oriented, photo in islice(self._models_to_try(current), _BLOCKS_TRIED):
             model = self.model(oriented, photo)
-            if not isinstance(model, RelativeOrientation) or np.mean(model.weight_factor >= 1.0) < FITTING:
+            if isinstance(model, NotOriented) or model.fitting < FITTING:
                 continue
-            how = f"model with photo {model.left} ({len(model.points)} points)"
+            how = f"model with photo {self.rays.photos[oriented]} ({len(model.rows[0])} points)"
             allowed = self.allowed & ~current.oriented
             grower = replace(self, held=np.full_like(self.held, np.nan), allowed=allowed, branching=False)
-            start = replace(growing_block_of(self.rays, model.block, how), corrections=current.corrections)
-            block = grower.grow(start, ROUGH)
+            block = grower.grown_from(model, how, current.corrections)
             joined = join(
-                block.partial_block(), _part(current, oriented, np.flatnonzero(block.known)), self.rays, "connect"
+                block.partial_block(), current.part(oriented, np.flatnonzero(block.known)), self.rays, "connect"
             )
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
@@ -344,23 +345,34 @@ class BlockGrower(Struct, frozen=True):
                 return more
         return None
 
-    def model(self, left: int, right: int) -> RelativeOrientation | NotOriented:
+    def model(self, left: int, right: int) -> OrientedPair | NotOriented:
         """Return the relative orientation of a photo to another one."""
-        if (left, right) not in self.models:
-            name = self.rays.photos[left]
-            found = orient_pair(self.rays, left, right, model=name, row=None, column=None, index=self.index)
-            self.models[left, right] = found
-        return self.models[left, right]
+        models = self.from_models.models
+        if (left, right) not in models:
+            models[left, right] = orient_two_photos(
+                self.rays, left, right, model=self.rays.photos[left], index=self.index
+            )
+        return models[left, right]
+
+    def grown_from(self, model: OrientedPair, how: str, corrections: FloatArray) -> GrowingBlock:
+        """Return what grows from a model without control, by which `how` its two photos are oriented.
+
+        The cameras start with `corrections` (cameras, 4).
+        """
+        key = (*model.photos, self.branching, self.allowed.tobytes(), corrections.tobytes())
+        if key not in self.from_models.blocks:
+            start = replace(growing_block_of(self.rays, model.block, how), corrections=corrections)
+            self.from_models.blocks[key] = self.grow(start, ROUGH)
+        return self.from_models.blocks[key]
 
     def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
         oriented = current.oriented
         counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
         tried = np.zeros(len(oriented), dtype=int)
-        for flat in np.argsort(-counts, axis=None, kind="stable"):
-            first, photo = divmod(int(flat), counts.shape[1])
-            if counts[first, photo] < _FEWEST_FOR_MODEL:
-                return
+        first_of, photo_of = np.nonzero(counts >= _FEWEST_FOR_MODEL)
+        order = np.argsort(-counts[first_of, photo_of], kind="stable")
+        for first, photo in zip(first_of[order].tolist(), photo_of[order].tolist(), strict=True):
             if tried[photo] < _MODELS_TRIED:
                 tried[photo] += 1
                 yield first, photo
@@ -378,17 +390,3 @@ def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) 
 
 def _fitting_points(joined: Joined) -> int:
     return int(np.sum(np.all(joined.step.weight_factor >= 1.0, axis=1)))
-
-
-def _part(current: GrowingBlock, photo: int, points: IntArray) -> PartialBlock:
-    """Return one photo of a system, with those of its points that are known."""
-    known = points[current.known[points]]
-    return PartialBlock(
-        current.name,
-        np.array([photo]),
-        current.rotations[[photo]],
-        current.centres[[photo]],
-        known,
-        current.coordinates[known],
-        np.nan_to_num(current.deviations[known]),
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
@@ -87,6 +87,19 @@ class GrowingBlock(Struct, frozen=True):
             points,
             self.coordinates[points],
             np.nan_to_num(self.deviations[points]),
+        )
+
+    def part(self, photo: int, points: IntArray) -> PartialBlock:
+        """Return one oriented photo, with those of some points that are known."""
+        known = points[self.known[points]]
+        return PartialBlock(
+            self.name,
+            np.array([photo]),
+            self.rotations[[photo]],
+            self.centres[[photo]],
+            known,
+            self.coordinates[known],
+            np.nan_to_num(self.deviations[known]),
         )
 
 

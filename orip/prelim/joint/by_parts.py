@@ -16,7 +16,7 @@ from orip.prelim.joint.placing import levelled
 from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
-from orip.records.results.preliminary import PartialBlock, RelativeOrientation
+from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 
 _POINTS = 3
@@ -66,9 +66,9 @@ def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[
     for left, right, _ in pairs_by_common_points(grower.common, POINTS_FOR_A_PAIR):
         if part_of[left] != part_of[right] or part_of[left] < 0:
             model = grower.model(left, right)
-            if not isinstance(model, RelativeOrientation) or len(model.block.points) < _POINTS:
+            if isinstance(model, NotOriented) or len(model.block.points) < _POINTS:
                 continue
-            if np.mean(model.weight_factor >= 1.0) >= FITTING:
+            if model.fitting >= FITTING:
                 yield model.block
 
 

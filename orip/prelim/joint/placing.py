@@ -14,7 +14,6 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.rotation import cross_matrix
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.partial_blocks import transformed
 from orip.records.results.preliminary import PartialBlock
@@ -109,26 +108,27 @@ def tilted(part: PartialBlock, slope_x: float, slope_y: float) -> PartialBlock:
 
 def _turn_to_up(direction: FloatArray) -> FloatArray:
     """Return the smallest rotation that takes a direction (3,) to the vertical."""
-    up = np.array([0.0, 0.0, 1.0])
-    across, cosine = cross_matrix(np.cross(direction, up)), float(direction @ up)
-    if cosine < -1.0 + 1e-12:
+    x, y, z = direction.tolist()
+    if z < -1.0 + 1e-12:
         return np.diag([1.0, -1.0, -1.0])
-    return np.asarray(np.eye(3) + across + across @ across / (1.0 + cosine))
+    # I + [a]x + [a]x [a]x / (1 + cosine), with a = direction x vertical
+    a, b = x / (1.0 + z), y / (1.0 + z)
+    return np.array([[1.0 - a * x, -a * y, -x], [-b * x, 1.0 - b * y, -y], [x, y, 1.0 - a * x - b * y]])
 
 
 def _with_common_azimuths(parts: Sequence[PartialBlock]) -> list[PartialBlock]:
     """Return parts of which those with a common photo have the same azimuth."""
     placed: dict[int, PartialBlock] = {}
+    photos = [set(part.photos.tolist()) for part in parts]
     for first in range(len(parts)):
         if first in placed:
             continue
         placed[first], waiting = parts[first], [first]
         while waiting:
-            here = placed[waiting.pop()]
+            here = waiting.pop()
             for other in range(len(parts)):
-                common = np.intersect1d(here.photos, parts[other].photos)
-                if other not in placed and len(common):
-                    placed[other] = _turned_like(parts[other], here, int(common[0]))
+                if other not in placed and (common := photos[here] & photos[other]):
+                    placed[other] = _turned_like(parts[other], placed[here], min(common))
                     waiting.append(other)
     return [placed[number] for number in range(len(parts))]
 
@@ -209,11 +209,12 @@ def _ties(parts: Sequence[PartialBlock], known: FloatArray) -> tuple[_Ties, Floa
 
 def _alike(parts: Sequence[PartialBlock]) -> list[tuple[int, int]]:
     """Return pairs of parts with a common photo."""
+    photos = [set(part.photos.tolist()) for part in parts]
     return [
         (one, other)
         for one in range(len(parts))
         for other in range(one + 1, len(parts))
-        if len(np.intersect1d(parts[one].photos, parts[other].photos))
+        if not photos[one].isdisjoint(photos[other])
     ]
 
 

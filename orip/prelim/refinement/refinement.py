@@ -116,7 +116,7 @@ def refine(
     if not len(problem.rays.photo):
         return Refined(rotations, centres, coordinates, corrections, weight_factors, 0.0, 0)
     # a system of the block's own size: damping treats angles and lengths alike
-    base = np.nanmean(centres[oriented], axis=0)
+    base = centres[oriented].mean(axis=0)
     size = float(np.linalg.norm(coordinates[problem.rays.point] - centres[problem.rays.photo], axis=1).mean())
     start = RefinementState(rotations, (centres - base) / size, (coordinates - base) / size, corrections)
     robust = _RobustRefinement(problem, enough)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from msgspec import Struct
 
 from orip.adjustment.precision import residual_cofactor
-from orip.arrays import IntArray
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex, photo_index
@@ -28,6 +29,57 @@ _FITS = 3.0
 
 _LARGEST_SCALE = 20.0
 """Scale of the residuals that an uncalibrated camera may cause; above it points are confused."""
+
+
+class OrientedPair(Struct, frozen=True):
+    """Two photos that are oriented relatively, and their n common points.
+
+    Parameters
+    ----------
+    photos : (int, int)
+    rows : two arrays (n,) of int
+        Of the rays: those of the left and those of the right photo.
+    pairs : Pairs
+    solution : PairSolution
+    base : array (3,)
+        Metres at photo scale.
+    block : PartialBlock
+        The photos, and the points that are usable.
+    fitting : float
+        Part of the points that has full weight.
+    """
+
+    photos: tuple[int, int]
+    rows: tuple[IntArray, IntArray]
+    pairs: Pairs
+    solution: PairSolution
+    base: FloatArray
+    block: PartialBlock
+    fitting: float
+
+
+def orient_two_photos(
+    rays: ImageRays, left: int, right: int, *, model: str, index: PhotoIndex
+) -> OrientedPair | NotOriented:
+    """Orient the right photo to the left one as `orient_pair` does, without what only a listing shows."""
+    rows = index.common_points(left, right)
+    names = rays.photos[left], rays.photos[right]
+    pairs = Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.hypot(rays.error[rows[0]], rays.error[rows[1]]))
+    count = len(pairs.error)
+    if count < POINTS_NEEDED:
+        reason = f"photo {names[0]} and photo {names[1]} share {counted(count, 'point')}, {POINTS_NEEDED} are needed"
+        return NotOriented(model, "", reason)
+    solution = solve(pairs)
+    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"
+    if solution is None:
+        return NotOriented(model, "", reason)
+    fault = _fault(solution, pairs)
+    if fault is not None:
+        return NotOriented(model, "", f"{reason}: {fault}")
+    base = solution.length * solution.photos.base
+    block = _model(model, (left, right), rays.point[rows[0]], solution)
+    fitting = np.count_nonzero(solution.weight_factor >= 1.0) / count
+    return OrientedPair((left, right), rows, pairs, solution, base, block, fitting)
 
 
 def orient_pair(
@@ -72,21 +124,8 @@ def orient_pair(
     Standard deviations are those of the a-priori errors times `seuw` (without redundancy, times 1). Those of model
     coordinates are those of the intersection of two rays with fixed orientation, times `seuw` where it is above 1.
     """
-    rows = (index or photo_index(rays)).common_points(left, right)
-    names = rays.photos[left], rays.photos[right]
-    pairs = Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.hypot(rays.error[rows[0]], rays.error[rows[1]]))
-    count = len(pairs.error)
-    if count < POINTS_NEEDED:
-        reason = f"photo {names[0]} and photo {names[1]} share {counted(count, 'point')}, {POINTS_NEEDED} are needed"
-        return NotOriented(model, "", reason)
-    solution = solve(pairs)
-    reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"
-    if solution is None:
-        return NotOriented(model, "", reason)
-    fault = _fault(solution, pairs)
-    if fault is not None:
-        return NotOriented(model, "", f"{reason}: {fault}")
-    return _result(rays, (left, right), rows, solution, pairs, (model, row, column))
+    found = orient_two_photos(rays, left, right, model=model, index=index or photo_index(rays))
+    return found if isinstance(found, NotOriented) else listed(rays, found, row, column)
 
 
 def _fault(solution: PairSolution, pairs: Pairs) -> str | None:
@@ -103,48 +142,43 @@ def _fault(solution: PairSolution, pairs: Pairs) -> str | None:
     return None
 
 
-def _result(
-    rays: ImageRays,
-    photos: tuple[int, int],
-    rows: tuple[IntArray, IntArray],
-    solution: PairSolution,
-    pairs: Pairs,
-    place: tuple[str, int | None, int | None],
+def listed(
+    rays: ImageRays, pair: OrientedPair, row: int | None = None, column: int | None = None
 ) -> RelativeOrientation:
+    """Return an oriented pair as listings show it."""
+    pairs, solution, photos = pair.pairs, pair.solution, pair.photos
     seuw, at_least_one = solution.seuw, max(solution.seuw, 1.0)
     cofactor = residual_cofactor(solution.redundancy_number, solution.weight_factor)
     unit_weight = seuw or 1.0
-    base = solution.length * solution.photos.base
-    points = rays.point[rows[0]]
-    names = tuple(rays.points[point] for point in points.tolist())
+    names = tuple(rays.points[point] for point in rays.point[pair.rows[0]].tolist())
     return RelativeOrientation(
-        model=place[0],
+        model=pair.block.name,
         left=rays.photos[photos[0]],
         right=rays.photos[photos[1]],
-        row=place[1],
-        column=place[2],
+        row=row,
+        column=column,
         points=names,
-        left_xy=rays.xy[rows[0]],
-        right_xy=rays.xy[rows[1]],
+        left_xy=rays.xy[pair.rows[0]],
+        right_xy=rays.xy[pair.rows[1]],
         parallax=solution.parallax,
         parallax_deviation=seuw * pairs.error * np.sqrt(cofactor),
         weight_factor=solution.weight_factor,
         in_front=solution.in_front,
-        base=base,
+        base=pair.base,
         base_deviation=unit_weight * solution.length * solution.base_deviation,
         angles=solution.angles,
         angle_deviation=unit_weight * solution.angle_deviation,
         iterations=solution.iterations,
         seuw=seuw,
         max_residual=float(np.abs(solution.parallax[solution.weight_factor == 1.0]).max()),
-        block=_model(place[0], photos, points, solution),
+        block=pair.block,
         remarks=remarks_on(
             names,
             solution.parallax,
             pairs.error * at_least_one,
             solution.weight_factor,
             solution.in_front,
-            base=base,
+            base=pair.base,
             seuw=seuw,
             ambiguous=solution.ambiguous,
             exchanged=_exchanged(solution, pairs, at_least_one),

@@ -15,15 +15,16 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import PhotoIndex
+from orip.prelim.rays.photo_index import PhotoIndex, photo_index
 from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.known_points import MANY_BLUNDERS
 from orip.prelim.resection.resection import Resected, resect
 
-_PARTNERS = 6
+_PARTNERS = 4
 """Photos with which each photo is oriented relatively: those with most common points."""
 
 _THIRD_PHOTOS = 4
@@ -72,30 +73,6 @@ class Votes:
         return np.asarray(agreed < _CONFIRMED * number)
 
 
-def votes_of(rays: ImageRays, index: PhotoIndex, common: IntArray, most: int | None = None) -> Votes:
-    """Compare rays in pairs and triples of photos.
-
-    Parameters
-    ----------
-    rays : ImageRays
-    index : PhotoIndex
-    common : array (photos, photos)
-        Numbers of common points.
-    most : int or None
-        Number of pairs of photos to compare, spread over the block; None: all.
-    """
-    votes = Votes(len(rays.photo))
-    pairs = list(_pairs(common))
-    step = 1 if most is None else max(len(pairs) // most, 1)
-    models = [model for pair in pairs[::step] if (model := _model(rays, index, pair)) is not None]
-    if models:
-        usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
-        for model in models:
-            if (unbent := _at_usual_scale(model, usual)) is not None:
-                _compare(rays, index, unbent, votes)
-    return votes
-
-
 class _Model(NamedTuple):
     """Two photos, the rows of their common points, these points, and their relative orientation."""
 
@@ -104,6 +81,43 @@ class _Model(NamedTuple):
     right: IntArray
     pairs: Pairs
     solution: PairSolution
+
+
+class RayComparison:
+    """Compares rays in pairs and triples of photos.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    """
+
+    def __init__(self, rays: ImageRays) -> None:
+        self._rays, self._index = rays, photo_index(rays)
+        self._pairs = list(compared_pairs(common_point_counts(rays)))
+        self._models: dict[tuple[int, int], _Model | None] = {}
+
+    def votes(self, most: int | None = None) -> Votes:
+        """Return how often rays agreed with others.
+
+        Parameters
+        ----------
+        most : int or None
+            Number of pairs of photos to compare, spread over the block; None: all.
+        """
+        votes = Votes(len(self._rays.photo))
+        step = 1 if most is None else max(len(self._pairs) // most, 1)
+        models = [model for pair in self._pairs[::step] if (model := self._model(pair)) is not None]
+        if models:
+            usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
+            for model in models:
+                if (unbent := _at_usual_scale(model, usual)) is not None:
+                    _compare(self._rays, self._index, unbent, votes)
+        return votes
+
+    def _model(self, pair: tuple[int, int]) -> _Model | None:
+        if pair not in self._models:
+            self._models[pair] = _model(self._rays, self._index, pair)
+        return self._models[pair]
 
 
 def _model(rays: ImageRays, index: PhotoIndex, photos: tuple[int, int]) -> _Model | None:
@@ -125,7 +139,7 @@ def _at_usual_scale(model: _Model, usual: float) -> _Model | None:
     return model._replace(solution=solution)
 
 
-def _pairs(common: IntArray) -> Iterator[tuple[int, int]]:
+def compared_pairs(common: IntArray) -> Iterator[tuple[int, int]]:
     """Yield the pairs of each photo and those with which it shares most points, once."""
     found: set[tuple[int, int]] = set()
     for photo, counts in enumerate(common):

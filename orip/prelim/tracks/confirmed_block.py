@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray
-from orip.prelim.measured_block import MeasuredBlock, measured_block_of
+from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.rays.image_rays import ImageRays, rays_of_plane_images
-from orip.prelim.rays.photo_index import photo_index
 from orip.prelim.rays.thinning import thinned
-from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.tracks.confirmation import Votes, votes_of
+from orip.prelim.relative.orientation import OrientedPair
+from orip.prelim.tracks.confirmation import RayComparison, Votes, compared_pairs
 
 _POINTS_OF_TRACKS = 15
 """Points of the median photo from which so many points are common to three photos that wrong ones show."""
@@ -18,6 +17,10 @@ _POINTS_OF_TRACKS = 15
 _SAMPLE, _MANY = 12, 0.03
 """Pairs of photos from which the part of the rays that others contradict is estimated, and the part from which the
 block is one of tracks."""
+
+_PAIRS_LOOKED_AT, _MANY_MISS = 3, 0.14
+"""Pairs of photos spread over a block, and the part of their rays that miss each other from which the block may be one
+of tracks: an ordinary one, with twenty photo points in a hundred wrong in no more than a few photos, has less."""
 
 _PHOTOS_COMPARED = 3
 """Photos by which a ray is confirmed, itself included."""
@@ -33,27 +36,48 @@ _ENOUGH = 80
 """Points of a photo that are compared."""
 
 
+def has_many_misses(measured: MeasuredBlock) -> bool:
+    """Tell whether many rays of a few pairs of photos miss each other: a block that grows from them all will not do.
+
+    Pairs that cannot be oriented count with all their points. The models are those with which the block grows.
+    """
+    if not _can_be_compared(measured):
+        return False
+    pairs, grower = list(compared_pairs(measured.common)), measured.grower()
+    points, misses = 0, 0.0
+    for left, right in pairs[:: max(len(pairs) // _PAIRS_LOOKED_AT, 1)][:_PAIRS_LOOKED_AT]:
+        model, number = grower.model(left, right), int(measured.common[left, right])
+        fitting = model.fitting if isinstance(model, OrientedPair) else 0.0
+        points, misses = points + number, misses + (1.0 - fitting) * number
+    return misses > _MANY_MISS * points
+
+
+def _can_be_compared(measured: MeasuredBlock) -> bool:
+    per_photo = np.bincount(measured.rays.photo, minlength=len(measured.rays.photos))
+    return bool(len(per_photo) >= _PHOTOS_COMPARED and np.median(per_photo) >= _POINTS_OF_TRACKS)
+
+
 def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     """Return the block without the rays that others contradict; None where these are few.
 
     Rays that could not be compared stay, and so do those of control of which too few would be left.
     """
-    per_photo = np.bincount(measured.rays.photo, minlength=len(measured.rays.photos))
-    if len(per_photo) < _PHOTOS_COMPARED or np.median(per_photo) < _POINTS_OF_TRACKS:
+    if not _can_be_compared(measured):
         return None
     all_rays, names = measured.all_rays, set(measured.control.names)
     control = np.array([name in names for name in all_rays.points], dtype=bool)
     rays = thinned(rays_of_plane_images(measured.block, all_rays), control, _ENOUGH)
-    if _few(votes_of(rays, photo_index(rays), common_point_counts(rays), _SAMPLE)):
+    comparison = RayComparison(rays)
+    if _few(comparison.votes(_SAMPLE)):
         return None
-    refused = rays.of(_contradicted(rays))
+    refused = rays.of(_contradicted(rays, comparison))
     place = {name: row for row, name in enumerate(all_rays.points)}
     place_of = np.array([place[name] for name in rays.points], dtype=np.int64)
     count = len(all_rays.points)
     kept = ~np.isin(all_rays.photo * count + all_rays.point, refused.photo * count + place_of[refused.point])
     left = np.bincount(all_rays.point[kept], minlength=len(control))
     kept |= (control & (left < _LEAST_RAYS))[all_rays.point]
-    return measured_block_of(measured.block, all_rays, kept)
+    return measured.with_rays(kept)
 
 
 def _few(votes: Votes) -> bool:
@@ -61,15 +85,15 @@ def _few(votes: Votes) -> bool:
     return bool(np.count_nonzero(votes.contradicted) <= _MANY * np.count_nonzero(votes.compared))
 
 
-def _contradicted(rays: ImageRays) -> BoolArray:
-    """Return which rays (n,) others contradict."""
+def _contradicted(rays: ImageRays, comparison: RayComparison) -> BoolArray:
+    """Return which rays (n,) others contradict, beginning with a comparison of all of them."""
     left = np.arange(len(rays.photo))
     for _ in range(_PASSES):
-        some = rays.of(left)
-        votes = votes_of(some, photo_index(some), common_point_counts(some))
+        votes = comparison.votes()
         left = left[~votes.contradicted]
         if _few(votes):
             break
+        comparison = RayComparison(rays.of(left))
     contradicted = np.ones(len(rays.photo), dtype=bool)
     contradicted[left] = False
     return contradicted

@@ -17,7 +17,7 @@ from orip.geometry.ray_consensus import PhotoRays
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
-from orip.prelim.measured_block import MORE, MeasuredBlock, measured_block_of
+from orip.prelim.measured_block import MORE, MeasuredBlock
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.routes import by_pairs
 
@@ -37,8 +37,8 @@ def confirmed_by_parts(measured: MeasuredBlock) -> MeasuredBlock:
         confirmed = _confirmed(measured, by_pairs(measured.grower(), 0).systems)
         if (confirmed == measured.confirmed).all():
             break
-        measured = measured_block_of(measured.block, measured.all_rays, confirmed)
-    return measured_block_of(measured.block, measured.all_rays, measured.confirmed, MORE)
+        measured = measured.with_rays(confirmed)
+    return measured.with_rays(measured.confirmed, MORE)
 
 
 def _confirmed(measured: MeasuredBlock, parts: Sequence[GrowingBlock]) -> BoolArray:
