@@ -9,7 +9,11 @@ _ALLOCATIONS = 250_000
 """Containers after which Python looks for circles among them: orip's data have none, and every thousandth container, as
 is usual, takes a quarter of the time of a large block."""
 
-_IN_PARTS = {"scipy.linalg": (), "scipy.special": ("_ufuncs",)}
+_IN_PARTS = {
+    "scipy.linalg": (),
+    "scipy.special": ("_ufuncs",),
+    "scipy.sparse.csgraph": ("_matching", "_reordering"),
+}
 """Packages of SciPy of which orip needs a few modules and functions."""
 
 

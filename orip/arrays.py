@@ -8,9 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.waiting_modules import let_wait
+from orip.waiting_modules import WaitingMaskedArrays, let_wait
 
 let_wait(np, "char", "ctypeslib", "f2py", "polynomial", "testing")  # SciPy takes all names of NumPy
+let_wait(np, "ma", stand_in=WaitingMaskedArrays)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -76,7 +76,7 @@ def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:
     return [first, *(helper.result() for helper in helpers)]
 
 
-def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT]) -> list[T]:
+def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT], of_a_thread: int | None = None) -> list[T]:
     """Return what a task returns of each part, in their order; a thread takes one part after the other.
 
     A task that writes to its part of an array leaves the others alone: nothing depends on how many threads there are.
@@ -85,7 +85,8 @@ def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT]) -> list[T]:
     ----------
     task : callable
     parts : iterable
-        Each with some thousand elements, as those of `orip.arrays.parts`, or with more work.
+    of_a_thread : int, optional
+        For so many parts a thread pays; if not given, for so many of some thousand elements (`orip.arrays.parts`).
     """
     given = list(parts)
     waiting, found = iter(enumerate(given)), dict[int, T]()
@@ -94,7 +95,7 @@ def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT]) -> list[T]:
         for number, part in waiting:
             found[number] = task(part)
 
-    at_once([take_parts] * max(1, min(available_threads(), len(given) // _PARTS_OF_A_THREAD)))
+    at_once([take_parts] * max(1, min(available_threads(), len(given) // (of_a_thread or _PARTS_OF_A_THREAD))))
     return [found[number] for number in range(len(given))]
 
 

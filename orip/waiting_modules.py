@@ -29,11 +29,28 @@ class WaitingModule(ModuleType):
         return getattr(import_module(self.__name__), name)
 
 
-def let_wait(package: ModuleType, *names: str) -> None:
+class WaitingMaskedArrays(WaitingModule):
+    """Stands for NumPy's module of masked arrays, which `np.unique` and `np.median` ask whether an array is masked.
+
+    While it has not been loaded none is.
+    """
+
+    @staticmethod
+    def is_masked(_array: object) -> bool:
+        """Return whether an array has masked elements."""
+        return False
+
+    @staticmethod
+    def isMaskedArray(_array: object) -> bool:  # noqa: N802  # the name is NumPy's
+        """Return whether an array can have masked elements."""
+        return False
+
+
+def let_wait(package: ModuleType, *names: str, stand_in: type[WaitingModule] = WaitingModule) -> None:
     """Let modules of a package wait that have not been loaded yet."""
     for name in names:
         if name not in vars(package):
-            setattr(package, name, WaitingModule(f"{package.__name__}.{name}"))
+            setattr(package, name, stand_in(f"{package.__name__}.{name}"))
 
 
 _loading = RLock()

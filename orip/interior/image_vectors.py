@@ -11,6 +11,7 @@ from orip.geometry.projection import PROJECTIONS
 from orip.interior.distortion import corrected_with_partials, remove_distortion
 from orip.records.block import Block
 from orip.structs import replace
+from orip.threads import by_threads
 
 _PLANE_UP_TO = math.radians(70.0)
 """Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
@@ -28,8 +29,11 @@ def image_vectors(block: Block) -> FloatArray:
     """
     points = block.photo_points
     vectors = np.empty((len(points.photo), 3))
-    for rows in parts(len(points.photo)):
+
+    def put(rows: slice) -> None:
         vectors[rows] = _vectors_at_once(replace(block, photo_points=points.of(rows)))
+
+    by_threads(put, parts(len(points.photo)))
     return vectors
 
 

@@ -116,3 +116,5 @@ def test_some_unknowns_are_solved_for_without_the_others(streamed):
     whole[columns] = right
     wanted = normals.solve(whole)[columns]
     np.testing.assert_allclose(normals.solve_at(columns, right), wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())
+    inverse = normals.inverse_at(columns)
+    np.testing.assert_allclose(inverse @ right, wanted, rtol=1e-6, atol=1e-9 * np.abs(wanted).max())

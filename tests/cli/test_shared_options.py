@@ -157,9 +157,7 @@ def test_run_imports_neither_what_converts_words_nor_parts_of_libraries_that_sma
     assert not {"scipy.linalg._basic", "scipy.special._basic", "scipy.spatial", "scipy.sparse.csgraph"} & found
 
 
-IN_PARTS = (
-    "from orip.waiting_modules import load_in_parts; load_in_parts({'scipy.linalg': (), 'scipy.special': ('_ufuncs',)})"
-)
+IN_PARTS = "from orip.__main__ import _IN_PARTS; import orip.waiting_modules as w; w.load_in_parts(_IN_PARTS)"
 
 
 def test_modules_of_a_package_are_loaded_alone(tmp_path: Path) -> None:
@@ -169,8 +167,18 @@ def test_modules_of_a_package_are_loaded_alone(tmp_path: Path) -> None:
 
 
 def test_all_of_a_package_is_there_after_one_of_its_modules(tmp_path: Path) -> None:
-    asked = "from scipy.linalg import lapack; from scipy.sparse.csgraph import reverse_cuthill_mckee; from scipy.linalg"
-    assert "scipy.linalg._basic" in modules_after(f"{IN_PARTS}; {asked} import get_lapack_funcs, inv", tmp_path)
+    asked = (
+        "from scipy.linalg import lapack; from scipy.sparse.linalg import LinearOperator; from scipy.linalg import inv"
+    )
+    assert "scipy.linalg._basic" in modules_after(f"{IN_PARTS}; {asked}, get_lapack_funcs", tmp_path)
+
+
+def test_the_order_of_a_band_needs_no_other_graphs(tmp_path: Path) -> None:
+    asked = "from scipy.sparse.csgraph import reverse_cuthill_mckee as order; from scipy.sparse import csr_array as a"
+    found = modules_after(f"{IN_PARTS}; {asked}; order(a([[0, 1.0], [1.0, 0]]), symmetric_mode=True)", tmp_path)
+    assert not {"scipy.sparse.csgraph._laplacian", "scipy.sparse.linalg", "scipy.linalg._basic"} & found
+    asked = "from scipy.sparse.csgraph import reverse_cuthill_mckee, shortest_path"
+    assert "scipy.sparse.csgraph._laplacian" in modules_after(f"{IN_PARTS}; {asked}", tmp_path)
 
 
 @pytest.mark.parametrize(

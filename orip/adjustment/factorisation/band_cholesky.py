@@ -28,8 +28,8 @@ class BandFactor(Struct, frozen=True):
     ----------
     arrangement : Arrangement
     band : TwoEndedFactor, or EnvelopeFactor of a wide band
-    spread : array (banded, k)
-        A^-1 B^T, with the band A and the k rows of the border B, without those that are not determined.
+    half : array (banded, k)
+        L^-1 B^T, with the factor L of the band and the k rows of the border B, without those that are not determined.
     corner : array (k, k)
         L of what remains of the border's own unknowns.
     at_border : array (k,)
@@ -41,7 +41,7 @@ class BandFactor(Struct, frozen=True):
 
     arrangement: Arrangement
     band: TwoEndedFactor | EnvelopeFactor
-    spread: FloatArray
+    half: FloatArray
     corner: FloatArray
     at_border: NDArray[np.int64]
     lost_digits: FloatArray
@@ -52,16 +52,15 @@ class BandFactor(Struct, frozen=True):
         ordered = np.where(self._taking_part(right), right, 0.0)[self.arrangement.columns]
         of_border = ordered[self.at_border]
         ordered[self.at_border] = 0.0
-        in_band = ordered[: self.arrangement.banded]
-        rest = of_border - self.spread.T @ in_band
-        return np.concatenate([self.band.reduce(in_band), solve_lower(self.corner, rest)])
+        in_band = self.band.reduce(ordered[: self.arrangement.banded])
+        return np.concatenate([in_band, solve_lower(self.corner, of_border - self.half.T @ in_band)])
 
     def back_substitute(self, reduced_right: FloatArray) -> FloatArray:
         """Return the solution (m,) or (m, k) of L^T x = c, zero for removed columns."""
         banded = self.arrangement.banded
         of_border = solve_lower(self.corner, reduced_right[banded:], transposed=True)
         ordered = np.zeros((len(self.removed), *reduced_right.shape[1:]))
-        ordered[:banded] = self.band.back_substitute(reduced_right[:banded]) - self.spread @ of_border
+        ordered[:banded] = self.band.back_substitute(reduced_right[:banded] - self.half @ of_border)
         ordered[self.at_border] = of_border
         solution = ordered[self.arrangement.places]
         return np.where(self._taking_part(solution), solution, 0.0)
@@ -70,9 +69,10 @@ class BandFactor(Struct, frozen=True):
         """Return the inverse where the matrix has its band and border, zero for removed columns."""
         banded, size = self.arrangement.banded, len(self.removed)
         corner = _inverse(self.corner)
-        cross = -self.spread @ corner
+        spread = self.band.back_substitute(self.half)
+        cross = -spread @ corner
         band = self.band.inverse()
-        add_product(band, self.spread, -cross, self.arrangement.reach)
+        add_product(band, spread, -cross, self.arrangement.reach)
         rows = np.zeros((len(corner), size))
         rows[:, :banded] = cross.T
         rows[:, self.at_border] = corner
@@ -138,9 +138,8 @@ def _factor(matrix: BandMatrix, removed: NDArray[np.bool_], lost: FloatArray, sh
     pivots[at_border] = np.diag(corner)
     digits = np.where(left_out, lost[arrangement.columns], -2.0 * np.log10(pivots))
     return BandFactor(
-        arrangement, lower, lower.back_substitute(half), np.asarray(corner), at_border, digits[arrangement.places],
-        removed.copy(),
-    )  # fmt: skip
+        arrangement, lower, half, np.asarray(corner), at_border, digits[arrangement.places], removed.copy()
+    )
 
 
 def _inverse(lower: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ the result does not depend on whether there is a second one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -181,7 +181,9 @@ def factorise_from_both_ends(band: FloatArray) -> TwoEndedFactor | None:
     """Return the factor of a band (n, w + 1), n > w, in LAPACK's lower storage by columns; None if it has none."""
     count, width = len(band), band.shape[1] - 1
     first = (count - width) // 2
-    tasks = partial(_half, band[:first]), partial(_half, from_the_end(band, count - width - first))
+    # large arrays of a thread would be freed for that thread alone
+    columns = band[:first], from_the_end(band, count - width - first)
+    tasks = [partial(_half, part, np.empty((len(part) + width, width + 1))) for part in columns]
     forwards, backwards = _both(tasks, float(first) * width**2)
     if forwards is None or backwards is None:
         return None
@@ -195,10 +197,12 @@ def factorise_from_both_ends(band: FloatArray) -> TwoEndedFactor | None:
     return TwoEndedFactor(one, other, np.asarray(middle)) if info == 0 else None
 
 
-def _half(columns: FloatArray) -> tuple[Half, FloatArray] | None:
-    """Return the factor of the columns of a half (h, w + 1), and what it takes off the middle; None if it has none."""
+def _half(columns: FloatArray, band: FloatArray) -> tuple[Half, FloatArray] | None:
+    """Return the factor of the columns of a half (h, w + 1), and what it takes off the middle; None if it has none.
+
+    The factor is made in an array `band` (h + w, w + 1).
+    """
     count, width = len(columns), columns.shape[1] - 1
-    band = np.empty((count + width, width + 1))
     band[:count] = columns
     # the columns before do not depend on what stands in the middle: it only has to have a factor
     band[count:] = 0.0
@@ -210,6 +214,6 @@ def _half(columns: FloatArray) -> tuple[Half, FloatArray] | None:
     return Half(band[:count], to_middle), to_middle.T @ to_middle
 
 
-def _both(tasks: tuple[Callable[[], T], Callable[[], T]], work: float) -> list[T]:
+def _both(tasks: Sequence[Callable[[], T]], work: float) -> list[T]:
     """Return what two tasks of so many multiplications each return."""
     return at_once(tasks) if work >= _WORK_OF_A_THREAD and available_threads() > 1 else [task() for task in tasks]

@@ -42,8 +42,8 @@ typedef struct {
     const int32_t *camera_products, *camera_own, *camera_elements, *camera_unknowns, *camera_terms;
     const double *term_factors;
     const int32_t *camera_places, *photo_places;
-    /* longest, most_camera_columns: of the columns of a group */
-    int64_t groups, blocks, longest, most_camera_columns;
+    /* longest, most_camera_columns: of the columns of a group; most_rays: of the photo points of a point */
+    int64_t groups, blocks, longest, most_camera_columns, most_rays;
     /* groups that a thread takes at a time: share_start[s] ...; room: numbers that the largest share needs */
     const int32_t *share_start;
     int64_t shares, room;
@@ -297,10 +297,9 @@ INLINE int ahead(const Block *b, const Pattern *p, const double *factor, int64_t
 
 /* The columns that the points of a group are coupled with: those of its cameras, then six of each photo, in the order of
  * their places. The unknowns of a camera take the first places of its columns, and those behind them have none. first: of
- * each run; sorted: the runs in the order of their columns; common: columns of cameras whose sums groups that follow each
- * other share, padded, 0 if none has a set. */
+ * each run; sorted: the runs in the order of their columns; cameras: how many columns are those of cameras, padded. */
 typedef struct {
-    int64_t size, common;
+    int64_t size, cameras;
     const int32_t *runs;
     int32_t camera_runs, photo_runs;
     int32_t *first, *place, *sorted;
@@ -335,15 +334,12 @@ INLINE void insert_run(const Block *b, const Pattern *p, Local *local, int32_t r
     local->sorted[at] = r;
 }
 
-/* Pad the columns of cameras, if one has a set, so that their sums are whole strips of the columns. */
-INLINE void end_cameras(const Pattern *p, Local *local)
+/* Pad the columns of cameras, so that their sums are whole strips of the columns. */
+INLINE void end_cameras(Local *local)
 {
-    int has_set = 0;
-    for (int32_t r = 0; r < local->camera_runs; r++)
-        has_set |= p->camera_products[local->runs[r]] > 0;
-    while (has_set && local->size % PADDED(1))
+    while (local->size % PADDED(1))
         local->place[local->size++] = -1;
-    local->common = has_set ? local->size : 0;
+    local->cameras = local->size;
 }
 
 INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Local *local)
@@ -351,7 +347,7 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
     const int32_t *runs = p->runs + p->runs_start[group];
     const int32_t count = p->runs_start[group + 1] - p->runs_start[group];
     local->runs = runs;
-    local->size = local->common = 0;
+    local->size = local->cameras = 0;
     local->camera_runs = 0;
     for (int32_t r = 0; r < count; r++) {
         local->camera_runs += runs[r] < b->camera_count;
@@ -368,7 +364,7 @@ INLINE void local_unknowns(const Block *b, const Pattern *p, int64_t group, Loca
         for (int32_t u = 0; u < columns; u++)
             local->place[local->size++] = u < unknowns ? places[u] : -1;
         if (at + 1 == local->camera_runs)
-            end_cameras(p, local);
+            end_cameras(local);
     }
 }
 
@@ -386,12 +382,6 @@ INLINE int has_same_cameras(const Block *b, const Pattern *p, int64_t group)
         if (runs[r] != before[r])
             return 0;
     }
-}
-
-/* How many of a group's columns are those of cameras. */
-INLINE int64_t camera_columns(const Local *local)
-{
-    return local->photo_runs ? local->first[local->sorted[local->camera_runs]] : local->size;
 }
 
 /* First local unknown of a run. The search begins at the last hit: runs are asked for nearly in their order. */

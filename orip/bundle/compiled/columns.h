@@ -82,7 +82,7 @@ static void matrix_to_unknowns(const Pattern *p, const Local *local, double *mat
                 matrix[j * stride + i] = matrix[i * stride + j];
         for (int64_t j = 0; j < first; j++)
             to_unknowns(&t, matrix + j * stride + first);
-        for (int64_t i = first; i < local->common; i += LANES)
+        for (int64_t i = first; i < local->cameras; i += LANES)
             lanes_to_unknowns(&t, matrix + first * stride + i, stride);
         for (int64_t j = first; j < first + t.unknowns; j++)
             to_unknowns(&t, matrix + j * stride + first);
@@ -100,7 +100,7 @@ static void rows_to_unknowns(const Pattern *p, const Local *local, double *matri
         Terms t;
         if (!has_terms(p, local->runs[r], &t))
             continue;
-        for (int64_t i = 0; i < local->size - local->common; i += LANES)
+        for (int64_t i = 0; i < local->size - local->cameras; i += LANES)
             lanes_to_unknowns(&t, matrix + first * stride + i, stride);
         memcpy(squares, diagonal + first, sizeof(double) * (size_t)t.columns);
         for (int32_t u = 0; u < t.unknowns; u++) {

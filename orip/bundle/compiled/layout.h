@@ -167,20 +167,12 @@ static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
     return most;
 }
 
-static int has_sets(const Pattern *p, int64_t group, const Block *b)
-{
-    for (int32_t r = p->runs_start[group]; r < p->runs_start[group + 1]; r++)
-        if (p->runs[r] < b->camera_count && p->camera_products[p->runs[r]])
-            return 1;
-    return 0;
-}
-
 /* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
 {
     const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
-    const int64_t common = has_sets(p, group, b) ? size_of_group(b, p, group, 1) : 0;
-    const int64_t sums = numbers_of_sums(size, common) + (is_first ? numbers_of_cameras(common) : 0);
+    const int64_t cameras = size_of_group(b, p, group, 1);
+    const int64_t sums = numbers_of_sums(size, cameras) + (is_first ? numbers_of_cameras(cameras) : 0);
     return sums > vectors ? sums : vectors;
 }
 
@@ -200,8 +192,9 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
         p->room = numbers > p->room ? numbers : p->room;
     }
     share_start[p->shares] = (int32_t)p->groups;
-    const int64_t of_part = numbers_of_part(p->longest, p->most_camera_columns);
-    p->room = of_part > p->room ? of_part : p->room;
+    const int64_t of_precision = numbers_of_parts(p->longest, p->most_camera_columns)
+        + numbers_of_points(p->most_rays, p->longest, p->most_camera_columns);
+    p->room = of_precision > p->room ? of_precision : p->room;
 }
 
 /* Check a layout, and find out what its loops need; all is read in the copies, which nobody else can change. */
@@ -213,6 +206,10 @@ static int is_layout_sound(const Arguments *a, Layout *l)
         l->points = l->block.point[k] >= l->points ? (int64_t)l->block.point[k] + 1 : l->points;
     l->pattern.longest = most_columns(&l->block, &l->pattern, 0);
     l->pattern.most_camera_columns = most_columns(&l->block, &l->pattern, 1);
+    for (int64_t k = 0; k < l->pattern.blocks; k++) {
+        const int64_t rays = l->pattern.start[k + 1] - l->pattern.start[k];
+        l->pattern.most_rays = rays > l->pattern.most_rays ? rays : l->pattern.most_rays;
+    }
     if (l->pattern.longest > LARGEST_SYSTEM)
         return 0;
     cut_into_shares(&l->block, &l->pattern, l->share_start);

@@ -75,8 +75,8 @@ static int take_pattern(Call *call, int64_t size)
         || !are_all_within(a, CAMERA_PLACES, INT32_MIN, size) || !has(a, PHOTO_PLACES, PHOTO_UNKNOWNS * b->photo_count)
         || !are_all_within(a, PHOTO_PLACES, INT32_MIN, size))
         return 0;
-    const size_t room = (size_t)(p->room + numbers_of_panel(p->longest));
-    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 1) * sizeof(int32_t) * (size_t)(p->longest + 1));
+    const size_t room = (size_t)(p->room + numbers_of_panels(p));
+    call->numbers = PyMem_Malloc((ARRAYS_OF_LOCAL + 2) * sizeof(int32_t) * (size_t)(p->longest + 1));
     call->memory = PyMem_Malloc(sizeof(double) * room + LINE_OF_CACHE);
     if (!call->numbers || !call->memory) {
         PyErr_NoMemory();

@@ -1,9 +1,15 @@
-/* Cofactors of the eliminated points, and the leverages of photo points. */
+/* Cofactors of the eliminated points, and the leverages of photo points.
+ *
+ * A row a of partials of a photo point and the coupling B of its ground point have products a Q a^T, a Q B^T and B Q B^T
+ * with the inverse Q. Columns of cameras are many and the same for all points, those of photos few: with the half H of Q by
+ * cameras, H + H^T, and its part R by cameras and photos, each row of partials a = (c, p) has v = H c + R p, which is linear
+ * in a, and its form is 2 c v + p Q p^T with the part of Q by photos.
+ */
 
 #ifndef ORIP_PRECISION_H
 #define ORIP_PRECISION_H
 
-#include "normals.h"
+#include "inverse_parts.h"
 
 typedef struct {
     /* factor: root of the weight over the error (2 n); scale: one over the error */
@@ -15,107 +21,186 @@ typedef struct {
 /* Points of a group whose products with the inverse are formed together, where most of its photos show them. */
 #define POINTS_AT_ONCE 4
 
-/* The part of the inverse Q that a group needs: whole columns, each `stride` long; B: couplings of points with the group's
- * columns, three rows for each; product: B times Q. */
+/* A photo point: its rows of partials over the errors, H times those by the ground point, the weights of the rows, and
+ * where its leverages go. */
 typedef struct {
-    int64_t stride;
-    double *inverse, *coupling, *product;
-} Part;
+    double row[2][ROW], of_point[2][3], weight[2], *leverage;
+    Places at;
+} IN_LINES RayRows;
 
-/* The part of the inverse by the columns of some cameras, which most groups that follow each other have in common. */
+/* Points that are computed together. rays: theirs, those of the k-th one from start[k] on; of_rays: v of both rows of each,
+ * `length` long; coupling: B, three rows for each point, `stride` long; product: in its place, the sum of v that belongs to B,
+ * and B Q by photos. */
 typedef struct {
-    const int32_t *runs;
-    int32_t count;
-    double *inverse;
-} CameraPart;
+    RayRows *rays;
+    double *of_rays, *coupling, *product;
+    int64_t length, stride, start[POINTS_AT_ONCE + 1];
+} Points;
 
-/* Numbers that the part of a group of so many columns needs, so many of them of cameras. */
-static int64_t numbers_of_part(int64_t size, int64_t of_cameras)
+/* Numbers that the points need in a group of so many columns, so many of them of cameras. */
+static int64_t numbers_of_points(int64_t most_rays, int64_t size, int64_t of_cameras)
 {
-    return (size + 6 * POINTS_AT_ONCE) * stride_of(size) + of_cameras * stride_of(of_cameras);
+    const int64_t of_ray = (int64_t)(sizeof(RayRows) / sizeof(double)) + 2 * stride_of(of_cameras);
+    return POINTS_AT_ONCE * (most_rays * of_ray + 6 * (PADDED(of_cameras) + stride_of(size)));
 }
 
-/* Take the elements of a column of the inverse at a stretch of consecutive places, from the i-th local unknown on. */
-INLINE void take_stretch(const Reduced *inverse, const Local *local, int64_t own, int64_t i, int64_t length, double *column)
+INLINE void begin_points(const Pattern *p, const Part *part, double *room, Points *points)
 {
-    const int64_t place = local->place[i];
-    if (has_both_triangles(inverse))
-        memcpy(column + i, inverse->band + own * inverse->stride + place, sizeof(double) * (size_t)length);
-    else
-        for (int64_t k = 0; k < length; k++)
-            if (is_stored(inverse, own, place + k))
-                column[i + k] = *element_at(inverse, own, place + k);
+    const int64_t rays = POINTS_AT_ONCE * p->most_rays;
+    points->rays = (RayRows *)room;
+    points->length = part->of_cameras;
+    points->of_rays = (double *)(points->rays + rays);
+    points->stride = part->cameras + part->of_photos;
+    points->coupling = points->of_rays + 2 * rays * points->length;
+    points->product = points->coupling + 3 * POINTS_AT_ONCE * points->stride;
+    /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
+    memset(points->coupling, 0, sizeof(double) * 6 * POINTS_AT_ONCE * (size_t)points->stride);
 }
 
-/* Take some rows of some columns of the inverse, from the first one on; there are as many rows. */
-INLINE void take_columns(const Reduced *inverse, const Local *local, const int32_t *stretch, int64_t first, int64_t end,
-                         int64_t rows, double *columns, int64_t stride)
+/* Linearise the photo points of the point at a place of the pattern; return where those of the next one begin. */
+INLINE int64_t keep_rays(const Block *b, const Pattern *p, const Local *local, const Precision *c, int64_t place,
+                         Ahead *a, RayRows *rays, int64_t count)
 {
-    for (int64_t j = first; j < end; j++) {
-        double *column = columns + j * stride;
-        memset(column, 0, sizeof(double) * (size_t)stride);
-        for (int64_t i = 0, length; local->place[j] >= 0 && i < rows; i += length) {
-            length = stretch[i] < rows - i ? stretch[i] : rows - i;
-            if (local->place[i] >= 0)
-                take_stretch(inverse, local, local->place[j], i, length, column);
+    const double *H = c->half + 9 * p->block[place];
+    int32_t last[2] = {0, 0};
+    for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
+        const int lane = ahead(b, p, c->scale, k, a);
+        const int64_t row = p->order[k];
+        RayRows *ray = rays + count;
+        if (!a->found.in_front[lane])
+            continue;
+        ray->at = places_of(b, p, local, (int32_t)row, a->cameras[lane], last);
+        ray->leverage = c->leverage + 2 * row;
+        for (int i = 0; i < 2; i++) {
+            const double root = c->factor[2 * row + i] * b->error[2 * row + i];
+            double partials[3];
+            for (int axis = 0; axis < 3; axis++)
+                partials[axis] = LANE(a->of_point[i][axis], lane);
+            multiply(H, partials, ray->of_point[i]);
+            ray->weight[i] = root * root;
+            for (int64_t u = 0; u < PHOTO_ROW + PADDED(ray->at.camera_columns); u += LANES)
+                AT(ray->row[i] + u) = AT(a->row[lane][i] + u);
+        }
+        count++;
+    }
+    return count;
+}
+
+#define RAYS_AT_ONCE 4
+
+/* v of the rows of x (c = 0) or y of some photo points in the same camera, a strip at a time. */
+INLINE void multiply_rows(const Part *part, const RayRows *const *rays, int c, double *const *found)
+{
+    const int64_t first = rays[0]->at.camera[c], end = first + rays[0]->at.camera_columns;
+    const double *of_photo[RAYS_AT_ONCE], *of_camera[RAYS_AT_ONCE];
+    for (int r = 0; r < RAYS_AT_ONCE; r++) {
+        of_photo[r] = part->by_both + (rays[r]->at.photo - part->cameras) * part->of_cameras;
+        of_camera[r] = rays[r]->row[c] + PHOTO_ROW - first;
+    }
+    for (int64_t i = 0; i < part->cameras; i += STRIP) {
+        Lanes sums[RAYS_AT_ONCE][STRIP / LANES];
+        for (int r = 0; r < RAYS_AT_ONCE; r++)
+            for (int v = 0; v < STRIP / LANES; v++)
+                sums[r][v] = ALL(0.0);
+        for (int64_t k = i > first ? i : first; k < end; k++)
+            for (int r = 0; r < RAYS_AT_ONCE; r++)
+                for (int v = 0; v < STRIP / LANES; v++)
+                    sums[r][v] += of_camera[r][k] * AT(part->half + k * part->of_cameras + i + v * LANES);
+        for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
+            for (int r = 0; r < RAYS_AT_ONCE; r++)
+                for (int v = 0; v < STRIP / LANES; v++)
+                    sums[r][v] += rays[r]->row[c][u] * AT(of_photo[r] + u * part->of_cameras + i + v * LANES);
+        for (int r = 0; r < RAYS_AT_ONCE; r++)
+            for (int v = 0; v < STRIP / LANES; v++)
+                AT(found[r] + i + v * LANES) = sums[r][v];
+    }
+    for (int r = 0; r < RAYS_AT_ONCE; r++)
+        memset(found[r] + part->cameras, 0, sizeof(double) * (size_t)(part->of_cameras - part->cameras));
+}
+
+INLINE int have_same_columns(const RayRows *one, const RayRows *other)
+{
+    return one->at.camera[0] == other->at.camera[0] && one->at.camera_columns == other->at.camera_columns;
+}
+
+/* v of all rows of the points. */
+INLINE void multiply_rays(const Part *part, const Points *points, int64_t count)
+{
+    const int64_t rays = points->start[count];
+    for (int64_t ray = 0, end; ray < rays; ray = end) {
+        for (end = ray + 1; end < rays && end < ray + RAYS_AT_ONCE; end++)
+            if (!have_same_columns(points->rays + ray, points->rays + end))
+                break;
+        const RayRows *some[RAYS_AT_ONCE];
+        for (int c = 0; c < 2; c++) {
+            double *found[RAYS_AT_ONCE];
+            for (int r = 0; r < RAYS_AT_ONCE; r++) {
+                /* fewer than there is room for: the last one again */
+                const int64_t of_room = ray + r < end ? ray + r : end - 1;
+                some[r] = points->rays + of_room;
+                found[r] = points->of_rays + (2 * of_room + c) * points->length;
+            }
+            multiply_rows(part, some, c, found);
         }
     }
 }
 
-/* Take what the inverse has for the cameras of a group, which they may have been taken for already. */
-INLINE void take_cameras_part(const Pattern *p, const Reduced *inverse, const Local *local, const int32_t *stretch,
-                              CameraPart *cameras)
+/* The rows of B, or of its product, of one of the points. */
+INLINE void rows_of_point(const Points *points, double *rows, int64_t point, double **found)
 {
-    const int64_t size = camera_columns(local);
-    const int is_same = cameras->count == local->camera_runs
-        && !memcmp(cameras->runs, local->runs, sizeof(int32_t) * (size_t)cameras->count);
-    if (is_same)
-        return;
-    cameras->runs = local->runs, cameras->count = local->camera_runs;
-    take_columns(inverse, local, stretch, 0, size, size, cameras->inverse, stride_of(size));
-    matrix_to_columns(p, local, size, cameras->inverse, stride_of(size));
+    for (int k = 0; k < 3; k++)
+        found[k] = rows + (3 * point + k) * points->stride;
 }
 
-/* Take the part of the inverse for a group, by columns. */
-INLINE void take_part(const Pattern *p, const Reduced *inverse, const Local *local, int32_t *stretch, double *room,
-                      CameraPart *cameras, Part *part)
+/* Sum up the rows of the photo points of a point, times H of the point: B, and v of B. */
+INLINE void couple(const Part *part, const Points *points, int64_t point)
 {
-    const int64_t size = local->size, of_cameras = camera_columns(local), stride = stride_of(size);
-    part->stride = stride;
-    part->coupling = room;
-    part->product = room + 3 * POINTS_AT_ONCE * stride;
-    part->inverse = room + 6 * POINTS_AT_ONCE * stride;
-    /* behind the strips that are written, lanes are read, and multiplied by zero: what stands there has to be a number */
-    memset(part->product, 0, sizeof(double) * 3 * POINTS_AT_ONCE * (size_t)stride);
-    find_stretches(local, stretch);
-    take_cameras_part(p, inverse, local, stretch, cameras);
-    for (int64_t j = 0; j < of_cameras; j++)
-        memcpy(part->inverse + j * stride, cameras->inverse + j * stride_of(of_cameras), sizeof(double) * (size_t)of_cameras);
-    take_columns(inverse, local, stretch, of_cameras, size, size, part->inverse, stride);
-    for (int64_t j = of_cameras; j < size; j++) {
-        double *column = part->inverse + j * stride;
-        vector_to_columns(p, local, column);
-        for (int64_t i = 0; i < of_cameras; i++)
-            part->inverse[i * stride + j] = column[i];
+    const int64_t first = points->start[point], end = points->start[point + 1];
+    double *coupling[3], *product[3];
+    rows_of_point(points, points->coupling, point, coupling);
+    rows_of_point(points, points->product, point, product);
+    memset(coupling[0], 0, sizeof(double) * 3 * (size_t)points->stride);
+    for (int64_t ray = first; ray < end; ray++) {
+        const RayRows *r = points->rays + ray;
+        double weighted[2][3];
+        for (int k = 0; k < 6; k++)
+            weighted[k / 3][k % 3] = r->weight[k / 3] * r->of_point[k / 3][k % 3];
+        add_coupling(coupling[0], points->stride, &r->at, has_common_columns(&r->at), r->row, weighted[0], weighted[1]);
     }
-    for (int64_t j = 0; j < of_cameras; j++)
-        memset(part->inverse + j * stride + size, 0, sizeof(double) * (size_t)(stride - size));
+    for (int64_t i = 0; i < part->cameras; i += STRIP) {
+        Lanes sums[3][STRIP / LANES];
+        for (int k = 0; k < 3; k++)
+            for (int v = 0; v < STRIP / LANES; v++)
+                sums[k][v] = ALL(0.0);
+        for (int64_t row = 2 * first; row < 2 * end; row++) {
+            const RayRows *r = points->rays + row / 2;
+            const double *of_row = points->of_rays + row * points->length + i, weight = r->weight[row % 2];
+            for (int k = 0; k < 3; k++) {
+                const double times = weight * r->of_point[row % 2][k];
+                for (int v = 0; v < STRIP / LANES; v++)
+                    sums[k][v] += times * AT(of_row + v * LANES);
+            }
+        }
+        for (int k = 0; k < 3; k++)
+            for (int v = 0; v < STRIP / LANES; v++)
+                AT(product[k] + i + v * LANES) = sums[k][v];
+    }
 }
 
 #define MOST_COLUMNS 2
 
-/* Add what some columns of Q, from the j-th on, contribute to B Q. A part of many unknowns does not stay in the nearest
- * cache: it is read once, column after column. */
-INLINE void add_columns(const Part *part, int64_t size, const double *const *b, int64_t j, int count, double *const *q)
+/* Add what some columns of Q by photos, from the j-th on, contribute to B Q. A part of many unknowns does not stay in the
+ * nearest cache: it is read once, column after column. */
+INLINE void add_columns(const Part *part, const double *const *b, int64_t j, int count, double *const *q)
 {
-    const double *column = part->inverse + j * part->stride;
+    const double *column = part->by_photos + j * part->of_photos;
     Lanes of_column[MOST_COLUMNS][3], elements[MOST_COLUMNS], sums[3];
     for (int c = 0; c < count; c++)
         for (int k = 0; k < 3; k++)
             of_column[c][k] = ALL(b[k][j + c]);
-    for (int64_t i = 0; i < size; i += LANES) {
+    for (int64_t i = 0; i < part->photos; i += LANES) {
         for (int c = 0; c < count; c++)
-            elements[c] = AT(column + c * part->stride + i);
+            elements[c] = AT(column + c * part->of_photos + i);
         for (int k = 0; k < 3; k++) {
             sums[k] = AT(q[k] + i);
             for (int c = 0; c < count; c++)
@@ -131,44 +216,51 @@ INLINE int is_coupled(const double *const *b, int64_t j)
     return b[0][j] != 0.0 || b[1][j] != 0.0 || b[2][j] != 0.0;
 }
 
-/* product = B Q for one point; columns of photos that do not show it are passed over. */
-INLINE void times_inverse(const Part *part, int64_t size, const double *const *b, double *const *q)
+/* product = B Q by photos for one point; columns of photos that do not show it are passed over. */
+INLINE void times_photos(const Part *part, const Points *points)
 {
-    memset(q[0], 0, sizeof(double) * 3 * (size_t)part->stride);
-    for (int64_t j = 0; j < size; j++)
+    const double *b[3];
+    double *q[3];
+    for (int k = 0; k < 3; k++) {
+        b[k] = points->coupling + k * points->stride + part->cameras;
+        q[k] = points->product + k * points->stride + part->cameras;
+        memset(q[k], 0, sizeof(double) * (size_t)part->of_photos);
+    }
+    for (int64_t j = 0; j < part->photos; j++)
         if (is_coupled(b, j)) {
-            const int is_pair = j + 1 < size && is_coupled(b, j + 1);
+            const int is_pair = j + 1 < part->photos && is_coupled(b, j + 1);
             if (is_pair)
-                add_columns(part, size, b, j, 2, q);
+                add_columns(part, b, j, 2, q);
             else
-                add_columns(part, size, b, j, 1, q);
+                add_columns(part, b, j, 1, q);
             j += is_pair;
         }
 }
 
 #define ROWS_AT_ONCE 6
 
-/* product = B Q for several points of a group, a strip of the inverse at a time, and sums in registers. */
-INLINE void times_inverse_together(const Part *part, int64_t size, int64_t points)
+/* product = B Q by photos for several points of a group, a strip of the inverse at a time, and sums in registers. */
+INLINE void times_photos_together(const Part *part, const Points *points, int64_t count)
 {
-    if (3 * points % ROWS_AT_ONCE)
-        memset(part->coupling + 3 * points * part->stride, 0, sizeof(double) * 3 * (size_t)part->stride);
-    for (int64_t i = 0; i < size; i += 2 * LANES)
-        for (int64_t row = 0; row < 3 * points; row += ROWS_AT_ONCE) {
-            const double *b = part->coupling + row * part->stride;
+    const int64_t stride = points->stride;
+    if (3 * count % ROWS_AT_ONCE)
+        memset(points->coupling + 3 * count * stride, 0, sizeof(double) * 3 * (size_t)stride);
+    for (int64_t i = 0; i < part->photos; i += 2 * LANES)
+        for (int64_t row = 0; row < 3 * count; row += ROWS_AT_ONCE) {
+            const double *b = points->coupling + row * stride + part->cameras;
             Lanes sums[ROWS_AT_ONCE][2];
             for (int r = 0; r < ROWS_AT_ONCE; r++)
                 sums[r][0] = sums[r][1] = ALL(0.0);
-            for (int64_t j = 0; j < size; j++) {
-                const double *column = part->inverse + j * part->stride + i;
+            for (int64_t j = 0; j < part->photos; j++) {
+                const double *column = part->by_photos + j * part->of_photos + i;
                 const Lanes one = AT(column), other = AT(column + LANES);
                 for (int r = 0; r < ROWS_AT_ONCE; r++) {
-                    sums[r][0] += b[r * part->stride + j] * one;
-                    sums[r][1] += b[r * part->stride + j] * other;
+                    sums[r][0] += b[r * stride + j] * one;
+                    sums[r][1] += b[r * stride + j] * other;
                 }
             }
             for (int r = 0; r < ROWS_AT_ONCE; r++) {
-                double *q = part->product + (row + r) * part->stride + i;
+                double *q = points->product + (row + r) * stride + part->cameras + i;
                 AT(q) = sums[r][0], AT(q + LANES) = sums[r][1];
             }
         }
@@ -190,144 +282,80 @@ INLINE Lanes products(const double *a, const double *b, int64_t count)
     return sum;
 }
 
-/* The rows of B and B Q of one of the points. */
-INLINE void rows_of_point(const Part *part, int64_t point, double **b, double **q)
-{
-    for (int k = 0; k < 3; k++) {
-        b[k] = part->coupling + (3 * point + k) * part->stride;
-        q[k] = part->product + (3 * point + k) * part->stride;
-    }
-}
-
-/* Multiply the coupling of a point by H from the left. */
-INLINE void times_half(double *const *b, int64_t size, const double *H)
-{
-    for (int64_t i = 0; i < size; i += LANES) {
-        const Lanes given[3] = {AT(b[0] + i), AT(b[1] + i), AT(b[2] + i)};
-        for (int k = 0; k < 3; k++)
-            AT(b[k] + i) = H[3 * k] * given[0] + H[3 * k + 1] * given[1] + H[3 * k + 2] * given[2];
-    }
-}
-
-/* inner = I + B Q B^T for one point. */
-INLINE void find_inner(double *const *b, double *const *q, int64_t size, double *inner)
+/* inner += B product^T, of some columns of a point. */
+INLINE void add_to_inner(const double *const *b, const double *const *q, int64_t first, int64_t end, double *inner)
 {
     Lanes sums[9];
     for (int k = 0; k < 9; k++)
         sums[k] = ALL(0.0);
-    for (int64_t i = 0; i < size; i += LANES)
+    for (int64_t i = first; i < end; i += LANES)
         for (int k = 0; k < 9; k++)
             sums[k] += AT(b[k / 3] + i) * AT(q[k % 3] + i);
     for (int k = 0; k < 9; k++)
-        inner[k] = sum_of(sums[k]) + (k % 4 == 0);
+        inner[k] += sum_of(sums[k]);
 }
 
-#define VECTORS_AT_ONCE 8
-
-/* Add some rows of partials a, times columns of a part of the inverse Q from the k-th row on, times rows b, to what is
- * found; so many vectors of each column at once. */
-INLINE void add_strip(const double *inverse, int64_t stride, int coordinates, int vectors, const double *const *a,
-                      int64_t count, const double *const *b, int64_t k, double times, double *found)
+/* inner = I + B Q B^T for one point. */
+INLINE void find_inner(const Part *part, const double *const *b, const double *const *q, double *inner)
 {
-    Lanes sums[2][VECTORS_AT_ONCE];
-    for (int c = 0; c < coordinates; c++)
-        for (int v = 0; v < vectors; v++)
-            sums[c][v] = ALL(0.0);
-    for (int64_t u = 0; u < count; u++)
-        for (int v = 0; v < vectors; v++) {
-            const Lanes elements = AT(inverse + u * stride + k + v * LANES);
-            for (int c = 0; c < coordinates; c++)
-                sums[c][v] += a[c][u] * elements;
+    double of_cameras[9] = {0.0};
+    add_to_inner(b, q, 0, part->cameras, of_cameras);
+    for (int k = 0; k < 9; k++)
+        inner[k] = of_cameras[k] + of_cameras[3 * (k % 3) + k / 3] + (k % 4 == 0);
+    add_to_inner(b, q, part->cameras, part->cameras + part->photos, inner);
+}
+
+/* Find p Q p^T for the rows p of a photo point by the unknowns of its photo. */
+INLINE void of_photo(const Part *part, const RayRows *ray, double *found)
+{
+    const int64_t photo = ray->at.photo - part->cameras;
+    Lanes sums[2][PHOTO_ROW / LANES];
+    for (int k = 0; k < 2 * (PHOTO_ROW / LANES); k++)
+        sums[k / (PHOTO_ROW / LANES)][k % (PHOTO_ROW / LANES)] = ALL(0.0);
+    for (int64_t u = 0; u < PHOTO_UNKNOWNS; u++)
+        for (int v = 0; v < PHOTO_ROW / LANES; v++) {
+            const Lanes elements = AT(part->by_photos + (photo + u) * part->of_photos + photo + v * LANES);
+            for (int c = 0; c < 2; c++)
+                sums[c][v] += ray->row[c][u] * elements;
         }
-    for (int c = 0; c < coordinates; c++) {
+    for (int c = 0; c < 2; c++) {
         Lanes sum = ALL(0.0);
-        for (int v = 0; v < vectors; v++)
-            sum += sums[c][v] * AT(b[c] + k + v * LANES);
-        found[c] += times * sum_of(sum);
+        for (int v = 0; v < PHOTO_ROW / LANES; v++)
+            sum += sums[c][v] * AT(ray->row[c] + v * LANES);
+        found[c] = sum_of(sum);
     }
 }
 
-/* Add a Q b^T, for the rows a and b of partials of some coordinates, with a part of the inverse Q, to what is found. */
-INLINE void add_quadratic(const double *inverse, int64_t stride, int coordinates, const double *const *a, int64_t count,
-                          const double *const *b, int64_t width, double times, double *found)
+/* Return (a - t B) Q (a - t B)^T + t t less p Q p^T, for a row a = (c, p) with v, and t = H times its partials by the
+ * point; b, q: B and its product, inner: I + B Q B^T. */
+INLINE double of_rest(const Part *part, const RayRows *ray, int c, const double *v, const double *const *b,
+                      const double *const *q, const double *inner)
 {
-    int64_t k = 0;
-    for (; k + VECTORS_AT_ONCE * LANES <= width; k += VECTORS_AT_ONCE * LANES)
-        add_strip(inverse, stride, coordinates, VECTORS_AT_ONCE, a, count, b, k, times, found);
-    for (; k < width; k += 2 * LANES)
-        add_strip(inverse, stride, coordinates, 2, a, count, b, k, times, found);
-}
-
-/* Add to a Q a^T what the columns of the camera contribute, for rows a with the same ones, from the first one on. */
-INLINE void add_of_camera(const Part *part, const Places *at, int64_t first, int coordinates, const double *const *camera,
-                          const double *const *photo, double *found)
-{
-    const double *inverse = part->inverse + first * part->stride;
-    const int64_t count = at->camera_columns;
-    add_quadratic(inverse + first, part->stride, coordinates, camera, count, camera, PADDED(count), 1.0, found);
-    add_quadratic(inverse + at->photo, part->stride, coordinates, camera, count, photo, PHOTO_ROW, 2.0, found);
-}
-
-/* Find a Q a^T for both rows a of a photo point. */
-INLINE void of_unknowns(const Part *part, const Places *at, const double (*row)[ROW], double *found)
-{
-    const double *photo[2] = {row[0], row[1]}, *camera[2] = {row[0] + PHOTO_ROW, row[1] + PHOTO_ROW};
-    const double *of_photo = part->inverse + at->photo * part->stride;
-    found[0] = found[1] = 0.0;
-    if (has_common_columns(at))
-        add_of_camera(part, at, at->camera[0], 2, camera, photo, found);
-    else
-        for (int c = 0; c < 2; c++)
-            add_of_camera(part, at, at->camera[c], 1, camera + c, photo + c, found + c);
-    add_quadratic(of_photo + at->photo, part->stride, 2, photo, PHOTO_UNKNOWNS, photo, PHOTO_ROW, 1.0, found);
-}
-
-/* Return - 2 a (Q B^T) t + t (I + B Q B^T) t with t = H p, for a row a, p of a photo point, whose columns of the camera
- * are from the first one on; q: B Q of the point. */
-INLINE double of_point(double *const *q, const Places *at, int64_t first, const double *row, const double *p,
-                       const double *H, const double *inner)
-{
-    double t[3], with_inner[3], sum = 0.0;
-    multiply(H, p, t);
+    const double *t = ray->of_point[c], *camera = ray->row[c] + PHOTO_ROW;
+    const int64_t first = ray->at.camera[c], photo = ray->at.photo;
+    double with_inner[3];
     multiply(inner, t, with_inner);
-    for (int k = 0; k < 3; k++) {
-        const Lanes of_row = products(q[k] + first, row + PHOTO_ROW, at->camera_columns)
-            + products(q[k] + at->photo, row, PHOTO_UNKNOWNS);
-        sum += t[k] * (with_inner[k] - 2.0 * sum_of(of_row));
+    Lanes sum = ALL(0.0);
+    for (int64_t i = 0; i < part->cameras; i += LANES)
+        sum -= AT(v + i) * (t[0] * AT(b[0] + i) + t[1] * AT(b[1] + i) + t[2] * AT(b[2] + i));
+    for (int64_t i = 0; i < ray->at.camera_columns; i += LANES) {
+        const double *const at[3] = {q[0] + first + i, q[1] + first + i, q[2] + first + i};
+        sum += AT(camera + i) * (AT(v + first + i) - (t[0] * AT(at[0]) + t[1] * AT(at[1]) + t[2] * AT(at[2])));
     }
-    return sum;
+    for (int k = 0; k < 3; k++)
+        sum -= t[k] * products(q[k] + photo, ray->row[c], PHOTO_UNKNOWNS);
+    return t[0] * with_inner[0] + t[1] * with_inner[1] + t[2] * with_inner[2] + 2.0 * sum_of(sum);
 }
 
-/* Sum up the coupling of the point at a place of the pattern, times H. */
-INLINE void couple(const Block *b, const Pattern *p, const Local *local, const Precision *c, int64_t place,
-                   double *const *coupling, const Part *part, Ahead *a)
+/* Find cofactors of one of the points, H^T (I + B Q B^T) H, and leverages of its photo points. */
+INLINE void find_precision(const Part *part, const Points *points, int64_t point, const double *H, double *cofactors)
 {
-    int32_t last[2] = {0, 0};
-    memset(coupling[0], 0, sizeof(double) * 3 * (size_t)part->stride);
-    for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
-        const int lane = ahead(b, p, c->factor, k, a);
-        double px[3], py[3];
-        if (!a->found.in_front[lane])
-            continue;
-        const Places at = places_of(b, p, local, p->order[k], a->cameras[lane], last);
-        for (int i = 0; i < 3; i++)
-            px[i] = LANE(a->of_point[0][i], lane), py[i] = LANE(a->of_point[1][i], lane);
-        if (has_common_columns(&at))
-            add_coupling(coupling[0], part->stride, &at, 1, a->row[lane], px, py);
-        else
-            add_coupling(coupling[0], part->stride, &at, 0, a->row[lane], px, py);
-    }
-    times_half(coupling, local->size, c->half + 9 * p->block[place]);
-}
-
-/* Find cofactors of the point at a place of the pattern, H^T (I + B Q B^T) H, and leverages of its photo points. */
-INLINE void find_precision(const Block *b, const Pattern *p, const Local *local, const Precision *c, int64_t place,
-                           double *const *coupling, double *const *q, const Part *part, Ahead *again)
-{
-    const double *H = c->half + 9 * p->block[place];
-    double *cofactors = c->cofactors + 9 * p->block[place], inner[9];
-    int32_t last[2] = {0, 0};
-    find_inner(coupling, q, local->size, inner);
+    double *coupling[3], *product[3], inner[9];
+    rows_of_point(points, points->coupling, point, coupling);
+    rows_of_point(points, points->product, point, product);
+    const double *const b[3] = {coupling[0], coupling[1], coupling[2]};
+    const double *const q[3] = {product[0], product[1], product[2]};
+    find_inner(part, b, q, inner);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++) {
             double sum = 0.0;
@@ -336,19 +364,11 @@ INLINE void find_precision(const Block *b, const Pattern *p, const Local *local,
                     sum += H[3 * k + i] * inner[3 * k + l] * H[3 * l + j];
             cofactors[3 * i + j] = sum;
         }
-    for (int64_t k = p->start[place]; k < p->start[place + 1]; k++) {
-        const int lane = ahead(b, p, c->scale, k, again);
-        if (!again->found.in_front[lane])
-            continue;
-        const Places at = places_of(b, p, local, p->order[k], again->cameras[lane], last);
-        double *leverage = c->leverage + 2 * (int64_t)p->order[k];
-        of_unknowns(part, &at, again->row[lane], leverage);
-        for (int i = 0; i < 2; i++) {
-            double partials[3];
-            for (int axis = 0; axis < 3; axis++)
-                partials[axis] = LANE(again->of_point[i][axis], lane);
-            leverage[i] += of_point(q, &at, at.camera[i], again->row[lane][i], partials, H, inner);
-        }
+    for (int64_t ray = points->start[point]; ray < points->start[point + 1]; ray++) {
+        const RayRows *r = points->rays + ray;
+        of_photo(part, r, r->leverage);
+        for (int c = 0; c < 2; c++)
+            r->leverage[c] += of_rest(part, r, c, points->of_rays + (2 * ray + c) * points->length, b, q, inner);
     }
 }
 
@@ -362,31 +382,34 @@ INLINE int is_dense(const Pattern *p, const Local *local, int64_t group)
 static void precision_loop(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers,
                            double *room)
 {
-    Ahead a, again;
+    double *const of_points = room + numbers_of_parts(p->longest, p->most_camera_columns);
+    Ahead a;
     Local local = local_in(p, numbers);
-    CameraPart cameras = {.count = -1, .inverse = room};
+    CameraPart cameras = {.count = -1};
     begin_ahead(&a);
-    begin_ahead(&again);
-    room += p->most_camera_columns * stride_of(p->most_camera_columns);
     for (int64_t group = share.first; group < share.end; group++) {
         Part part;
-        double *coupling[3], *q[3];
+        Points points;
         local_unknowns(b, p, group, &local);
-        take_part(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
+        take_parts(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
+        begin_points(p, &part, of_points, &points);
         const int64_t end = p->group_start[group + 1], most = is_dense(p, &local, group) ? POINTS_AT_ONCE : 1;
         for (int64_t place = p->group_start[group], count; place < end; place += count) {
             count = end - place < most ? end - place : most;
-            for (int64_t point = 0; point < count; point++) {
-                rows_of_point(&part, point, coupling, q);
-                couple(b, p, &local, c, place + point, coupling, &part, &a);
-            }
+            points.start[0] = 0;
+            for (int64_t point = 0; point < count; point++)
+                points.start[point + 1]
+                    = keep_rays(b, p, &local, c, place + point, &a, points.rays, points.start[point]);
+            multiply_rays(&part, &points, count);
+            for (int64_t point = 0; point < count; point++)
+                couple(&part, &points, point);
             if (count > 1)
-                times_inverse_together(&part, local.size, count);
+                times_photos_together(&part, &points, count);
             else
-                times_inverse(&part, local.size, (const double *const *)coupling, q);
+                times_photos(&part, &points);
             for (int64_t point = 0; point < count; point++) {
-                rows_of_point(&part, point, coupling, q);
-                find_precision(b, p, &local, c, place + point, coupling, q, &part, &again);
+                const int64_t block = p->block[place + point];
+                find_precision(&part, &points, point, c->half + 9 * block, c->cofactors + 9 * block);
             }
         }
     }

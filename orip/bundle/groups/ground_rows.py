@@ -14,6 +14,12 @@ from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.threads import limited_threads
 
+_MANY = 8
+"""Right-hand sides of which so many times the number makes that of the unknowns: more are likely to come."""
+
+_LARGEST = 4_000_000
+"""Numbers that computing the cofactors may take: one for each of the unknowns (c,) and each of the reduced ones."""
+
 
 def rows_under_test(
     solved: SolvedBlock, rows: IntArray, weight: FloatArray, others_variance: float = 1.0
@@ -48,10 +54,17 @@ def _ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
 
 
 def _inverse_of(solved: SolvedBlock, columns: IntArray) -> Callable[[FloatArray], FloatArray]:
-    """Return what multiplies right-hand sides (c, j) by the cofactors of some unknowns (c,), in ascending order."""
+    """Return what multiplies right-hand sides (c, j) by the cofactors of some unknowns (c,), in ascending order.
+
+    Where many right-hand sides are asked for, as for tests of single residuals, the cofactors are computed, and kept.
+    """
+    kept: list[FloatArray] = []
+    is_small = len(columns) * len(solved.normals.scale) <= _LARGEST
 
     def solve(right: FloatArray) -> FloatArray:
         with limited_threads(None):
-            return solved.normals.solve_at(columns, right)
+            if not kept and is_small and _MANY * right.shape[1] > len(columns):
+                kept.append(solved.normals.inverse_at(columns))
+            return kept[0] @ right if kept else solved.normals.solve_at(columns, right)
 
     return solve

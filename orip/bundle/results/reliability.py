@@ -9,6 +9,7 @@ from orip.adjustment.precision import residual_cofactor
 from orip.arrays import parts
 from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.set_aside import set_aside
+from orip.threads import by_threads
 
 NON_CENTRALITY = 4.132
 """Shift of a normalised residual that a test with error probability 0.001 finds with probability 0.80 (Baarda 1968)."""
@@ -34,7 +35,8 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
         deviation of the adjusted observation is sigma0 a sqrt(h).
     """
     found = Reliability(*np.empty((3, len(residuals.redundancy_number))))
-    for part in parts(len(residuals.redundancy_number)):
+
+    def put(part: slice) -> None:
         number, weight_factor = residuals.redundancy_number[part], residuals.weight_factor[part]
         a_priori = residuals.a_priori[part]
         testable = np.where(number > _TESTABLE, number, np.nan)
@@ -46,6 +48,8 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
             np.multiply(a_priori, detected, out=found.minimal_detectable_bias[part])
             np.multiply(detected, np.sqrt(factor * share), out=found.external[part])
             np.multiply(deviation_scale * a_priori, np.sqrt(share / factor), out=found.adjusted_sd[part])
+
+    by_threads(put, parts(len(residuals.redundancy_number)))
     return Reliability(*map(set_aside, astuple(found)))
 
 

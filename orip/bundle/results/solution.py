@@ -45,6 +45,7 @@ from orip.records.results.solution import (
 )
 from orip.records.results.status import Status
 from orip.set_aside import set_aside
+from orip.threads import by_threads
 from orip.units import DEGREES_PER_RADIAN
 
 _DOUBTFUL_SHARE = 0.05
@@ -164,10 +165,13 @@ def _residuals(solved: SolvedBlock) -> Residuals:
     standard = set_aside(standard)
     del of_equations
     w = np.empty_like(standard)
-    for part in parts(len(w)):
+
+    def put_w(part: slice) -> None:
         shown = np.where(numbers[part] > _TESTABLE, numbers[part], np.nan)
         deviation = np.sqrt(residual_cofactor(shown, weight_factors[part])) * solved.deviation_scale
         np.divide(standard[part], deviation, out=w[part])
+
+    by_threads(put_w, parts(len(w)))
     return Residuals(
         kind=_joined(repeated(part.kind.name, len(part.photo)) for part in rows),
         photo=_joined(part.photo for part in rows),

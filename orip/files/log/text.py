@@ -10,7 +10,6 @@ one. An edit ends the block above it.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, re
 from orip.files.log.plain_lines import PlainLines, plain_lines
 from orip.files.text.decimal_numbers import is_number
 from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import read_lines, split_line
+from orip.files.text.lines import read_sound_bytes, split_line
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.progress import stage
@@ -36,7 +35,7 @@ def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
     shown : str
         The file as the user would name it; it is also in each record's place.
     """
-    text = read_lines(path, shown)
+    text = read_sound_bytes(path, shown)
     log = _Log(shown)
     log.read(text.value)
     return Parsed(tuple(log.records), (*text.complaints, *log.complaints))
@@ -52,11 +51,11 @@ class _Log:
         self.block: MeasurementBlock | None = None
         self.skips = False
 
-    def read(self, lines: Sequence[str]) -> None:
-        text = "\n".join((*lines, "")).encode("utf-8")
-        with stage(f"reading {Path(self.shown).name}", len(lines)) as advance:
+    def read(self, text: bytes) -> None:
+        lines = text.count(b"\n")
+        with stage(f"reading {Path(self.shown).name}", lines) as advance:
             number = place = refused = 0
-            while number < len(lines):
+            while number < lines:
                 run = plain_lines(text, place) if self.block and number >= refused else None
                 if self.block and run:
                     end = number + len(run.names)
@@ -65,8 +64,9 @@ class _Log:
                         advance(number)
                         continue
                     refused = end
-                line = lines[number]
-                number, place = number + 1, text.index(b"\n", place) + 1
+                end_of_line = text.index(b"\n", place)
+                line = text[place:end_of_line].decode("utf-8")
+                number, place = number + 1, end_of_line + 1
                 if line and not line.isspace():
                     self._read_line(line, number)
         self._close_block()

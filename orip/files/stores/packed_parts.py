@@ -18,7 +18,12 @@ from orip.files.stores.table import StoreColumn
 WIDTH = 8
 """Bytes of a number, the least one first."""
 
-HEAD = struct.Struct("<?Q")
+HEAD = struct.Struct("<BQ")
+"""How a part is kept, and the number of bytes that follow; of one byte the number of its repetitions."""
+
+AS_IT_IS, DEFLATED, ONE_BYTE = range(3)
+"""Ways to keep a part; the last one: all of its bytes are the one that follows."""
+
 LENGTH = "it has other values than its length says"
 
 Place = bytes | memoryview
@@ -75,10 +80,15 @@ def _taken(data: memoryview, size: int | None) -> tuple[Place, memoryview]:
     """Return the content of the first part, and what comes after it."""
     if len(data) < HEAD.size:
         raise ValueError(LENGTH)
-    is_compressed, length = HEAD.unpack(data[: HEAD.size])
-    kept, rest = data[HEAD.size : HEAD.size + length], data[HEAD.size + length :]
-    content = _inflated(kept, size) if is_compressed else kept
-    if len(kept) != length or size not in (None, len(content)):
+    way, length = HEAD.unpack(data[: HEAD.size])
+    end = HEAD.size + (1 if way == ONE_BYTE else length)
+    kept, rest = data[HEAD.size : end], data[end:]
+    if len(data) < end or way > ONE_BYTE or (way == ONE_BYTE and length != size):
+        raise ValueError(LENGTH)
+    content: Place = kept
+    if way != AS_IT_IS:
+        content = _inflated(kept, size) if way == DEFLATED else bytes(kept) * length
+    if size not in (None, len(content)):
         raise ValueError(LENGTH)
     return content, rest
 

@@ -31,6 +31,9 @@ CELLS_OF_PART = 10 << 20
 """Values of a packed list, in all its columns, in one row of the file: SQLite copies a row as a whole, and has none of
 more than a gigabyte."""
 
+_CELLS_OF_THREAD = 1 << 16
+"""Values of a packed list that take a thread some milliseconds."""
+
 
 def damage(path: Path, finding: str) -> InputError:
     """Return the error for a store whose content cannot be what orip wrote."""
@@ -266,6 +269,7 @@ class Store(Struct, frozen=True):
         """Yield the columns of each row that the file has of a packed list."""
         from orip.files.stores.column_arrays import part_of_column
         from orip.files.stores.packed_columns import packed_column
+        from orip.threads import by_threads
 
         owner, _position, *rest = columns
         if len({len(column) for column in columns}) > 1:
@@ -275,13 +279,12 @@ class Store(Struct, frozen=True):
         for first in range(0, len(owner), most):
             # a list in one row keeps all its names, in the order in which the points of a block are known
             parts = rest if len(owner) <= most else [part_of_column(values, first, most) for values in rest]
+            given, pays = zip(table.packed_columns, parts, strict=True), 1 + _CELLS_OF_THREAD // max(len(parts[0]), 1)
             try:
-                yield (
-                    (owner[0],), (first,), (len(parts[0]),),
-                    *((packed_column(column, part),) for column, part in zip(table.packed_columns, parts, strict=True)),
-                )  # fmt: skip
+                packed = by_threads(lambda of_column: packed_column(*of_column), given, pays)
             except UnicodeEncodeError as error:
                 raise self._not_text(error) from error
+            yield (owner[0],), (first,), (len(parts[0]),), *((column,) for column in packed)
 
     def packed_rows(self, table: StoreTable, owner: str | None = None) -> Iterator[Row]:
         """Yield each row that the file has of a packed list: owner, first position, number, and a BLOB a column."""

@@ -123,10 +123,11 @@ def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: floa
         with opened(main):
             connection = attempt.enter_context(closing(connected(_uri(main, "rwc"), timeout)))
         most = 1 + connection.getlimit(sqlite3.SQLITE_LIMIT_ATTACHED)
-        stores += [_store(main, connection, "main"), *_attached(connection, rest[1:most], "rwc")]
+        together = [_store(main, connection, "main"), *_attached(connection, rest[1:most], "rwc")]
+        for store in together:
+            _prepare(store, is_alone=len(together) == 1)
+        stores += together
         rest = rest[most:]
-    for store in stores:
-        _prepare(store)
     return stores
 
 
@@ -270,13 +271,19 @@ def _uri(path: Path, mode: str) -> str:
     return f"{file_of(path).as_uri()}?mode={mode}"
 
 
-def _prepare(store: Store) -> None:
-    """Set what makes a commit over several files atomic and durable; possible outside a transaction only."""
+def _prepare(store: Store, *, is_alone: bool) -> None:
+    """Set what makes a commit over several files atomic and durable; possible outside a transaction only.
+
+    A commit of one file is durable once the removal of its journal is, which EXTRA sees to. One of several is durable
+    with the removal of the journal that names them all, which SQLite brings to the disk anyway; their own ones are
+    of no effect from then on, and wait for the disk without being waited for.
+    """
+    synchronous = "EXTRA" if is_alone else "FULL"
     # before a foreign file is touched; in one transaction, since another process may be making it at this moment
     with explained([store.path]), _transaction(store.connection, "BEGIN"):
         is_present(store)
     with explained([store.path]):
-        for setting in ("journal_mode = DELETE", "synchronous = EXTRA", "cache_spill = OFF"):
+        for setting in ("journal_mode = DELETE", f"synchronous = {synchronous}", "cache_spill = OFF"):
             # Without spilling, readers wait during the commit only, not for as long as a large store is being filled.
             store.connection.execute(f"PRAGMA {store.schema}.{setting}")
 

@@ -91,25 +91,37 @@ def existing_text(path: Path, shown: str) -> str | None:
         raise InputError.single(message, shown) from None
 
 
-def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
-    """Split bytes into lines of text; UTF-8 with or without byte order mark, any kind of line end.
+def sound_bytes(data: bytes, shown: str) -> Parsed[bytes]:
+    """Return a text as UTF-8, each line with a newline; given with or without byte order mark, with any line ends.
 
     Each line that is not UTF-8 gives a complaint and is left empty.
     """
     if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return Parsed([], (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
+        return Parsed(b"", (Complaint("the file is UTF-16; save it as UTF-8", shown, 1),))
     if _ZERO in data:
         message = "the file has zero bytes: it is UTF-16, or damaged, or no text at all; save it as UTF-8"
-        return Parsed([], (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
-    if data.rstrip().endswith(_DOS_END):
+        return Parsed(b"", (Complaint(message, shown, data[: data.index(_ZERO)].count(b"\n") + 1),))
+    if _DOS_END in data and data.rstrip().endswith(_DOS_END):
         message = "the file ends in a character of DOS (Ctrl-Z, 0x1A); remove it"
-        return Parsed([], (Complaint(message, shown, len(data.splitlines())),))
-    raw_lines = data.removeprefix(codecs.BOM_UTF8).splitlines()
+        return Parsed(b"", (Complaint(message, shown, len(data.splitlines())),))
+    text = data.removeprefix(codecs.BOM_UTF8)
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if text and not text.endswith(b"\n"):
+        text += b"\n"
     try:
-        # One decoding of all lines is several times faster; splitlines of bytes splits at \n, \r and \r\n only.
-        return Parsed(b"\n".join(raw_lines).decode("utf-8").split("\n") if raw_lines else [])
+        if not text.isascii():
+            text.decode("utf-8")
     except UnicodeDecodeError:
-        return _decode_each(raw_lines, shown)
+        lines = _decode_each(text.splitlines(), shown)
+        return Parsed("\n".join((*lines.value, "")).encode("utf-8"), lines.complaints)
+    return Parsed(text)
+
+
+def decode_lines(data: bytes, shown: str) -> Parsed[list[str]]:
+    """Split bytes into lines of text; see `sound_bytes` for what is complained of."""
+    text = sound_bytes(data, shown)
+    return Parsed(text.value.decode("utf-8").split("\n")[:-1], text.complaints)
 
 
 def _decode_each(raw_lines: list[bytes], shown: str) -> Parsed[list[str]]:
@@ -124,6 +136,12 @@ def _decode_each(raw_lines: list[bytes], shown: str) -> Parsed[list[str]]:
             message = f"byte 0x{raw[fault.start]:02X} is not UTF-8; save the file as UTF-8"
             complaints.append(Complaint(message, shown, number, column))
     return Parsed(lines, tuple(complaints))
+
+
+def read_sound_bytes(path: Path, shown: str) -> Parsed[bytes]:
+    """Return a text file as `sound_bytes`; see there and `read_bytes` for what is complained of."""
+    data, complaints = read_bytes(path, shown)
+    return Parsed(b"", complaints) if data is None else sound_bytes(data, shown)
 
 
 def read_lines(path: Path, shown: str, *, may_be_absent: bool = False) -> Parsed[list[str]]:

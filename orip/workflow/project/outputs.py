@@ -68,11 +68,13 @@ def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path
 
 def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes | memoryview]:
     """Return the residuals of a solution as a text table, or as arrays where they are many."""
-    from orip.files.result.residuals_csv import residuals_csv_pieces
-    from orip.files.result.residuals_npz import residuals_npz_pieces
+    if solution.is_large:
+        from orip.files.result.residuals_npz import residuals_npz_pieces
 
-    write = residuals_npz_pieces if solution.is_large else residuals_csv_pieces
-    return write(solution.residuals, found)
+        return residuals_npz_pieces(solution.residuals, found)
+    from orip.files.result.residuals_csv import residuals_csv_pieces
+
+    return residuals_csv_pieces(solution.residuals, found)
 
 
 def interior_output(project: ProjectFolder, interior: Interior, run: str) -> TextOutput:

@@ -93,7 +93,8 @@ def _name_now(place: DocumentRecord, renaming: Renaming | None) -> tuple[str, st
 
 
 def _values(kind: RecordKind, old: TomlTable, new: TomlTable, ground_unit: str) -> Iterator[ValueChange]:
-    before = {value.key: value for value in values_of(kind, old, ground_unit)}
+    # of nothing there are no values
+    before = {value.key: value for value in values_of(kind, old, ground_unit)} if old else {}
     after = {value.key: value for value in values_of(kind, new, ground_unit)}
     for key in {**before, **after}:
         was, now = before.get(key, _NOTHING), after.get(key, _NOTHING)

@@ -37,13 +37,16 @@ def shown_value(value: Any) -> str:
 
 def values_of(kind: RecordKind, table: Mapping[str, Any], ground_unit: str) -> list[RecordValue]:
     """Return all values of a record except its name; nested tables are flattened, and what is not given is None."""
-    units = _units(kind)
     values = []
-    for key in keys_of(table_of(RECORD_TYPES[kind])):
-        if key != "name":
-            flat = dict(_flat(key, table.get(key)))
-            values += [RecordValue(path, value, _unit(units, path, value, ground_unit)) for path, value in flat.items()]
+    for key in _keys(kind):
+        flat = dict(_flat(key, table.get(key)))
+        values += [RecordValue(path, value, _unit(kind, path, value, ground_unit)) for path, value in flat.items()]
     return values
+
+
+@cache
+def _keys(kind: RecordKind) -> tuple[str, ...]:
+    return tuple(key for key in keys_of(table_of(RECORD_TYPES[kind])) if key != "name")
 
 
 @cache
@@ -62,8 +65,14 @@ def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:
         yield path, None if value == [] else value
 
 
-def _unit(units: Mapping[str, str], path: str, value: Any, ground_unit: str) -> str:
+def _unit(kind: RecordKind, path: str, value: Any, ground_unit: str) -> str:
     if path == "measurement_precision" and isinstance(value, str):
         return ""  # the text includes its unit
-    unit = units.get(path) or units.get(f"{path.partition('.')[0]}.*.{path.rpartition('.')[2]}", "")
+    unit = _stated_unit(kind, path)
     return ground_unit if unit == GROUND_UNIT else unit
+
+
+@cache
+def _stated_unit(kind: RecordKind, path: str) -> str:
+    units = _units(kind)
+    return units.get(path) or units.get(f"{path.partition('.')[0]}.*.{path.rpartition('.')[2]}", "")

@@ -120,7 +120,8 @@ def test_solutions_with_any_right_hand_side():
         normals = solve_normals(equations, weights, problem.layout, MAX_LOST, damping=0.01)
         right = np.random.default_rng(9).normal(size=(problem.layout.size, 2))
         columns = np.sort(np.concatenate([problem.unknowns.photos[3], problem.unknowns.points[[5, 40]].ravel()]))
-        found.append((normals.correction, normals.solve(right), normals.solve_at(columns, right[columns])))
+        at = normals.solve_at(columns, right[columns]), normals.inverse_at(columns)
+        found.append((normals.correction, normals.solve(right), *at))
     for one, other in zip(*found, strict=True):
         # self-calibration loses some six digits
         assert np.abs(one - other).max() < 1e-8 * np.abs(one).max()

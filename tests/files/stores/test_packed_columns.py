@@ -32,8 +32,8 @@ def test_a_column_comes_back_exactly_and_always_gives_the_same_bytes(name):
 
 
 def test_what_does_not_compress_stays_as_it_is_and_the_rest_is_small():
-    assert 0.7 < len(packed_column(*COLUMNS["noise"])) / NOISE.nbytes < 1.0
-    assert len(packed_column(*COLUMNS["constant"])) < 1000
+    assert NOISE.nbytes < len(packed_column(*COLUMNS["noise"])) < NOISE.nbytes + 100
+    assert len(packed_column(*COLUMNS["constant"])) < 100
     assert len(packed_column(*COLUMNS["numbers"])) < 0.2 * NOISE.nbytes
 
 

@@ -46,6 +46,11 @@ def test_a_new_store_tells_what_it_is(tik):
     assert {name for name, strict in tables if strict} == {"meta", "text_input", "checksum", "temtick", "tick"}
 
 
+def test_a_store_alone_is_durable(tik):
+    with writing([tik]) as stores:
+        assert stores[tik].connection.execute("PRAGMA main.synchronous").fetchone()[0] == 3  # EXTRA
+
+
 def test_every_attached_store_is_durable(tmp_path):
     paths = [tmp_path / "T.TIK", tmp_path / "C.CAM", tmp_path / "Z.PHO"]
     with writing(paths) as stores:
@@ -55,7 +60,7 @@ def test_every_attached_store_is_durable(tmp_path):
                 store.connection.execute(f"PRAGMA {store.schema}.{name}").fetchone()[0]
                 for name in ("synchronous", "journal_mode", "foreign_keys")
             ]
-            assert settings == [3, "delete", 1]
+            assert settings == [2, "delete", 1]  # FULL: the removal of the journal that names all is flushed anyway
         main = stores[paths[1]].connection.execute("SELECT file FROM pragma_database_list WHERE seq = 0").fetchone()[0]
     assert Path(main) == paths[1].resolve()
 

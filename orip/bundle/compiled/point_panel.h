@@ -1,0 +1,105 @@
+/* Points that are eliminated from the columns of their photos together. */
+
+#ifndef ORIP_POINT_PANEL_H
+#define ORIP_POINT_PANEL_H
+
+#include "sums.h"
+
+/* Points that are eliminated together, and the products that they make in an element of the sums. */
+#define PANEL_POINTS 16
+#define PANEL_PRODUCTS (3 * PANEL_POINTS)
+
+/* E, which is H times the coupling, of some points with the unknowns of the photos of their group: strip after strip, in
+ * each the three rows of one point after the other. seen: points that each photo of the group is coupled with, a bit each. */
+typedef struct {
+    double *rows;
+    int32_t *seen;
+    int points;
+} PointPanel;
+
+static int64_t numbers_of_point_panel(int64_t size)
+{
+    return PANEL_PRODUCTS * PADDED(size);
+}
+
+/* Multiply the coupling of a point by H, and subtract what the point explains of the right-hand side. */
+INLINE void find_elimination(const Sums *s, int64_t size, const double *H, const double *g, double *const *w)
+{
+    for (int64_t i = 0; i < size; i += LANES) {
+        const Lanes a = AT(w[0] + i), b = AT(w[1] + i), c = AT(w[2] + i);
+        const Lanes x = H[0] * a + H[1] * b + H[2] * c, y = H[3] * a + H[4] * b + H[5] * c;
+        const Lanes z = H[6] * a + H[7] * b + H[8] * c;
+        AT(w[0] + i) = x, AT(w[1] + i) = y, AT(w[2] + i) = z;
+        AT(s->right + i) -= g[0] * x + g[1] * y + g[2] * z;
+    }
+}
+
+/* Take the rows of a point by so many columns of photos into the panel. */
+INLINE void take_point(PointPanel *panel, int64_t photos, const double *const *rows)
+{
+    double *to = panel->rows + 3 * STRIP * panel->points++;
+    for (int64_t first = 0; first < photos; first += STRIP, to += PANEL_PRODUCTS * STRIP)
+        for (int row = 0; row < 3; row++)
+            for (int64_t k = 0; k < STRIP; k += LANES)
+                AT(to + row * STRIP + k) = AT(rows[row] + first + k);
+}
+
+/* Subtract the products of some points of a panel from a strip of some columns; of each column the panel has the strip
+ * that it lies in from its own place on. */
+INLINE void subtract_products(const double *strip, const double *const *of_column, const int32_t *points, int count,
+                              double *const *columns)
+{
+    Lanes sums[COLUMNS_OF_PANEL][STRIP / LANES];
+    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+        for (int k = 0; k < STRIP / LANES; k++)
+            sums[c][k] = ALL(0.0);
+    for (int p = 0; p < count; p++)
+        for (int64_t at = 3 * STRIP * points[p]; at < 3 * STRIP * (points[p] + 1); at += STRIP)
+            for (int c = 0; c < COLUMNS_OF_PANEL; c++) {
+                const Lanes of_own = ALL(of_column[c][at]);
+                for (int k = 0; k < STRIP / LANES; k++)
+                    sums[c][k] += of_own * AT(strip + at + k * LANES);
+            }
+    for (int c = 0; c < COLUMNS_OF_PANEL; c++)
+        for (int k = 0; k < STRIP / LANES; k++)
+            AT(columns[c] + k * LANES) -= sums[c][k];
+}
+
+/* Eliminate the points of a panel from the columns of a photo, the first of so many columns of photos. */
+INLINE void eliminate_from_photo(const Sums *s, int64_t cameras, int64_t photos, int64_t first, const PointPanel *panel,
+                                 int32_t seen)
+{
+    int32_t points[PANEL_POINTS], count = 0;
+    for (int32_t p = 0; p < panel->points; p++)
+        if (seen >> p & 1)
+            points[count++] = p;
+    if (!count)
+        return;
+    const double *of_column[COLUMNS_OF_PANEL];
+    double *columns[COLUMNS_OF_PANEL];
+    for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++) {
+        const int64_t j = first + c;
+        of_column[c] = panel->rows + j / STRIP * (PANEL_PRODUCTS * STRIP) + j % STRIP;
+        columns[c] = photos_of(s, cameras + j);
+    }
+    for (int64_t i = first / STRIP * STRIP; i < photos; i += STRIP) {
+        double *at[COLUMNS_OF_PANEL];
+        for (int64_t c = 0; c < COLUMNS_OF_PANEL; c++)
+            at[c] = columns[c] + i;
+        subtract_products(panel->rows + i * PANEL_PRODUCTS, of_column, points, count, at);
+    }
+}
+
+/* Eliminate the points of a panel, which is empty then. */
+static void eliminate_points(const Local *local, const Sums *s, PointPanel *panel)
+{
+    const int64_t cameras = local->cameras;
+    for (int32_t photo = 0; panel->points && photo < local->photo_runs; photo++) {
+        const int64_t first = local->first[local->camera_runs + photo] - cameras;
+        eliminate_from_photo(s, cameras, local->size - cameras, first, panel, panel->seen[photo]);
+        panel->seen[photo] = 0;
+    }
+    panel->points = 0;
+}
+
+#endif
