@@ -41,9 +41,7 @@ def adjustment(case: str, points_a_photo: int, variant: str | None) -> dict[str,
         equations = adjusted.equations
         computed = equations.residual[equations.active]
         clock.append(_now())
-        precise = cofactors(equations, adjusted.normals)
-        if problem.datum is not None:
-            precise = problem.datum.transformed_cofactors(precise, adjusted.normals, adjusted.state, problem.unknowns)
+        precise = cofactors(equations, adjusted.normals, problem.inner_constraints(adjusted.state))
         clock.append(_now())
     (setup, minimum, _, precision) = np.diff(np.array(clock), axis=0)
     size = block.photo_points.error[0, 0] / pixel_mm(case)

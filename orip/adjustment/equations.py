@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.factorisation.band import Arrangement
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.inner_constraints import Amounts
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
@@ -103,8 +104,13 @@ class DesignMatrix(Protocol):
     def block_normals(self, root_weights: FloatArray, misclosure: FloatArray, layout: Layout) -> BlockNormals:
         """Return the normal equations of the blocks alone, of rows times `root_weights` (n,), and `misclosure` (n,)."""
 
-    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
-        """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system."""
+    def precision(
+        self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
+    ) -> BlockPrecision:
+        """Return cofactors of the blocks and leverages from the inverse (m, m) of the reduced system.
+
+        The cofactors are those with the inner constraints, if there are any: `amounts` are those of their movements.
+        """
 
 
 class Equations(Struct, frozen=True):

@@ -17,6 +17,7 @@ from orip.adjustment.factorisation.dissection.cholesky import DissectedFactor, f
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
 from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
+from orip.adjustment.factorisation.inner_constraints import Amounts, InnerConstraints
 from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
 from orip.set_aside import set_aside
@@ -72,8 +73,7 @@ class SolvedNormals(Struct, frozen=True):
         """
         size = len(self.scale)
         block_right = times_half(self.blocks.half, right[size:])
-        reduced = (right[:size] - self.coupling.transposed_times(block_right)) / self.scale[:, None]
-        solution = self.factor.back_substitute(self.factor.reduce(reduced)) / self.scale[:, None]
+        solution = self._reduced_solution(right[:size] - self.coupling.transposed_times(block_right))
         rest = block_right - self.coupling.times(solution)
         found = np.vstack([solution, times_transposed_half(self.blocks.half, rest)])
         return found if self.constraints is None else self.constraints.bound(found, right)
@@ -119,6 +119,28 @@ class SolvedNormals(Struct, frozen=True):
         blocks = np.unique(of_blocks // 3)
         place = 3 * np.searchsorted(blocks, of_blocks // 3) + of_blocks % 3
         return _Chosen(columns[columns < size], place, self.blocks.half[blocks], self.coupling.of_blocks(blocks))
+
+    def amounts(self, inner: InnerConstraints) -> Amounts:
+        """Return the cofactors of the movements that inner constraints rule out, and of these with the unknowns.
+
+        Q_rt solves the reduced system for B_r - C^T H B_p, summed over the points p, and Q_tt is its product with that,
+        and what the points have of their own.
+        """
+        sums = self.coupling.movement_sums(inner.points)
+        right = inner.reduced_defining - sums.reduced
+        with_reduced = self._reduced_solution(right)
+        own = sums.own + right.T @ with_reduced
+        if self.constraints is not None:
+            bound = self.constraints.spread.T @ inner.defining_rows()
+            with_reduced -= self.constraints.spread[: len(self.scale)] @ (self.constraints.inverse @ bound)
+            own -= bound.T @ self.constraints.inverse @ bound
+        own, axes = np.linalg.eigh(own)
+        return Amounts(inner.reduced @ axes, inner.points.combined(axes), with_reduced @ axes, own)
+
+    def _reduced_solution(self, right: FloatArray) -> FloatArray:
+        """Return the solution (m, k) of the reduced system for right-hand sides (m, k)."""
+        reduced = self.factor.reduce(right / self.scale[:, None])
+        return np.asarray(self.factor.back_substitute(reduced) / self.scale[:, None])
 
     def with_constraints(self, equations: Equations) -> SolvedNormals:
         """Return the same with the exact constraints of the equations bound."""

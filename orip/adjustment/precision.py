@@ -10,7 +10,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix
+from orip.adjustment.factorisation.inner_constraints import InnerConstraints
+from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix, subtract_product
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts
 from orip.set_aside import set_aside
@@ -56,8 +57,8 @@ class VarianceOfUnitWeight(Struct, frozen=True):
     redundancy_numbers: FloatArray
 
 
-def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
-    """Return the cofactors of all unknowns and of all computed observations.
+def cofactors(equations: Equations, normals: SolvedNormals, inner: InnerConstraints | None = None) -> Cofactors:
+    """Return the cofactors of all unknowns, with inner constraints if there are any, and of all computed observations.
 
     With the points' rows B of the triangular factor and Q the inverse of the reduced system, a point block's cofactor
     is H^T (I + B Q B^T) H, and an observation's a Q a^T follows from its row freed of the point: a_r - a_p H^T B. Exact
@@ -68,9 +69,12 @@ def cofactors(equations: Equations, normals: SolvedNormals) -> Cofactors:
     constraints = normals.constraints
     if constraints is not None:
         constraints.bind(inverse)
-    found = equations.rows.precision(normals.blocks, normals.coupling, inverse)
+    amounts = None if inner is None else normals.amounts(inner)
+    found = equations.rows.precision(normals.blocks, normals.coupling, inverse, amounts)
     if constraints is not None:
         found.leverage[equations.exact & equations.active] = constraints.leverage
+    if amounts is not None:
+        subtract_product(inverse, *amounts.factors_of_reduced())
     return Cofactors(inverse, found.blocks, set_aside(found.leverage))
 
 

@@ -19,6 +19,7 @@ from orip.adjustment.factorisation.elimination import (
     block_diagonal,
     factorise_blocks,
 )
+from orip.adjustment.factorisation.inner_constraints import Amounts
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
 
@@ -59,7 +60,7 @@ class SparseRows(Struct, frozen=True):
             right=reduced_design.T @ misclosure - coupling.T @ block_right,
             diagonal=complete.diagonal(),
             blocks=factors,
-            coupling=StoredCoupling(coupling),
+            coupling=StoredCoupling(coupling, factors.half),
             block_right=block_right,
         )
 
@@ -72,12 +73,17 @@ class SparseRows(Struct, frozen=True):
         np.add.at(sums, block_of_row[touching], misclosure[touching] ** 2)
         return BlockNormals(diagonal_blocks(block_design), block_design.T @ misclosure, sums)
 
-    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(
+        self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
+    ) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         assert isinstance(coupling, StoredCoupling), "the normal equations are those of these rows"
         half, stored = factors.half, coupling.matrix
         inner = np.eye(3) + _quadratic_blocks(stored, inverse, len(half))
-        return BlockPrecision(np.swapaxes(half, 1, 2) @ inner @ half, self.leverages(factors, stored, inverse))
+        blocks = np.swapaxes(half, 1, 2) @ inner @ half
+        if amounts is not None:
+            amounts.transform_blocks(blocks, half, stored)
+        return BlockPrecision(blocks, self.leverages(factors, stored, inverse))
 
     def leverages(self, factors: BlockFactors, coupling: csr_array, inverse: Symmetric) -> FloatArray:
         """Return h = a Q a^T of each row a, from the row freed of its point."""

@@ -15,11 +15,9 @@ from scipy.linalg import lapack
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.symmetric import without_product
-from orip.adjustment.normals import SolvedNormals
-from orip.adjustment.precision import Cofactors
+from orip.adjustment.factorisation.inner_constraints import InnerConstraints, PointMovements
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.movements import movements_of_block
+from orip.bundle.movements import Movements, movements_of_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
@@ -55,43 +53,41 @@ class FreeDatum(Struct, frozen=True):
         return np.asarray(correction - free.times(amounts))
 
     def transposed(self, vectors: FloatArray, state: BlockState, unknowns: Unknowns) -> FloatArray:
-        """Return S^T v of vectors (m + 3 b, k), see `transformed_cofactors`."""
-        generator, inner, solver = self._transformation(state, unknowns)
-        return np.asarray(vectors - inner @ (solver.T @ (generator.T @ vectors)))
+        """Return S^T v of vectors (m + 3 b, k), with S = I - G B^T; see `InnerConstraints`."""
+        orthonormal = self._orthonormal(state, unknowns)
+        sums = orthonormal.dense().T @ vectors
+        return np.asarray(vectors - self._inner_constraints(orthonormal, unknowns).defining_rows() @ sums)
 
-    def transformed_cofactors(
-        self, found: Cofactors, normals: SolvedNormals, state: BlockState, unknowns: Unknowns
-    ) -> Cofactors:
-        """Return S Q S^T block by block, with S = I - G (B^T G)^-1 B^T; leverages do not depend on the datum.
+    def inner_constraints(self, state: BlockState, unknowns: Unknowns) -> InnerConstraints:
+        """Return the constraints that cofactors are transformed to."""
+        return self._inner_constraints(self._orthonormal(state, unknowns), unknowns)
 
-        With M = G (B^T G)^-1 and Y = Q B it is Q - M Z^T - Z M^T, where Z = Y - M (B^T Y) / 2. Q has elements within
-        the band alone: the others are not needed.
-        """
-        generator, inner, solver = self._transformation(state, unknowns)
-        spread = normals.solve(inner)
-        moved = generator @ solver
-        half = spread - moved @ (inner.T @ spread / 2.0)
-        m = unknowns.layout.reduced
-        pairs = (moved[:m], half[:m]), (half[:m], moved[:m])
-        reduced = without_product(found.reduced, *(np.hstack(pair) for pair in pairs))
-        shape = (-1, 3, moved.shape[1])
-        product = moved[m:].reshape(shape) @ np.swapaxes(half[m:].reshape(shape), 1, 2)
-        return replace(found, reduced=reduced, blocks=found.blocks - product - np.swapaxes(product, 1, 2))
-
-    def _transformation(self, state: BlockState, unknowns: Unknowns) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return G (u, d), B (u, d): G in the rows of the datum points alone, and (B^T G)^-1."""
+    def _orthonormal(self, state: BlockState, unknowns: Unknowns) -> Movements:
+        """Return the free movements G, combined so that G^T G over the datum points is the unit matrix."""
         free = movements_of_block(state, unknowns).combined(self.movements)
-        generator = free.dense()
-        inner = np.zeros_like(generator)
-        columns = unknowns.points[self.points]
+        squares, directions = np.linalg.eigh(free.squares_at(self.points))
+        return free.combined(directions / np.sqrt(squares))
+
+    def _inner_constraints(self, movements: Movements, unknowns: Unknowns) -> InnerConstraints:
+        m, eliminated = unknowns.layout.reduced, unknowns.names.eliminated
+        free = ~unknowns.names.fixed.reshape(-1, 3)
+        of_datum = np.zeros(len(unknowns.points), dtype=bool)
+        of_datum[self.points] = True
+        points = PointMovements(
+            movements.homogeneous[eliminated], movements.coefficients, free, free & of_datum[eliminated, None]
+        )
+        of_datum[eliminated] = False
+        columns = unknowns.points[of_datum]
         columns = columns[columns != CONSTANT]
-        inner[columns] = generator[columns]
-        return generator, inner, np.asarray(np.linalg.inv(free.squares_at(self.points)), dtype=np.float64)
+        reduced = movements.rows_of_reduced(m, eliminated)
+        defining = np.zeros_like(reduced)
+        defining[columns] = reduced[columns]
+        return InnerConstraints(reduced, defining, points)
 
 
 def free_datum(
     block: Block, state: BlockState, unknowns: Unknowns, equations: Equations, on_the_ground: NDArray[np.bool_]
-) -> FreeDatum:
+) -> FreeDatum | None:
     """Find what is free in a network.
 
     Parameters
@@ -107,7 +103,8 @@ def free_datum(
 
     Returns
     -------
-    FreeDatum
+    FreeDatum or None
+        None: observations and constants determine every movement.
 
     Raises
     ------
@@ -116,6 +113,8 @@ def free_datum(
     """
     movements = movements_of_block(state, unknowns)
     free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
+    if not free.shape[1]:
+        return None
     photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
     length = np.isin(photo_columns, unknowns.photos[:, :3])
     scaled = (movements.rows_of(photo_columns) / np.where(length, movements.size, 1.0)[:, None]) @ free

@@ -64,6 +64,17 @@ class Movements(Struct, frozen=True):
         found[of_points[point, axis]] = np.einsum("kdh,kh->kd", self.coefficients[axis], self.homogeneous[point])
         return found
 
+    def rows_of_reduced(self, reduced: int, eliminated: IntArray) -> FloatArray:
+        """Return the rows (m, d) of G of the first m unknowns: all but those of the points that are `eliminated`."""
+        found = np.zeros((reduced, self.rows.shape[1]))
+        found[self.columns] = self.rows
+        stays = np.ones(len(self.points), dtype=bool)
+        stays[eliminated] = False
+        for point in np.flatnonzero(stays):
+            free = self.points[point] != CONSTANT
+            found[self.points[point, free]] = self.coefficients[free] @ self.homogeneous[point]
+        return found
+
     def times(self, amounts: FloatArray) -> FloatArray:
         """Return G x (u,) or (u, k) for amounts of the movements (d,) or (d, k)."""
         result = np.zeros((self.unknowns, *amounts.shape[1:]))
@@ -82,7 +93,9 @@ class Movements(Struct, frozen=True):
 
     def squares_at(self, points: IntArray) -> FloatArray:
         """Return G^T G (d, d) over the unknowns of some points alone."""
-        homogeneous, free = self.homogeneous[points], self.points[points] != CONSTANT
+        every = len(points) == len(self.points)
+        homogeneous = self.homogeneous if every else self.homogeneous[points]
+        free = (self.points if every else self.points[points]) != CONSTANT
         products = [homogeneous.T @ homogeneous] * 3
         if not free.all():
             products = [homogeneous.T @ (free[:, [place]] * homogeneous) for place in range(3)]
@@ -92,12 +105,10 @@ class Movements(Struct, frozen=True):
 
 def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     """Return the seven movements of a block at a state; shifts are in units of its size."""
-    known = _known_points(state)
-    centre = known.mean(axis=0)
-    size = float(np.sqrt(np.mean((known - centre) ** 2)) or 1.0)
-    homogeneous = np.ones((len(state.points), 4))
-    # points whose rays do not meet may have no coordinates
-    homogeneous[:, 1:] = np.where(np.isfinite(state.points), state.points, centre) - centre
+    centre, offset, known = _offsets(state.points)
+    size = float(np.sqrt(np.vdot(offset, offset) / max(3 * known, 1)) or 1.0)
+    homogeneous = np.ones((len(offset), 4))
+    homogeneous[:, 1:] = offset
     constant = _positions(np.zeros((1, 3)), size)[0]
     linear = _positions(np.eye(3), size) - constant
     coefficients = np.moveaxis(np.concatenate([constant[None], linear]), 0, 2)
@@ -119,12 +130,17 @@ def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     return Movements(size, homogeneous, coefficients, unknowns.points, places[free], values[free], unknowns.layout.size)
 
 
-def _known_points(state: BlockState) -> FloatArray:
-    """Return the points (k, 3) that have coordinates."""
-    known = np.asarray(np.isfinite(state.points).all(axis=1))
-    if known.all() and len(state.points):
-        return state.points
-    return state.points[known] if known.any() else np.zeros((1, 3))
+def _offsets(points: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Return the centre of the points (n, 3), their offsets from it, and how many points have coordinates.
+
+    Points whose rays do not meet may have none: their offset is zero.
+    """
+    centre = np.mean(points, axis=0) if len(points) else np.zeros(3)
+    if np.isfinite(centre).all():
+        return centre, points - centre, len(points)
+    known = np.asarray(np.isfinite(points).all(axis=1))
+    centre = points[known].mean(axis=0) if known.any() else np.zeros(3)
+    return centre, np.where(known[:, None], points - centre, 0.0), int(np.count_nonzero(known))
 
 
 def _positions(offset: FloatArray, size: float) -> FloatArray:

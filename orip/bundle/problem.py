@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
+from orip.adjustment.factorisation.inner_constraints import InnerConstraints
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -61,7 +62,7 @@ class BlockProblem(Struct, frozen=True):
     observations : tuple of Observations
         One of each kind, in the order of their rows.
     datum : FreeDatum or None
-        That of a free network; None: control.
+        That of a free network; None: control, or whatever else leaves no movement free.
     excluded : array (n,) of bool or None
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
@@ -84,6 +85,10 @@ class BlockProblem(Struct, frozen=True):
     def defect(self) -> int:
         """Return the datum defect: the number of free movements of the whole block."""
         return 0 if self.datum is None else len(self.datum.held)
+
+    def inner_constraints(self, state: BlockState) -> InnerConstraints | None:
+        """Return the inner constraints of a free network at a state; None: nothing is free to move."""
+        return None if self.datum is None else self.datum.inner_constraints(state, self.unknowns)
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
         """Return the unknowns that each equation touches, kind by kind."""
@@ -358,6 +363,8 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
     every = np.ones(len(on_the_ground.residual), dtype=bool)
     datum = free_datum(block, state, unknowns, on_the_ground, every)
+    if datum is None:
+        return problem
     fixed = unknowns.layout.fixed.copy()
     fixed[datum.held] = True
     layout = replace(unknowns.layout, fixed=fixed)

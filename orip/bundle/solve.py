@@ -135,9 +135,7 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
         )
         raise NotSolvableError(message)
     with stage("precision"):
-        precision = cofactors(equations, normals)
-        if problem.datum is not None:
-            precision = problem.datum.transformed_cofactors(precision, normals, found.state, problem.unknowns)
+        precision = cofactors(equations, normals, problem.inner_constraints(found.state))
     effective = problem.layout.unknowns - int(np.count_nonzero(normals.removed))
     variance = variance_of_unit_weight(equations, found.weight_factors, precision.leverage, effective)
     return SolvedBlock(

@@ -17,6 +17,7 @@ from orip.adjustment.precision import cofactors
 from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem, starting_state
 from orip.records.block import Block
+from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
@@ -24,25 +25,27 @@ OWN = 14
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
-FUNCTIONS = ("layout", "turns", "residuals", "points", "eliminate", "precision", "forward", "backward")
+FUNCTIONS = ("layout", "turns", "residuals", "points", "eliminate", "movements", "precision", "forward", "backward")
 MAX_LOST = 12.0
 
 
 def small_block() -> Block:
-    """Return two cameras with sets of additional parameters, and a few points."""
+    """Return a free network: two cameras with sets of additional parameters, and a few points."""
     block = two_cameras_with_sets()
+    block = replace(block, definition=replace(block.definition, datum="free"), control_points=())
     return with_photo_points(block, np.flatnonzero(block.photo_points.point < 12))
 
 
 def everything(block: Block) -> None:
     """Ask for all that the loops compute."""
     problem = pose_problem(block)
-    equations = problem.linearise(starting_state(block))
+    state = starting_state(block)
+    equations = problem.linearise(state)
     weights = np.ones(len(equations.residual))
     equations.rows.block_normals(weights, -equations.residual, problem.layout)
     normals = solve_normals(equations, weights, problem.layout, MAX_LOST)
     normals.solve(np.ones((problem.layout.size, 1)))
-    cofactors(equations, normals)
+    cofactors(equations, normals, problem.inner_constraints(state))
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from support.conditioning import EPSILON, condition_of_normals
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.adjustment.factorisation.elimination import times_half, times_transposed_half
+from orip.adjustment.factorisation.inner_constraints import PointMovements
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle import problem
@@ -193,6 +194,7 @@ COMPARED = {
     "residuals": "test_residuals",
     "points": "test_normal_equations_of_points_alone, test_partials_of_single_photo_coordinates",
     "eliminate": "test_normal_equations_with_eliminated_points, test_partials_of_single_photo_coordinates",
+    "movements": "test_sums_of_movements",
     "precision": "test_solution_and_precision",
     "forward": "test_coupling_of_points_forwards_and_backwards",
     "backward": "test_coupling_of_points_forwards_and_backwards",
@@ -331,6 +333,21 @@ def test_coupling_of_points_forwards_and_backwards(block):
         version.coupling.transposed_times(times_half(version.blocks.half, points)) / unit for version in (found, wanted)
     ]
     assert np.allclose(*either, rtol=RELATIVE * lost * 10.0, atol=RELATIVE * lost * np.abs(either[1]).max())
+
+
+def test_sums_of_movements(block):
+    layout, streamed, stored = both_ways(block)
+    weights, random = weights_of(stored), np.random.default_rng(5)
+    found, wanted = (solve_normals(version, weights, layout, MAX_LOST) for version in (streamed, stored))
+    defining = random.uniform(size=(layout.blocks, 3)) < 0.5
+    points = PointMovements(
+        random.normal(size=(layout.blocks, 4)), random.normal(size=(3, 5, 4)), np.ones_like(defining), defining
+    )
+    one, other = (version.coupling.movement_sums(points) for version in (found, wanted))
+    unit = np.where(wanted.scale > 0.0, wanted.scale, 1.0)[:, None]
+    tolerance = RELATIVE * 10.0 ** wanted.blocks.lost_digits[~wanted.blocks.removed].max(initial=0.0)
+    for sums, expected in ((one.reduced / unit, other.reduced / unit), (one.own, other.own)):
+        assert np.allclose(sums, expected, rtol=10.0 * tolerance, atol=tolerance * np.abs(expected).max())
 
 
 def test_arrays_that_do_not_belong_together_are_refused():

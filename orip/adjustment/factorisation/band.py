@@ -137,10 +137,6 @@ class BandMatrix(Struct, frozen=True):
         own = np.arange(len(self.border))
         self.border[own, self.arrangement.banded + own] += number
 
-    def copy(self) -> BandMatrix:
-        """Return the same matrix, to be changed."""
-        return BandMatrix(self.arrangement, self.band.copy(), self.border.copy())
-
     def times(self, vectors: FloatArray) -> FloatArray:
         """Return the matrix times vectors (m, k)."""
         banded = self.arrangement.banded

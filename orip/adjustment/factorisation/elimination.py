@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.factorisation.inner_constraints import MovementSums, PointMovements, movement_sums
 from orip.adjustment.factorisation.null_space import LOST_ALL
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
@@ -58,11 +59,22 @@ class Coupling(Protocol):
     def of_blocks(self, chosen: IntArray) -> csr_array:
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
 
+    def movement_sums(self, points: PointMovements) -> MovementSums:
+        """Return what the points contribute to the amounts of movements."""
+
 
 class StoredCoupling(Struct, frozen=True):
-    """Coupling as a sparse matrix (3 b, m)."""
+    """Coupling as a sparse matrix (3 b, m).
+
+    Parameters
+    ----------
+    matrix : sparse array (3 b, m)
+    half : array (b, 3, 3)
+        H.
+    """
 
     matrix: csr_array
+    half: FloatArray
 
     def times(self, reduced: FloatArray) -> FloatArray:
         """Return it times vectors (m,) or (m, k)."""
@@ -75,6 +87,10 @@ class StoredCoupling(Struct, frozen=True):
     def of_blocks(self, chosen: IntArray) -> csr_array:
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
         return csr_array(self.matrix[(3 * chosen[:, None] + np.arange(3)).ravel()])
+
+    def movement_sums(self, points: PointMovements) -> MovementSums:
+        """Return what the points contribute to the amounts of movements."""
+        return movement_sums(points, self.half, self.matrix)
 
 
 class EliminatedNormals(Struct, frozen=True):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.factorisation.symmetric import Symmetric
+from orip.adjustment.factorisation.symmetric import Symmetric, subtract_product
 from orip.arrays import FloatArray, IntArray
 from orip.structs import replace
 
@@ -46,10 +46,7 @@ class ExactConstraints(Struct, frozen=True):
     def bind(self, cofactor: Symmetric) -> None:
         """Subtract what the constraints determine from the cofactors of the reduced unknowns (m, m), in place."""
         spread = self.spread[: len(cofactor)]
-        if isinstance(cofactor, np.ndarray):
-            cofactor -= spread @ self.inverse @ spread.T
-        else:
-            cofactor.subtract_product(spread @ self.inverse, spread)
+        subtract_product(cofactor, spread @ self.inverse, spread)
 
 
 def exact_constraints(design: FloatArray, spread: FloatArray) -> ExactConstraints:

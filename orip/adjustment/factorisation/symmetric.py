@@ -21,13 +21,12 @@ def scale_matrix(matrix: Symmetric, factors: FloatArray) -> None:
         matrix.scale(factors)
 
 
-def without_product(matrix: Symmetric, left: FloatArray, right: FloatArray) -> Symmetric:
-    """Return a matrix less L R^T, a symmetric matrix of factors (m, k), where it has elements."""
+def subtract_product(matrix: Symmetric, left: FloatArray, right: FloatArray) -> None:
+    """Subtract L R^T, a symmetric matrix of factors (m, k), from a matrix where it has elements."""
     if isinstance(matrix, np.ndarray):
-        return np.asarray(matrix - left @ right.T)
-    result = matrix.copy()
-    result.subtract_product(left, right)
-    return result
+        matrix -= left @ right.T
+    else:
+        matrix.subtract_product(left, right)
 
 
 def add_to_diagonal(matrix: Symmetric, number: float) -> None:

@@ -14,6 +14,7 @@ from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dis
 from orip.adjustment.factorisation.dissection.passes import Handles, Passes
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.blocking import node_tasks
@@ -148,13 +149,18 @@ class DissectedLoop(Struct, frozen=True):
         matrix = dissected_matrix(self.tree, self.passes, parts)
         return EliminatedNormals(matrix, right, diagonal, factors, coupling, block_right)
 
-    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         assert isinstance(coupling, DissectedCoupling), "the normal equations are those of this loop"
         assert isinstance(inverse, DissectedMatrix), "and so is their inverse"
+
+        def amounts_of(number: int) -> Amounts | None:
+            return amounts and amounts.of(self.tree.nodes[number].front, self.members[number].blocks)
+
         handles = self.passes.each(
             node_tasks.precision, self.sources, coupling.parts, inverse.parts,
             *(inverse.of_fronts(array) for array in (inverse.factors, inverse.left, inverse.right)),
+            OfNodes(len(self.tree), amounts_of),
         )  # fmt: skip
         blocks, leverage = np.empty_like(coupling.half), np.zeros(self.points.xy.size)
         for of_node, found in zip(self.members, self.passes.gathered(handles), strict=True):
@@ -244,6 +250,19 @@ class DissectedCoupling(Struct, frozen=True):
         found = np.zeros((len(loop.tree.place), *points.shape[1:]))
         for node, values in zip(loop.tree.nodes, loop.passes.gathered(handles), strict=True):
             found[node.front] += values
+        return found
+
+    def movement_sums(self, points: PointMovements) -> MovementSums:
+        """Return what the points contribute to the amounts of movements."""
+        loop, d = self.loop, points.coefficients.shape[1]
+        handles = loop.passes.each(
+            node_tasks.movement_sums, loop.sources, self.parts,
+            loop.of_nodes(lambda of_node: points.of(of_node.blocks)),
+        )  # fmt: skip
+        found = MovementSums(np.zeros((len(loop.tree.place), d)), np.zeros((d, d)))
+        for node, sums in zip(loop.tree.nodes, loop.passes.gathered(handles), strict=True):
+            found.reduced[node.front] += sums.reduced
+            found.own[:] += sums.own
         return found
 
     def of_blocks(self, chosen: IntArray) -> csr_array:

@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.dissection.fronts import adjusted_front, triangle_of
+from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.blocking.sub_block import SubBlockSource
 from orip.bundle.compiled.photo_loop import Contributions, StreamedCoupling
@@ -120,6 +121,11 @@ def forward(source: SubBlockSource, coupling: NodeCoupling, points: FloatArray) 
     return _coupling(source, coupling).transposed_times(points)
 
 
+def movement_sums(source: SubBlockSource, coupling: NodeCoupling, points: PointMovements) -> MovementSums:
+    """Return what the points contribute to the amounts of movements, for the unknowns of the front (f, d)."""
+    return _coupling(source, coupling).movement_sums(points)
+
+
 def backward(source: SubBlockSource, coupling: NodeCoupling, reduced: FloatArray) -> FloatArray:
     """Return H N_pr reduced (3 q, k) for vectors (f, k)."""
     return _coupling(source, coupling).times(reduced)
@@ -132,10 +138,11 @@ def precision(
     factors: FloatArray,
     left: FloatArray,
     right: FloatArray,
+    amounts: Amounts | None,
 ) -> BlockPrecision:
     """Return cofactors (q, 3, 3) of the points and leverages (2 n,); `factors`... see `adjusted_front`."""
     streamed = _coupling(source, coupling)
-    return streamed.loop.precision(streamed, adjusted_front(inverse, factors, left, right))
+    return streamed.loop.precision(streamed, adjusted_front(inverse, factors, left, right), amounts)
 
 
 def _coupling(source: SubBlockSource, coupling: NodeCoupling) -> StreamedCoupling:

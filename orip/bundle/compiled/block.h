@@ -245,19 +245,20 @@ INLINE void spread_partials_by_cameras(const Pattern *p, const Linearised *found
     }
 }
 
-/* Photo points that are fetched before they are linearised: those of a point lie together, but points anywhere. */
+/* How long before they are linearised photo points are fetched: mostly they lie together by photos, those of a point apart. */
 #define FETCHED_BEFORE 32
 
-/* Fetch a photo point of the pattern, of the next ones. */
+/* Fetch as many photo points of the pattern as there are lanes, of the next ones. */
 INLINE void fetch_ahead(const Block *b, const Pattern *p, const double *factor, int64_t k)
 {
-    if (k + FETCHED_BEFORE >= p->start[p->blocks])
-        return;
-    const int64_t row = p->order[k + FETCHED_BEFORE];
-    FETCH(b->xy + 2 * row);
-    FETCH(factor + 2 * row);
-    FETCH(b->photo + row);
-    FETCH(b->point + row);
+    const int64_t first = k + FETCHED_BEFORE, end = p->start[p->blocks];
+    for (int64_t next = first; next < first + LANES && next < end; next++) {
+        const int64_t row = p->order[next];
+        FETCH(b->xy + 2 * row);
+        FETCH(factor + 2 * row);
+        FETCH(b->photo + row);
+        FETCH(b->point + row);
+    }
 }
 
 /* Linearise the photo points from the k-th of the pattern on; their rows are multiplied by `factor` (2 n). */

@@ -170,7 +170,8 @@ static int64_t most_columns(const Block *b, const Pattern *p, int only_cameras)
 /* Numbers that the sums of a group need, or vectors; is_first: with those of its cameras. */
 static int64_t numbers_of_group(const Block *b, const Pattern *p, int64_t group, int is_first)
 {
-    const int64_t size = size_of_group(b, p, group, 0), vectors = numbers_of_vectors(size, MOST_VECTORS);
+    const int64_t size = size_of_group(b, p, group, 0);
+    const int64_t vectors = numbers_of_vectors(size, MOST_VECTORS) + (is_first ? NUMBERS_OF_OWN : 0);
     const int64_t cameras = size_of_group(b, p, group, 1);
     const int64_t sums = numbers_of_sums(size, cameras) + (is_first ? numbers_of_cameras(cameras) : 0);
     return sums > vectors ? sums : vectors;
@@ -193,7 +194,7 @@ static void cut_into_shares(const Block *b, Pattern *p, int32_t *share_start)
     }
     share_start[p->shares] = (int32_t)p->groups;
     const int64_t of_precision = numbers_of_parts(p->longest, p->most_camera_columns)
-        + numbers_of_points(p->most_rays, p->longest, p->most_camera_columns);
+        + numbers_of_points(p->most_rays, p->longest, p->most_camera_columns) + MOST_MOVEMENTS * p->longest;
     p->room = of_precision > p->room ? of_precision : p->room;
 }
 

@@ -14,6 +14,9 @@ typedef struct {
                     double *of_panel);
     void (*add_normals)(const Block *b, const Pattern *p, Share share, const Normals *n, int32_t *numbers, double *room);
     void (*precision)(const Block *b, const Pattern *p, Share share, const Precision *c, int32_t *numbers, double *room);
+    void (*movements)(const Block *b, const Pattern *p, Share share, const MovementSums *c, int32_t *numbers, double *room);
+    void (*add_movements)(const Block *b, const Pattern *p, Share share, const MovementSums *c, int32_t *numbers,
+                          const double *room);
     void (*forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
     void (*add_forward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);
     void (*backward)(const Block *b, const Pattern *p, Share share, const Coupling *c, int32_t *numbers, double *room);

@@ -12,8 +12,8 @@
 #include "loops.h"
 #include "residuals.h"
 
-const Loops avx2_loops = {residual_loop, points_loop, normals_loop, add_normals, precision_loop, forward_loop, add_forward,
-                          backward_loop};
+const Loops avx2_loops = {residual_loop, points_loop, normals_loop, add_normals, precision_loop, movements_loop,
+                          add_movements, forward_loop, add_forward, backward_loop};
 
 #if defined(__clang__)
 #pragma clang attribute pop

@@ -253,15 +253,70 @@ static void compute_precision(const Call *c, int64_t share, const void *arrays)
     loops->precision(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
 }
 
+/* The movements of the points of a free network, from four arrays. */
+static int take_movements(const Call *c, int first, Movements *m)
+{
+    enum { HOMOGENEOUS, COEFFICIENTS, FREE, DEFINING };
+    const Py_buffer *v = c->a.views + first;
+    const int64_t blocks = c->pattern.blocks;
+    m->homogeneous = v[HOMOGENEOUS].buf, m->coefficients = v[COEFFICIENTS].buf;
+    m->free = v[FREE].buf, m->defining = v[DEFINING].buf;
+    return has(&c->a, first + HOMOGENEOUS, 4 * blocks) && has(&c->a, first + COEFFICIENTS, 12 * MOST_MOVEMENTS)
+        && has(&c->a, first + FREE, 3 * blocks) && has(&c->a, first + DEFINING, 3 * blocks);
+}
+
+static void sum_movements(const Call *c, int64_t share, const void *arrays)
+{
+    loops->movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+}
+
+static void add_movements_of(const Call *c, int64_t share, const void *arrays)
+{
+    loops->add_movements(&c->block, &c->pattern, groups_of(c, share), arrays, c->numbers, c->room);
+}
+
+static PyObject *movements(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { FACTOR = PATTERN_END, HALF, MOVEMENTS, REDUCED = MOVEMENTS + 4, OWN };
+    Call c;
+    MovementSums s;
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "dd" "ddbb" "DD", 0))
+        return NULL;
+    const int64_t size = length_of(&c.a, REDUCED) / MOST_MOVEMENTS;
+    if (!take_block(&c) || !take_pattern(&c, size) || !take_movements(&c, MOVEMENTS, &s.movements)
+        || !has(&c.a, FACTOR, 2 * c.block.count) || !has(&c.a, HALF, 9 * c.pattern.blocks)
+        || !has(&c.a, REDUCED, size * MOST_MOVEMENTS) || !has(&c.a, OWN, NUMBERS_OF_OWN))
+        return refuse(&c);
+    const Py_buffer *v = c.a.views;
+    s.factor = v[FACTOR].buf, s.half = v[HALF].buf, s.reduced = v[REDUCED].buf, s.own = v[OWN].buf;
+    return work(&c, c.pattern.shares, sum_movements, add_movements_of, &s);
+}
+
+/* Cofactors of the amounts of the movements from six arrays, all of them empty where control defines the datum. */
+static int take_amounts_of(const Call *c, int first, int64_t size, Amounts *amounts)
+{
+    enum { MOVEMENTS, WITH_REDUCED = MOVEMENTS + 4, HALF_OF_OWN };
+    const Py_buffer *v = c->a.views + first;
+    amounts->is_free = v[HALF_OF_OWN].len > 0;
+    amounts->with_reduced = v[WITH_REDUCED].buf, amounts->half_of_own = v[HALF_OF_OWN].buf;
+    if (amounts->is_free)
+        return take_movements(c, first + MOVEMENTS, &amounts->movements)
+            && has(&c->a, first + WITH_REDUCED, size * MOST_MOVEMENTS) && has(&c->a, first + HALF_OF_OWN, MOST_MOVEMENTS);
+    for (int array = first; array <= first + HALF_OF_OWN; array++)
+        if (!has(&c->a, array, 0))
+            return 0;
+    return 1;
+}
+
 static PyObject *precision(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { FACTOR = PATTERN_END, SCALE, HALF, BAND, BORDER, COFACTORS, LEVERAGE };
+    enum { FACTOR = PATTERN_END, SCALE, HALF, BAND, BORDER, AMOUNTS, COFACTORS = AMOUNTS + 6, LEVERAGE };
     Call c;
     Precision p;
-    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddddd" "DD", 3))
+    if (!begin(&c, arguments, given, OBSERVATIONS PATTERN "ddddd" "ddbbdd" "DD", 3))
         return NULL;
     if (!take_reduced(&c.a, BAND, BORDER, c.a.numbers, &p.inverse) || !take_block(&c)
-        || !take_pattern(&c, p.inverse.size))
+        || !take_pattern(&c, p.inverse.size) || !take_amounts_of(&c, AMOUNTS, p.inverse.size, &p.amounts))
         return refuse(&c);
     const Py_buffer *v = c.a.views;
     const int64_t rows = 2 * c.block.count, blocks = c.pattern.blocks;
@@ -323,6 +378,7 @@ static PyMethodDef methods[] = {
     {"residuals", (PyCFunction)(void (*)(void))residuals, METH_FASTCALL, "Residuals of all photo points."},
     {"points", (PyCFunction)(void (*)(void))points, METH_FASTCALL, "Normal equations of each point by itself."},
     {"eliminate", (PyCFunction)(void (*)(void))eliminate, METH_FASTCALL, "Normal equations, points eliminated."},
+    {"movements", (PyCFunction)(void (*)(void))movements, METH_FASTCALL, "Points in the inner constraints."},
     {"precision", (PyCFunction)(void (*)(void))precision, METH_FASTCALL, "Cofactors of points, leverages."},
     {"forward", (PyCFunction)(void (*)(void))forward, METH_FASTCALL, "Transposed coupling of points times a vector."},
     {"backward", (PyCFunction)(void (*)(void))backward, METH_FASTCALL, "Coupling of points times a vector."},

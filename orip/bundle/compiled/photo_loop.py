@@ -19,6 +19,7 @@ from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix, band_of
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
@@ -41,6 +42,9 @@ _PHOTO_ORDER = (0, 1, 2, 5, 3, 4)
 
 _VECTORS = 8
 """As MOST_VECTORS of substitution.h."""
+
+_MOVEMENTS = 8
+"""As MOST_MOVEMENTS of inner_constraints.h."""
 
 _RAYS_OF_A_THREAD = 5000
 """Photo points for which a thread pays: a loop goes through them in one to two milliseconds."""
@@ -153,7 +157,7 @@ class PhotoPointLoop(Struct, frozen=True):
             others.block_right,
         )
 
-    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,), zero where `eliminated` is not."""
         assert isinstance(coupling, StreamedCoupling), "the normal equations are those of this loop"
         assert not isinstance(inverse, DissectedMatrix), "and so is their inverse"
@@ -161,9 +165,17 @@ class PhotoPointLoop(Struct, frozen=True):
         arrangement = inverse.arrangement if isinstance(inverse, BandMatrix) else _whole(len(inverse))
         self._compute(
             compiled.precision, *self._observations(coupling.state), *self._places(arrangement), coupling.factor,
-            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), blocks, leverage, *_measures(inverse),
+            1.0 / self.points.rows.error, coupling.half, *_stored(inverse), *_amounts(amounts, arrangement), blocks,
+            leverage, *_measures(inverse),
         )  # fmt: skip
         return BlockPrecision(blocks, leverage)
+
+    def movement_sums(self, coupling: StreamedCoupling, points: PointMovements) -> MovementSums:
+        """Return what eliminated points contribute to the amounts of movements."""
+        d = points.coefficients.shape[1]
+        reduced, own = np.zeros((coupling.size, _MOVEMENTS)), np.zeros((_MOVEMENTS, _MOVEMENTS))
+        self._compute(compiled.movements, *self._coupling(coupling), *_movements(points), reduced, own)
+        return MovementSums(reduced[:, :d], own[:d, :d])
 
     def forward(self, coupling: StreamedCoupling, points: FloatArray) -> FloatArray:
         """Return (H N_pr)^T points (k, m) for vectors (k, 3 b)."""
@@ -259,6 +271,10 @@ class StreamedCoupling(Struct, frozen=True):
         found = self.loop.forward(self, np.atleast_2d(points.T))
         return found[0] if points.ndim == 1 else found.T
 
+    def movement_sums(self, points: PointMovements) -> MovementSums:
+        """Return what the points contribute to the amounts of movements."""
+        return self.loop.movement_sums(self, points)
+
     def of_blocks(self, chosen: NDArray[np.int64]) -> csr_array:
         """Return the rows (3 c, m) of some blocks (c,), which are in ascending order."""
         loop = self.loop
@@ -295,6 +311,27 @@ def rows_of_blocks(
 def _parts(count: int) -> Iterator[slice]:
     """Yield parts of so many vectors that a loop takes at once."""
     return (slice(start, start + _VECTORS) for start in range(0, count, _VECTORS))
+
+
+def _movements(points: PointMovements) -> tuple[object, ...]:
+    """Return the arrays of the movements of points."""
+    coefficients = np.zeros((3, 4, _MOVEMENTS))
+    coefficients[:, :, : points.coefficients.shape[1]] = np.swapaxes(points.coefficients, 1, 2)
+    others = (np.ascontiguousarray(array) for array in (points.free, points.defining))
+    return (np.ascontiguousarray(points.homogeneous), coefficients, *others)
+
+
+def _amounts(amounts: Amounts | None, arrangement: Arrangement) -> tuple[object, ...]:
+    """Return the arrays of the amounts of movements, those of reduced unknowns in their places; empty without them."""
+    nothing, no_flags = np.empty(0), np.empty(0, dtype=bool)
+    if amounts is None:
+        return nothing, nothing, no_flags, no_flags, nothing, nothing
+    with_reduced = np.zeros((len(arrangement.places), _MOVEMENTS))
+    d = len(amounts.own)
+    with_reduced[:, :d] = amounts.with_reduced[arrangement.columns]
+    half_of_own = np.zeros(_MOVEMENTS)
+    half_of_own[:d] = amounts.own / 2.0
+    return (*_movements(amounts.points), with_reduced, half_of_own)
 
 
 def _whole(size: int) -> Arrangement:

@@ -9,6 +9,7 @@
 #ifndef ORIP_PRECISION_H
 #define ORIP_PRECISION_H
 
+#include "inner_constraints.h"
 #include "inverse_parts.h"
 
 typedef struct {
@@ -16,6 +17,7 @@ typedef struct {
     const double *factor, *scale, *half;
     double *cofactors, *leverage;
     Reduced inverse;
+    Amounts amounts;
 } Precision;
 
 /* Points of a group whose products with the inverse are formed together, where most of its photos show them. */
@@ -383,6 +385,7 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                            double *room)
 {
     double *const of_points = room + numbers_of_parts(p->longest, p->most_camera_columns);
+    double *const of_movements = of_points + numbers_of_points(p->most_rays, p->longest, p->most_camera_columns);
     Ahead a;
     Local local = local_in(p, numbers);
     CameraPart cameras = {.count = -1};
@@ -393,6 +396,8 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
         local_unknowns(b, p, group, &local);
         take_parts(p, &c->inverse, &local, numbers + ARRAYS_OF_LOCAL * p->longest, room, &cameras, &part);
         begin_points(p, &part, of_points, &points);
+        if (c->amounts.is_free)
+            take_amounts(p, &local, &c->amounts, of_movements);
         const int64_t end = p->group_start[group + 1], most = is_dense(p, &local, group) ? POINTS_AT_ONCE : 1;
         for (int64_t place = p->group_start[group], count; place < end; place += count) {
             count = end - place < most ? end - place : most;
@@ -409,7 +414,11 @@ static void precision_loop(const Block *b, const Pattern *p, Share share, const 
                 times_photos(&part, &points);
             for (int64_t point = 0; point < count; point++) {
                 const int64_t block = p->block[place + point];
-                find_precision(&part, &points, point, c->half + 9 * block, c->cofactors + 9 * block);
+                const double *H = c->half + 9 * block, *coupling = points.coupling + 3 * point * points.stride;
+                find_precision(&part, &points, point, H, c->cofactors + 9 * block);
+                if (c->amounts.is_free)
+                    transform_cofactors(&c->amounts, of_movements, local.size, coupling, points.stride, H, block,
+                                        c->cofactors + 9 * block);
             }
         }
     }

@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
+from orip.adjustment.factorisation.inner_constraints import Amounts
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.adjustment.sparse_rows import SparseRows, quadratic_rows, squared_blocks
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -53,7 +54,7 @@ class PointLoop(Protocol):
     ) -> EliminatedNormals:
         """Return the normal equations of photo points and `others`, points eliminated."""
 
-    def precision(self, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(self, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None) -> BlockPrecision:
         """Return cofactors (b, 3, 3) of the points and leverages (2 n,)."""
 
 
@@ -118,10 +119,12 @@ class StreamedRows(Struct, frozen=True):
         photos = slice(0, self.loop.points.xy.size)
         return self.loop.block_normals(self.state, root_weights[photos], misclosure[photos], others, layout)
 
-    def precision(self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric) -> BlockPrecision:
+    def precision(
+        self, factors: BlockFactors, coupling: Coupling, inverse: Symmetric, amounts: Amounts | None
+    ) -> BlockPrecision:
         """Return cofactors of the blocks and leverages."""
         del factors
-        found = self.loop.precision(coupling, inverse)
+        found = self.loop.precision(coupling, inverse, amounts)
         photos = self.loop.points.xy.size
         leverage = np.zeros(np.count_nonzero(self.other_rows >= photos) + photos)
         leverage[:photos] = found.leverage
