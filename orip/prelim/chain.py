@@ -198,11 +198,8 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
     falls_apart = together and not any(system.oriented.all() for system in by_pairs(free, 0).systems)
     parts = (by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT))
     if falls_apart:
-        yield from _by_little_control(with_control)
         yield list(parts)
     yield from _other_pairs(free)
-    if not falls_apart:
-        yield from _by_little_control(with_control)
     if together:
         if not falls_apart:
             yield list(parts)
@@ -219,7 +216,6 @@ def _short_routes(measured: MeasuredBlock, free: BlockGrower, with_control: Bloc
     """Yield blocks that grow from models, control or pairs of photos."""
     yield from _first_routes(measured, free, with_control)
     yield from _other_pairs(free)
-    yield from _by_little_control(with_control)
 
 
 def _first_routes(measured: MeasuredBlock, free: BlockGrower, with_control: BlockGrower) -> Iterator[Sequence[Route]]:
@@ -234,20 +230,15 @@ def _first_routes(measured: MeasuredBlock, free: BlockGrower, with_control: Bloc
     if len(measured.rays.cameras.unknown) and (seen >= POINTS_NEEDED).any():
         yield [by_unknown_cameras(with_control)]
     yield [by_pairs(free, 0)]
-    if seeing.any() and (models or seeing.mean() <= 0.5):
+    # where no photo sees control enough to tell a wrong point, a few points check the pair as another pair would
+    wanted = seeing if seeing.any() else seen >= LEAST_RESECTION
+    if wanted.any() and (models or seeing.mean() <= 0.5):
         yield [by_control(with_control)]
 
 
 def _other_pairs(free: BlockGrower) -> Iterator[Sequence[Route]]:
     for choice in range(1, _STARTING_PAIRS):
         yield [by_pairs(free, choice)]
-
-
-def _by_little_control(with_control: BlockGrower) -> Iterator[Sequence[Route]]:
-    """Yield the block that grows from control of which no photo sees enough to tell a wrong point."""
-    seen = control_points_seen(with_control)
-    if (seen < SAFE_RESECTION).all() and (seen >= LEAST_RESECTION).any():
-        yield [by_control(with_control)]
 
 
 def _misfit(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray) -> float:

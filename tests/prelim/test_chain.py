@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from monte_carlo.preliminary_records import gathered
+from monte_carlo.weakly_joined_blocks import weakly_joined_records
 from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
 from orip.bundle.part_of_block import without_photos
 from orip.bundle.solve import SolvedBlock, solve_block
+from orip.prelim import chain
 from orip.prelim.chain import preliminary_values
 from orip.prelim.ground.project_coordinates import orientations_in_project, points_in_project
 from orip.records.block import Block, IndexedPhotoPoints
@@ -249,3 +252,16 @@ def test_a_single_photo_of_an_unknown_camera_is_oriented_by_control_in_space(off
     assert len(points.photo) > len(block.photo_points.photo)
     # the adjustment expects corrections of a few per cent and pulls C by ten; without the transformation it is 135, 381
     assert values.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=0.15)
+
+
+def test_parts_of_a_block_that_falls_apart_are_placed_before_other_pairs_are_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # pairs of photos join three of the six, and two others
+    block = gathered(weakly_joined_records(1, "small overlaps"))
+    choices: list[int] = []
+    by_pairs = chain.by_pairs
+    monkeypatch.setattr(chain, "by_pairs", lambda grower, choice: choices.append(choice) or by_pairs(grower, choice))
+    values = preliminary_values(block)
+    assert set(choices) == {0}
+    assert {photo.how for photo in values.photos} == {"placed on the ground together with all 3 parts of the block"}
