@@ -22,11 +22,11 @@ from orip.adjustment.convergence import (
 )
 from orip.adjustment.equations import Equations, Layout, Linearised, Problem, StateT
 from orip.adjustment.improvement import judged_attempt, next_attempt
-from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState, iteration_record
+from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
+from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
 from orip.arrays import BoolArray, FloatArray
 from orip.set_aside import set_aside
 from orip.structs import replace
@@ -270,8 +270,7 @@ def _after(
     now: IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout
 ) -> IterationState[StateT]:
     """Return what an iteration leaves to the next."""
-    iteration = len(now.records) + 1
-    record = iteration_record(iteration, step.moved.equations, step.normals, weights, layout, limited=step.limited)
+    record = _record(len(now.records) + 1, step, weights, layout)
     return replace(
         now,
         current=step.moved,
@@ -280,6 +279,24 @@ def _after(
         acceleration=step.acceleration,
         exchange=now.exchange if record.enp < _REWEIGHTED_ENP else None,
         records=(*now.records, record),
+    )
+
+
+def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: Layout) -> IterationRecord:
+    equations, normals = step.moved.equations, step.normals
+    singular = int(np.count_nonzero(normals.removed))
+    effective = layout.unknowns - singular
+    active, full, square_sum = sums_of_full_weight(equations, weights)
+    # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
+    redundancy = max(full - effective, 0)
+    return IterationRecord(
+        iteration=iteration,
+        enp=exponent_of_numerical_precision(normals.reduced_square_sum, effective),
+        sigma0=float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0,
+        down_weighted=active - full,
+        singular=singular,
+        step_limited=step.limited,
+        active=active,
     )
 
 

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from typing import Generic, NamedTuple
 
-import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.acceleration import Acceleration
-from orip.adjustment.convergence import exponent_of_numerical_precision
-from orip.adjustment.equations import Equations, Layout, Linearised, StateT
-from orip.adjustment.normals import SolvedNormals
+from orip.adjustment.equations import Linearised, StateT
 from orip.adjustment.step_control import StepControl
 from orip.adjustment.weighing import Weighing
 from orip.adjustment.weights import LEAST_WEIGHT
-from orip.arrays import FloatArray, IntArray, parts
-from orip.threads import by_threads
+from orip.arrays import FloatArray, IntArray
 
 
 class IterationSettings(Struct, frozen=True):
@@ -59,40 +55,6 @@ class IterationRecord(Struct, frozen=True):
     singular: int
     step_limited: bool
     active: int
-
-
-def iteration_record(
-    iteration: int,
-    equations: Equations,
-    normals: SolvedNormals,
-    weights: FloatArray,
-    layout: Layout,
-    *,
-    limited: bool,
-) -> IterationRecord:
-    """Return the record of an iteration from the equations after it, its normal equations and its weights (n,)."""
-    singular = int(np.count_nonzero(normals.removed))
-    effective = layout.unknowns - singular
-
-    def counts(part: slice) -> tuple[int, int, float]:
-        active = equations.active[part]
-        full = active & (weights[part] >= 1.0)
-        judged = np.where(full & ~equations.exact[part], equations.residual[part], 0.0)
-        return int(np.count_nonzero(active)), int(np.count_nonzero(full)), float(judged @ judged)
-
-    of_parts = [(0, 0, 0.0), *by_threads(counts, parts(len(weights)))]
-    active, full, square_sum = (sum(column) for column in zip(*of_parts, strict=True))
-    # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
-    redundancy = max(full - effective, 0)
-    return IterationRecord(
-        iteration=iteration,
-        enp=exponent_of_numerical_precision(normals.reduced_square_sum, effective),
-        sigma0=float(np.sqrt(square_sum / redundancy)) if redundancy else 0.0,
-        down_weighted=active - full,
-        singular=singular,
-        step_limited=limited,
-        active=active,
-    )
 
 
 class Candidate(NamedTuple, Generic[StateT]):
