@@ -63,7 +63,7 @@ static int are_columns_sound(const Block *b, const Pattern *p)
 static int are_indices_sound(const Arguments *a, const Block *b, const Pattern *p)
 {
     const int64_t in_order = length_of(a, ORDER), runs = length_of(a, RUNS);
-    return are_columns_sound(b, p) && are_within(b->polynomials, b->camera_count, 0, POLYNOMIALS + 1)
+    return are_within(b->polynomials, b->camera_count, 0, POLYNOMIALS + 1) && are_columns_sound(b, p)
         && are_within(b->camera_of_photo, b->photo_count, 0, b->camera_count)
         && are_within(b->photo, b->count, 0, b->photo_count) && are_within(b->point, b->count, 0, INT32_MAX)
         && are_starts(p->start, p->blocks, in_order) && are_starts(p->group_start, p->groups, p->blocks)

@@ -5,19 +5,14 @@ The points of a large block are columns (`point_columns`) in place of objects by
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
 from typing import Literal
 
-import msgspec
 import numpy as np
-from msgspec import Struct
 
-from orip.arrays import FloatArray
 from orip.files.result.identification import SCHEMA
-from orip.number_text import shortest_texts
+from orip.files.result.json_points import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.group_test import GroupTest
@@ -25,16 +20,10 @@ from orip.records.results.solution import Estimates, InteriorSummary, Residuals,
 from orip.records.results.station_residuals import station_residuals
 from orip.records.results.variance_component import VarianceComponent
 
-SINGULAR = "singular"
 RESIDUALS_FILE = "residuals.csv"
 
-INDENT = "  "
 LONGEST_LEAF = 160
 """An object or list without others inside stands on one line if that line's own text is not longer than this."""
-
-POINTS_PER_PIECE = 8192
-ELEMENTS_PER_LINE = 1024
-"""Of columns, which nobody reads element by element."""
 
 
 def result_document(solution: Solution) -> dict[str, object]:
@@ -45,7 +34,7 @@ def result_document(solution: Solution) -> dict[str, object]:
     """
     if not solution.is_large:
         return _document(solution, points_by_name(solution), None, RESIDUALS_FILE)
-    columns = {name: column.rows(slice(None)) for name, column in _point_columns(solution).items()}
+    columns = {name: column.rows(slice(None)) for name, column in point_columns(solution).items()}
     return _document(solution, {}, columns, RESIDUALS_FILE)
 
 
@@ -115,7 +104,7 @@ def result_pieces(solution: Solution, residuals_file: str = RESIDUALS_FILE) -> I
 
     `residuals_file` is the name of the file with the residuals, beside it.
     """
-    points, columns = ({}, _point_columns(solution)) if solution.is_large else (_Points(solution), None)
+    points, columns = ({}, point_columns(solution)) if solution.is_large else (Points(solution), None)
     yield from _json_pieces(_document(solution, points, columns, residuals_file), "")
     yield "\n"
 
@@ -209,97 +198,6 @@ def points_by_name(solution: Solution) -> dict[str, dict[str, object]]:
     return points
 
 
-class _Points(Struct, frozen=True):
-    """The points of a solution, written without building a document of them: blocks have many."""
-
-    solution: Solution
-
-    def pieces(self, margin: str) -> Iterator[str]:
-        """Yield what `_json_pieces` makes of `points_by_name`."""
-        points, rays, kinds = self.solution.points, self.solution.point_rays, self.solution.point_kinds
-        if not points.names:
-            yield "{}"
-            return
-        one = margin + INDENT
-        entries = [f'"{axis}": {{"value": %s, "sd": %s}}' for axis in "XYZ"] + ['"rays": %s', '"kind": "%s"']
-        form = f"\n{one}%s: {{" + ",".join(f"\n{one}{INDENT}{entry}" for entry in entries) + f"\n{one}}}"
-        between = form.split("%s")
-        yield "{"
-        for start in range(0, len(points.names), POINTS_PER_PIECE):
-            part = slice(start, start + POINTS_PER_PIECE)
-            figures = [
-                texts
-                for k in range(3)
-                for texts in (
-                    _number_texts(points.values[part, k], "null"),
-                    _number_texts(points.sd[part, k], f'"{SINGULAR}"'),
-                )
-            ]
-            columns = [
-                list(map(_compact, points.names[part])),
-                *figures,
-                list(map(str, rays[part].tolist())),
-                list(kinds[part]),
-            ]
-            yield ("," if start else "") + _woven(between, columns)
-        yield f"\n{margin}}}"
-
-
-class _Column(Struct, frozen=True):
-    """A list of `count` elements, of which `rows` returns some."""
-
-    count: int
-    rows: Callable[[slice], list[object]]
-
-    def pieces(self, margin: str) -> Iterator[str]:
-        """Yield the list as JSON, many elements on a line."""
-        yield "["
-        for start in range(0, self.count, ELEMENTS_PER_LINE):
-            line = msgspec.json.encode(self.rows(slice(start, start + ELEMENTS_PER_LINE))).decode("utf-8")[1:-1]
-            yield f"{',' if start else ''}\n{margin}{INDENT}{line}"
-        yield f"\n{margin}]"
-
-
-def _point_columns(solution: Solution) -> dict[str, _Column]:
-    points, count = solution.points, len(solution.points.names)
-    columns: dict[str, Callable[[slice], list[object]]] = {"name": lambda rows: list(points.names[rows])}
-    for k, axis in enumerate("XYZ"):
-        columns[axis] = partial(_numbers, points.values[:, k], None)
-        columns[f"{axis}_sd"] = partial(_numbers, points.sd[:, k], SINGULAR)
-    columns["rays"] = lambda rows: solution.point_rays[rows].tolist()
-    columns["kind"] = lambda rows: list(solution.point_kinds[rows])
-    return {name: _Column(count, rows) for name, rows in columns.items()}
-
-
-def _numbers(values: FloatArray, infinite: str | None, rows: slice) -> list[object]:
-    """Return some numbers as JSON has them: None for NaN, `infinite` for infinity."""
-    some = values[rows]
-    found: list[object] = some.tolist()
-    for place in np.flatnonzero(~np.isfinite(some)).tolist():
-        found[place] = None if np.isnan(some[place]) else infinite
-    return found
-
-
-def _woven(between: Sequence[str], columns: Sequence[Sequence[str]]) -> str:
-    """Return the rows of columns of texts, separated by commas, with one more text around and between their cells."""
-    count, width = len(columns[0]), 2 * len(columns) + 1
-    row = [""] * width
-    row[::2] = ["," + between[0], *between[1:]]
-    cells = row * count
-    for place, column in enumerate(columns):
-        cells[2 * place + 1 :: width] = column
-    cells[0] = between[0]
-    return "".join(cells)
-
-
-def _number_texts(values: FloatArray, infinite: str) -> list[str]:
-    """Return numbers as JSON has them; `infinite` for infinity."""
-    texts = shortest_texts(values, missing="null")
-    for place in np.flatnonzero(np.isinf(values)).tolist():
-        texts[place] = infinite
-    return texts
-
-
 def _down_weighted(residuals: Residuals) -> list[dict[str, object]]:
     return [
         {
@@ -385,24 +283,21 @@ def _interior(summary: InteriorSummary) -> dict[str, object]:
 
 def _json_pieces(node: object, margin: str) -> Iterator[str]:
     inner = margin + INDENT
-    if isinstance(node, _Points | _Column):
+    if isinstance(node, Points | Column):
         yield from node.pieces(margin)
         return
     if not isinstance(node, dict | list) or not node:
-        yield _compact(node)
+        yield compact(node)
         return
     entries = list(node.values()) if isinstance(node, dict) else node
-    if not any(isinstance(entry, dict | list | _Points | _Column) for entry in entries):
-        line = _compact(node)
+    if not any(isinstance(entry, dict | list | Points | Column) for entry in entries):
+        line = compact(node)
         if len(line) <= LONGEST_LEAF:
             yield line
             return
-    labels = [f"{_compact(key)}: " for key in node] if isinstance(node, dict) else [""] * len(entries)
+    labels = [f"{compact(key)}: " for key in node] if isinstance(node, dict) else [""] * len(entries)
     yield "{" if isinstance(node, dict) else "["
     for number, (label, entry) in enumerate(zip(labels, entries, strict=True)):
         yield f"{',' if number else ''}\n{inner}{label}"
         yield from _json_pieces(entry, inner)
     yield f"\n{margin}" + ("}" if isinstance(node, dict) else "]")
-
-
-_compact = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode

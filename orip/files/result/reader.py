@@ -9,7 +9,7 @@ from typing import Any
 
 from orip.errors import InputError
 from orip.files.result.identification import SCHEMA
-from orip.files.result.json_text import SINGULAR
+from orip.files.result.json_points import SINGULAR
 from orip.files.text.lines import sound_text
 from orip.files.text.shown import printable, shown_token
 from orip.records.names import record_key
