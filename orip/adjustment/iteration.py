@@ -26,11 +26,10 @@ from orip.adjustment.iteration_state import IterationRecord, IterationSettings, 
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, weighing_from
-from orip.arrays import BoolArray, FloatArray, parts
+from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
+from orip.arrays import BoolArray, FloatArray
 from orip.set_aside import set_aside
 from orip.structs import replace
-from orip.threads import by_threads
 
 _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
@@ -287,15 +286,7 @@ def _record(iteration: int, step: _Step[StateT], weights: FloatArray, layout: La
     equations, normals = step.moved.equations, step.normals
     singular = int(np.count_nonzero(normals.removed))
     effective = layout.unknowns - singular
-
-    def counts(part: slice) -> tuple[int, int, float]:
-        active = equations.active[part]
-        full = active & (weights[part] >= 1.0)
-        judged = np.where(full & ~equations.exact[part], equations.residual[part], 0.0)
-        return int(np.count_nonzero(active)), int(np.count_nonzero(full)), float(judged @ judged)
-
-    of_parts = [(0, 0, 0.0), *by_threads(counts, parts(len(weights)))]
-    active, full, square_sum = (sum(column) for column in zip(*of_parts, strict=True))
+    active, full, square_sum = sums_of_full_weight(equations, weights)
     # while iterating a down-weighted observation counts as not redundant; the final figure has the part of each one
     redundancy = max(full - effective, 0)
     return IterationRecord(

@@ -212,6 +212,23 @@ def has_many_reduced(equations: Equations, weights: FloatArray) -> bool:
     return _is_many(int(reduced), int(judged))
 
 
+def sums_of_full_weight(equations: Equations, weights: FloatArray) -> tuple[int, int, float]:
+    """Return how many observations are active, how many of these have a weight (n,) of 1, and their square sum.
+
+    The residuals of exact constraints are not in the sum.
+    """
+
+    def counts(part: slice) -> tuple[int, int, float]:
+        active = equations.active[part]
+        full = active & (weights[part] >= 1.0)
+        judged = np.where(full & ~equations.exact[part], equations.residual[part], 0.0)
+        return int(np.count_nonzero(active)), int(np.count_nonzero(full)), float(judged @ judged)
+
+    of_parts = [(0, 0, 0.0), *by_threads(counts, parts(len(weights)))]
+    active, full, square_sum = (sum(column) for column in zip(*of_parts, strict=True))
+    return int(active), int(full), float(square_sum)
+
+
 def _are_many(wrong: BoolArray) -> bool:
     return _is_many(int(np.count_nonzero(wrong)), len(wrong))
 
