@@ -17,14 +17,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_AT_A_TIME = 16384
+_AT_A_TIME = 65536
 
 Number = TypeVar("Number", float, FloatArray)
 """One coordinate of one point, or of n points as an array (n,)."""
 
 
 def parts(count: int) -> Iterator[slice]:
-    """Yield some thousands of `count` elements at a time.
+    """Yield many thousands of `count` elements at a time.
 
     Intermediate results of so many stay in the processor's cache, and their memory is used again at once; new arrays as
     long as all observations of a block are cleared by the system, which takes as long as computing them.

@@ -21,8 +21,8 @@ VARIABLE = "OMP_NUM_THREADS"
 """The variable that limits the threads of numerical programs; a list has the number of each level."""
 MOST_THREADS = 256
 
-_PARTS_OF_A_THREAD = 16
-"""Parts of some thousand elements for which a thread pays: a few operations on each take about a millisecond."""
+_PARTS_OF_A_THREAD = 4
+"""Parts of many thousand elements for which a thread pays: a few operations on each take about a millisecond."""
 
 _limit: ContextVar[int | None] = ContextVar("limit", default=None)
 
@@ -86,7 +86,7 @@ def by_threads(task: Callable[[PartT], T], parts: Iterable[PartT], of_a_thread: 
     task : callable
     parts : iterable
     of_a_thread : int, optional
-        For so many parts a thread pays; if not given, for so many of some thousand elements (`orip.arrays.parts`).
+        For so many parts a thread pays; if not given, for so many of many thousand elements (`orip.arrays.parts`).
     """
     given = list(parts)
     waiting, found = iter(enumerate(given)), dict[int, T]()
