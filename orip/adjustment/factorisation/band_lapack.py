@@ -48,14 +48,26 @@ def factorise_in_place(band: FloatArray) -> int:
     return int(info)
 
 
-def solve_in_place(band: FloatArray, vectors: FloatArray, trans: str) -> None:
-    """Replace vectors (k, n) by L^-1 of them, or for "T" by L^-T of them, with L in a band (n, w + 1)."""
-    count, stored = band.shape
+def reduce_in_place(band: FloatArray, vectors: FloatArray) -> None:
+    """Replace vectors (k, n) by L^-1 of them, with L in a band (n, w + 1); zeros that all begin with stay zeros."""
+    places = np.flatnonzero(vectors.any(axis=0))
+    if places.size:
+        _solve(band[places[0] :], vectors, int(places[0]), "N")
+
+
+def substitute_in_place(band: FloatArray, vectors: FloatArray) -> None:
+    """Replace vectors (k, n) by L^-T of them, with L in a band (n, w + 1)."""
     if vectors.size:
-        _call(
-            _SOLVE, _letter("L"), _letter(trans), _letter("N"), _number(count), _number(stored - 1),
-            _number(len(vectors)), band, _number(stored), vectors, _number(count), _number(0),
-        )  # fmt: skip
+        _solve(band, vectors, 0, "T")
+
+
+def _solve(band: FloatArray, vectors: FloatArray, first: int, trans: str) -> None:
+    """Replace the elements of vectors (k, n) from a first one on, with what a band has from its column there on."""
+    count, stored = band.shape
+    _call(
+        _SOLVE, _letter("L"), _letter(trans), _letter("N"), _number(count), _number(stored - 1), _number(len(vectors)),
+        band, _number(stored), vectors[0, first:], _number(vectors.shape[1]), _number(0),
+    )  # fmt: skip
 
 
 def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.linalg import lapack
 
-from orip.adjustment.factorisation.band_lapack import factorise_in_place, solve_in_place
+from orip.adjustment.factorisation.band_lapack import factorise_in_place, reduce_in_place, substitute_in_place
 from orip.adjustment.factorisation.band_panels import PANEL, columns_of, from_the_end, stored_part
 from orip.adjustment.factorisation.triangular import solve_lower
 from orip.arrays import FloatArray
@@ -44,13 +44,13 @@ class Half(Struct, frozen=True):
 
     def reduced(self, vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return L^-1 of vectors (k, h), and what they take off those of the middle (k, c)."""
-        solve_in_place(self.band, vectors, "N")
+        reduce_in_place(self.band, vectors)
         return vectors, vectors[:, len(self.band) - len(self.to_middle) :] @ self.to_middle
 
     def substituted(self, vectors: FloatArray, of_middle: FloatArray) -> FloatArray:
         """Return the solution (k, h) of L^T x = c from c (k, h) and the solution of the middle (k, c)."""
         vectors[:, len(self.band) - len(self.to_middle) :] -= of_middle @ self.to_middle.T
-        solve_in_place(self.band, vectors, "T")
+        substitute_in_place(self.band, vectors)
         return vectors
 
     def put_inverse(self, of_middle: FloatArray, result: FloatArray) -> None:
