@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import re
 import signal
 import sqlite3
 from contextlib import closing
@@ -72,7 +73,9 @@ def test_stores_of_an_older_orip_are_set_aside_and_made_again(task: ProjectTask)
         (path,) = folder.glob(f"*.{kind}")
         with closing(sqlite3.connect(path)) as store:
             store.execute("PRAGMA user_version = 11")
-    assert orip(folder, "run").code == 3
+    refused = orip(folder, "run")
+    assert refused.code == 3
+    assert re.search(r"error: \S+\.PHO, \S+\.EXT: these stores were written by an older orip", refused.err)
     reply = carry_out(task)
     assert reply.state == "adjusted"
     assert reply.message.startswith("2 stores of an older orip made again from the texts")

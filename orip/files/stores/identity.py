@@ -7,6 +7,7 @@ from functools import cache
 from orip.errors import InputError
 from orip.files.stores.checksum import CHECKSUM, ContentSums, Sum
 from orip.files.stores.explain import opened
+from orip.files.stores.older import older_stores_refused
 from orip.files.stores.provenance import META
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES_OF_KIND, summed_tables
 from orip.files.stores.store import Store, damage
@@ -106,12 +107,7 @@ def _refuse_strangers(store: Store, application: int, version: int) -> None:
         )
         raise InputError.single(message, str(store.path))
     if version < SCHEMA_VERSION:
-        message = (
-            f"this store was written by an older orip (schema {version}; this one writes "
-            f"{SCHEMA_VERSION}); bring what was edited in it into the text with that orip ('orip export-toml'), and "
-            f"move it away: 'orip run' creates a new one"
-        )
-        raise InputError.single(message, str(store.path))
+        raise older_stores_refused([store.path])
 
 
 def _kind(store: Store) -> str | None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
+from orip.errors import InputError
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION
 
 OLDER_STORES = "older-stores"
@@ -22,6 +24,34 @@ def is_older_store(path: Path) -> bool:
         header = file.read(_END)
     application = int.from_bytes(header[_APPLICATION:_END], "big", signed=True)
     return application == APPLICATION_ID and int.from_bytes(header[_VERSION : _VERSION + 4], "big") < SCHEMA_VERSION
+
+
+def refuse_older_stores(paths: Iterable[Path]) -> None:
+    """Refuse all of the stores that an older orip wrote at once.
+
+    Raises
+    ------
+    InputError
+        If there is one.
+    """
+    older = list[Path]()
+    for path in paths:
+        with suppress(OSError):  # whoever opens the store tells what is in the way
+            older += [path] if is_older_store(path) else []
+    if older:
+        raise older_stores_refused(older)
+
+
+def older_stores_refused(paths: Sequence[Path]) -> InputError:
+    """Return the error that names stores which an older orip wrote, and says what to do."""
+    these, them, new = (
+        ("this store was", "it", "a new one") if len(paths) == 1 else ("these stores were", "them", "new ones")
+    )
+    message = (
+        f"{these} written by an older orip (this one writes schema {SCHEMA_VERSION}); bring what was edited in {them} "
+        f"into the text with that orip ('orip export-toml'), and move {them} away: 'orip run' creates {new}"
+    )
+    return InputError.single(message, ", ".join(map(str, paths)))
 
 
 def set_older_stores_aside(paths: Iterable[Path]) -> list[Path]:

@@ -12,6 +12,7 @@ from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarnin
 from orip.files.project.reader import read_project
 from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
+from orip.files.stores.older import refuse_older_stores
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
@@ -235,7 +236,7 @@ def open_project(folder: Path) -> ProjectFolder:
     Raises
     ------
     InputError
-        With everything that is wrong in it.
+        With everything that is wrong in it, or all stores that an older orip wrote.
     UsageError
         If there is no such folder.
     """
@@ -251,6 +252,8 @@ def open_project(folder: Path) -> ProjectFolder:
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
     project = ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
+    of_bundles = [project.observations(bundle.name) for bundle in project.definition.bundles]
+    refuse_older_stores([*project.record_stores, *of_bundles])
     return replace(project, bundles_of_commands=_bundles_of_commands(project))
 
 

@@ -201,7 +201,7 @@ def not_utf8(path):
         (foreign_database, "belongs to another program"),
         (other_kind, r"made as \.PHO and is not a \.TIK"),
         (newer, "newer orip .*update orip"),
-        (older, r"older orip .schema 1; this one writes.*move it away: 'orip run' creates"),
+        (older, r"older orip .this one writes schema .*move it away: 'orip run' creates"),
         (without_table, "damaged .*tick.*last dump"),
         (cut_short, "damaged"),
         (cut_in_header, "damaged"),
