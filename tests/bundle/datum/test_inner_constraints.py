@@ -92,6 +92,9 @@ def test_cofactors_are_those_of_the_dense_transformation(name: str, every: int) 
         tolerance = SUMMED * EPSILON * condition_of_normals(stored, weights, kept)
         assert tolerance < 1e-4
         held, design = held_cofactors(stored, kept), stored.design.toarray()[used]
+        some = np.flatnonzero(kept)[::5]  # of photos, cameras and points, bound by exact constraints if there are any
+        size = np.sqrt(np.diag(held)[some])
+        assert np.abs((normals.inverse_at(some) - held[np.ix_(some, some)]) / np.outer(size, size)).max() < tolerance
         found = cofactors(equations, normals, problem.inner_constraints(state))
         assert_close(found, transformed(problem, state, held), tolerance)
         leverage = np.einsum("ni,ni->n", design @ held, design)
