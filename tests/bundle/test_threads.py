@@ -14,7 +14,7 @@ from bundle.test_photo_loop import two_cameras_with_sets
 from support.wrong_calls import recorded
 
 from orip import arrays, threads
-from orip.adjustment.factorisation import two_ends
+from orip.adjustment.factorisation import band_panels, two_ends
 from orip.bundle.compiled import photo_loop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
@@ -58,6 +58,7 @@ def test_results_do_not_depend_on_the_number_of_threads(name: str, monkeypatch: 
     monkeypatch.setattr(photo_loop, "_RAYS_OF_A_THREAD", 10)
     monkeypatch.setattr(two_ends, "_WORK_OF_A_THREAD", 0.0)
     monkeypatch.setattr(threads, "_PARTS_OF_A_THREAD", 1)
+    monkeypatch.setattr(band_panels, "_PANELS_OF_A_THREAD", 1)
     monkeypatch.setattr(arrays, "_AT_A_TIME", 100)
     shared: list[int] = []
     for module in (photo_loop, two_ends):

@@ -6,10 +6,9 @@ import numpy as np
 from msgspec import Struct
 from scipy.sparse import csr_array
 
-from orip.adjustment.factorisation.band_panels import add_product, parts_of, times
+from orip.adjustment.factorisation.band_panels import add_product, by_panels, times
 from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.threads import by_threads
 
 _LEAST_UNKNOWNS = 400
 """Number of unknowns below which a full matrix is as fast."""
@@ -127,7 +126,7 @@ class BandMatrix(Struct, frozen=True):
             np.multiply(part, of_rows[start : start + count, :stored], out=part)
             np.multiply(part, ordered[start : start + count, None], out=part)
 
-        by_threads(scale_panel, parts_of(self.band, self.arrangement.reach))
+        by_panels(scale_panel, self.band, self.arrangement.reach)
         self.border[:] *= ordered
         self.border[:] *= ordered[banded:, None]
 

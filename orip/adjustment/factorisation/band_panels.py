@@ -6,7 +6,7 @@ Row j of a band (n, w + 1) has the elements (j, j) to (j + w, j) of a symmetric 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from orip.threads import by_threads
 
 PANEL = 64
 """Columns of a panel."""
+
+_PANELS_OF_A_THREAD = 16
+"""Panels of some thousand elements for which a thread pays."""
 
 
 def columns_of(band: FloatArray) -> FloatArray:
@@ -51,7 +54,12 @@ def add_product(band: FloatArray, left: FloatArray, right: FloatArray, reach: In
         count, stored = part.shape
         np.add(part, stored_part(right[start : start + count] @ left[start : start + count + stored - 1].T), out=part)
 
-    by_threads(add_to_panel, parts_of(band, reach))
+    by_panels(add_to_panel, band, reach)
+
+
+def by_panels(task: Callable[[tuple[int, FloatArray]], None], band: FloatArray, reach: IntArray | None) -> None:
+    """Do a task for each of `parts_of` a band, on several threads where it has many."""
+    by_threads(task, parts_of(band, reach), _PANELS_OF_A_THREAD)
 
 
 def parts_of(band: FloatArray, reach: IntArray | None) -> Iterator[tuple[int, FloatArray]]:
