@@ -12,10 +12,12 @@
 #include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
 #include "../relative/common_counts.h"
-#include "../relative/given_scale.h"
+#include "../relative/pair_loops.h"
 #include "../resection/fitting_points.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
+
+static const PairLoops *pairs = &plain_pairs;
 
 #define MOST_ITERATIONS 1e6
 
@@ -405,13 +407,13 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
         || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count) || !has(&a, IN_FRONT, p.count)
         || !has(&a, USABLE, p.count))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
     }
-    const int oriented = orient_relatively(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
-                                           a.views[FOUND].buf);
+    const int oriented = pairs->orient(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
+                                       a.views[FOUND].buf);
     PyMem_Free(space);
     release(&a);
     return PyBool_FromLong(oriented);
@@ -436,13 +438,13 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
         || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
         || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
     }
-    const int oriented = orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, a.numbers[0],
-                                         space, &points, a.views[FOUND].buf);
+    const int oriented = pairs->orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf,
+                                                a.numbers[0], space, &points, a.views[FOUND].buf);
     PyMem_Free(space);
     release(&a);
     return PyBool_FromLong(oriented);
@@ -522,4 +524,11 @@ static struct PyModuleDef definition = {
     PyModuleDef_HEAD_INIT, "_kernels", "Inner loops of preliminary values.", -1, methods, NULL, NULL, NULL, NULL,
 };
 
-PyMODINIT_FUNC PyInit__kernels(void) { return PyModule_Create(&definition); }
+PyMODINIT_FUNC PyInit__kernels(void)
+{
+#ifdef HAS_AVX2_LOOPS
+    if (__builtin_cpu_supports("avx2"))
+        pairs = &avx2_pairs;
+#endif
+    return PyModule_Create(&definition);
+}

@@ -4,11 +4,6 @@
 
 #include "parallax.h"
 
-/* DANISH in orip/prelim/relative/adjustment.py */
-typedef struct {
-    double limit, floor, converged, longest, regular, held;
-} RelativeDanish;
-
 /* Two directions across a base: the images of the second and third axis in Householder's reflection. */
 static void across_of(const double *base, double across[2][3])
 {

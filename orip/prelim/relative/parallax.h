@@ -6,12 +6,8 @@
 #define ORIP_PRELIM_PARALLAX_H
 
 #include "../compiled/linear.h"
+#include "pair_loops.h"
 #include <string.h>
-
-typedef struct {
-    const double *left, *right, *error;
-    int64_t count;
-} Pairs;
 
 static inline void times3(const double *M, const double *v, double *product)
 {

@@ -4,29 +4,6 @@
 #include "adjustment.h"
 #include "start.h"
 
-/* CHOICE in orip/prelim/relative/solution.py */
-typedef struct {
-    double to_compare, most, equally_good, same, sure, plain_base, rotation_steps;
-} Choice;
-
-typedef struct {
-    Sampling sampling;
-    RelativeDanish danish;
-    Choice choice;
-} RelativeRules;
-
-/* Deviations are those of the a-priori errors, those of the base in units of its length. */
-typedef struct {
-    double base[3], rotation[9], angles[3], base_deviation[3], angle_deviation[3];
-    double scale, by_chance, ambiguous, iterations, seuw, length, left_by_rotation;
-} RelativeFound;
-
-/* Of each point; coordinates and deviations in units of the base. */
-typedef struct {
-    double *parallax, *weights, *redundancy, *coordinates, *deviations;
-    uint8_t *in_front, *usable;
-} RelativePoints;
-
 static int64_t relative_space(const RelativeRules *rules, int64_t count)
 {
     const int64_t kept = (int64_t)rules->sampling.kept, starts = (int64_t)rules->sampling.starts;
