@@ -13,7 +13,7 @@
 #include "../refinement/refinement.h"
 #include "../relative/common_counts.h"
 #include "../relative/pair_loops.h"
-#include "../resection/photo.h"
+#include "../resection/fitting_points.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
 
@@ -115,6 +115,54 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
     PyMem_Free(space);
     release(&a);
     return PyLong_FromLongLong(left);
+}
+
+static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { STARTS, IMAGE, KNOWN, DEVIATIONS, ERRORS, EXTENTS, LEAST, TRIPLES, CORNERS, RULES, JUDGEMENT, ROTATIONS,
+           CENTRES, FITS, FOUND };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "ldddddlll" "ddDDBB", 1))
+        return NULL;
+    const int64_t photos = length_of(&a, LEAST), count = length_of(&a, DEVIATIONS), all = length_of(&a, TRIPLES) / 3;
+    const int64_t *starts = a.views[STARTS].buf, *least = a.views[LEAST].buf, *corners = a.views[CORNERS].buf;
+    const double *errors = a.views[ERRORS].buf, *extents = a.views[EXTENTS].buf;
+    int sound = has(&a, STARTS, photos + 1) && are_starts64(starts, photos, count) && has(&a, IMAGE, 3 * count)
+        && has(&a, KNOWN, 3 * count) && has(&a, ERRORS, photos) && has(&a, EXTENTS, photos)
+        && has(&a, TRIPLES, 3 * all) && has(&a, CORNERS, 2 * photos)
+        && has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) && are_resection_rules_sound(a.views[RULES].buf)
+        && has(&a, JUDGEMENT, sizeof(PhotoJudgement) / sizeof(double)) && has(&a, FITS, count)
+        && has(&a, ROTATIONS, 9 * photos) && has(&a, CENTRES, 3 * photos) && has(&a, FOUND, photos) && is_whole(a.numbers[0], 1.0, MOST_ORIENTATIONS)
+        && are_within64(corners, 2 * photos, 0, all + 1);
+    int64_t most = 0;
+    for (int64_t photo = 0; sound && photo < photos; photo++) {
+        const int64_t n = starts[photo + 1] - starts[photo], first = corners[2 * photo], end = corners[2 * photo + 1];
+        sound = n > 3 && least[photo] >= 1 && least[photo] <= n && first <= end
+            && are_within64((const int64_t *)a.views[TRIPLES].buf + 3 * first, 3 * (end - first), 0, n);
+        most = n > most ? n : most;
+    }
+    if (!sound)
+        return refused(&a);
+    const int64_t candidates = (int64_t)a.numbers[0];
+    double *space = PyMem_Malloc((size_t)(fitting_space(most, candidates) + 1) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    for (int64_t photo = 0; photo < photos; photo++) {
+        const int64_t first = starts[photo], n = starts[photo + 1] - first;
+        const PhotoToFit to_fit = {
+            {(const double *)a.views[IMAGE].buf + 3 * first, NULL, NULL, errors[photo], n, least[photo]},
+            (const double *)a.views[KNOWN].buf + 3 * first, (const double *)a.views[DEVIATIONS].buf + first,
+            (const int64_t *)a.views[TRIPLES].buf + 3 * corners[2 * photo],
+            corners[2 * photo + 1] - corners[2 * photo], extents[photo]};
+        ((uint8_t *)a.views[FOUND].buf)[photo] =
+            (uint8_t)mark_fitting(&to_fit, a.views[RULES].buf, a.views[JUDGEMENT].buf, candidates, space,
+                                  (double *)a.views[ROTATIONS].buf + 9 * photo,
+                                  (double *)a.views[CENTRES].buf + 3 * photo, (uint8_t *)a.views[FITS].buf + first);
+    }
+    PyMem_Free(space);
+    return done(&a);
 }
 
 /* The photo points of all points, one after the other, and what they are computed with. */
@@ -459,6 +507,7 @@ static PyMethodDef methods[] = {
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
     METHOD(resect, "The orientation of a photo by known points."),
+    METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
