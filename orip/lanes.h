@@ -85,6 +85,7 @@ INLINE Lanes root_of_each(Lanes number)
     return root;
 }
 
+INLINE Lanes larger_of_each(Lanes a, Lanes b) { return either(a > b, a, b); }
 INLINE Lanes size_of_each(Lanes number) { return either(number < ALL(0.0), -number, number); }
 
 /* Write as many numbers as there are lanes, each of a lane's, to the array of that lane. */

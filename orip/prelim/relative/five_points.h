@@ -417,8 +417,6 @@ static void others_of(Lanes b[3][3][5], Complex z, Complex *x, Complex *y)
     *x = over(best[0], best[2]), *y = over(best[1], best[2]);
 }
 
-INLINE Lanes larger_of_each(Lanes a, Lanes b) { return either(a > b, a, b); }
-
 /* The matrix with the norm 1 of a root, and whether it is one: nearly real. */
 static LaneNumbers essential_at(Lanes basis[4][9], Lanes b[3][3][5], Complex z, Lanes e[9])
 {

@@ -7,7 +7,7 @@
 static int64_t relative_space(const RelativeRules *rules, int64_t count)
 {
     const int64_t kept = (int64_t)rules->sampling.kept, starts = (int64_t)rules->sampling.starts;
-    return judgement_space(&rules->sampling, count) + 12 * kept + starts * (13 + count) + 9 * count;
+    return judgement_space(&rules->sampling, count) + 12 * kept + starts * 13 + (starts + LANES) * count + 9 * count;
 }
 
 /* The least squares rotation that takes directions to others; M is the sum of their dyads. */
@@ -234,10 +234,13 @@ static int orient_relatively(const Pairs *p, const RelativeRules *rules, const i
     memcpy(found->base, bases + 3 * best, sizeof(found->base));
     memcpy(found->rotation, rotations + 9 * best, sizeof(found->rotation));
     found->iterations += (double)adjust_relative(p, &rules->danish, &found->scale, 1, (int64_t)rules->choice.most,
-                                                 found->base, found->rotation, points->weights);
+                                                 found->base, found->rotation, rest);
+    for (int64_t row = 0; row < p->count; row++)
+        points->weights[row] = rest[LANES * row];
     essential_of(found->base, found->rotation, E);
     parallaxes_at(p, E, points->parallax);
-    relative_precision(p, &rules->danish, found->base, found->rotation, points->weights, points->redundancy, inverse);
+    relative_precision(p, &rules->danish, found->base, found->rotation, points->weights, points->redundancy, inverse,
+                       rest);
     found->seuw = unit_weight_error(p, points);
     angles_of(found->rotation, found->angles);
     deviations_of(inverse, found);
