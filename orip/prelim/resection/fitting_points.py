@@ -9,7 +9,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.resection.chance import SURE, fits_beyond_chance
 from orip.prelim.resection.known_points import MANY_BLUNDERS, number_that_fits
-from orip.prelim.resection.resection import MISFIT, RULES, USELESS_ANGLE, USELESS_CENTRE, Resected, resect
+from orip.prelim.resection.resection import MISFIT, RULES_OF_TRACKS, USELESS_ANGLE, USELESS_CENTRE, Resected, resect
 from orip.prelim.resection.start import CANDIDATES, triples_for
 
 _JUDGEMENT = np.array([MISFIT, USELESS_ANGLE, USELESS_CENTRE, SURE], dtype=np.float64)
@@ -91,7 +91,7 @@ def _compiled(seen: SeenPoints, found: FittedPhotos) -> list[int]:
     is_found = np.empty(len(counts), dtype=bool)
     kernels.fitting_points(
         *map(np.ascontiguousarray, (seen.starts, seen.vectors, seen.coordinates, seen.deviations)),
-        seen.mean_errors(), extent, least, np.concatenate(triples), corners, RULES, _JUDGEMENT,
+        seen.mean_errors(), extent, least, np.concatenate(triples), corners, RULES_OF_TRACKS, _JUDGEMENT,
         found.rotations, found.centres, found.fits, is_found, CANDIDATES,
     )  # fmt: skip
     unusual: list[int] = np.flatnonzero(~is_found).tolist()

@@ -2,7 +2,7 @@
 
 #include "resection.h"
 
-/* RULES in orip/prelim/resection/resection.py */
+/* _RULES in orip/prelim/resection/resection.py */
 typedef struct {
     double one_line, fits, plane, limit, alike, same, improvements, floor, steady, same_scale, iterations, largest_turn,
         regular;
@@ -66,7 +66,7 @@ static int is_flat(const double *points, int64_t count, double plane)
             for (int j = 0; j < 3; j++)
                 moments[i][j] += points[3 * row + i] * points[3 * row + j];
     eigen3(moments, values, axes);
-    return values[0] < plane * plane * values[1];
+    return values[0] < plane * plane * values[1] && plane > 0.0;
 }
 
 static OrientationChoice choice_of(const ResectionRules *r, const Known *k)

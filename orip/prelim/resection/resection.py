@@ -27,7 +27,9 @@ USELESS_CENTRE = 0.2
 _SINGULAR = 1e-13
 """Ratio of eigenvalues of normal equations with unit diagonal below which the smallest one is nothing but rounding."""
 
-RULES = np.array([ONE_LINE, FITS, PLANE, *CHOICE, _SINGULAR], dtype=np.float64)
+_RULES, RULES_OF_TRACKS = (
+    np.array([ONE_LINE, FITS, plane, *CHOICE, _SINGULAR], dtype=np.float64) for plane in (PLANE, 0.0)
+)
 """The constants as the compiled loop takes them: `ResectionRules` in photo.h."""
 
 MISFIT = 0.04
@@ -167,8 +169,9 @@ def _compiled_solution(given: KnownPoints) -> _Solution | None:
     count = len(given)
     rotations, centres = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3))
     residuals, factors, found = np.empty((count, 2)), np.empty((CANDIDATES, count)), np.empty(11)
+    rules = _RULES if given.blunders <= FEW_BLUNDERS else RULES_OF_TRACKS
     number = kernels.resect(
-        *given.arrays, triples_of(given), RULES, rotations, centres, factors, residuals, found,
+        *given.arrays, triples_of(given), rules, rotations, centres, factors, residuals, found,
         given.error_mm, given.least,
     )  # fmt: skip
     if not number:

@@ -24,7 +24,8 @@ FITS = 9.0
 it, no more triples are tried."""
 
 PLANE = 0.15
-"""Thickness over width of an object below which its homography gives orientations too."""
+"""Thickness over width of an object below which its homography gives orientations too, where few points are wrong: it
+is of all of them."""
 
 
 def starting_orientations(known: KnownPoints) -> Orientations:
@@ -48,7 +49,7 @@ def starting_orientations(known: KnownPoints) -> Orientations:
     tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
     if len(known) == 3:
         return _most_square_first(known, tried)
-    if quantile.min(initial=np.inf) > FITS and _is_flat(known):
+    if quantile.min(initial=np.inf) > FITS and known.blunders <= FEW_BLUNDERS and _is_flat(known):
         of_plane = _of_plane(known)
         tried, quantile = tried.joined(of_plane), np.concatenate([quantile, _quantile(known, of_plane)])
         tried, _ = _best(tried, quantile)

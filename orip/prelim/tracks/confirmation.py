@@ -10,7 +10,7 @@ be oriented by samples of its points any more, whose wrong ones might bend the m
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -146,7 +146,8 @@ class RayComparison:
             self._usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
         unbent = [model for one in models if (model := self._at_usual_scale(one)) is not None]
         if unbent:
-            for photos, start in (*_starts_of(unbent), *_compare(self._rays, unbent, self._votes)):
+            told = _compare(self._rays, unbent, self._votes, taken.union(self._waiting))
+            for photos, start in (*_starts_of(unbent), *told):
                 if photos not in self._starts or start.support > self._starts[photos].support:
                     self._starts[photos] = start
 
@@ -246,8 +247,10 @@ class _ThirdRays(NamedTuple):
     starts: IntArray
 
 
-def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> list[tuple[tuple[int, int], _Start]]:
-    """Resect other photos in models, count which rays agree, and return how these photos lie to those of the models."""
+def _compare(
+    rays: ImageRays, models: Sequence[_Model], votes: Votes, wanted: Container[tuple[int, int]]
+) -> list[tuple[tuple[int, int], _Start]]:
+    """Resect other photos in models, count which rays agree, and return how wanted pairs of photos lie."""
     points = _points_of(rays, models)
     _count(votes.in_pairs, (points.left, points.right), points.usable)
     thirds = _third_rays(rays, models, points)
@@ -271,18 +274,21 @@ def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> list[tu
             int(rays.photo[rows[first[photo]]]),
             _Orientation(found.rotations[photo], found.centres[photo]),
             int(agreeing[photo]),
+            wanted,
         )
     ]
 
 
 def _told_by_third(
-    model: _Model, third: int, of_third: _Orientation, support: int
+    model: _Model, third: int, of_third: _Orientation, support: int, wanted: Container[tuple[int, int]]
 ) -> Iterator[tuple[tuple[int, int], _Start]]:
     """Yield the relative orientations of a third photo and those of a model."""
     left = _Orientation(np.eye(3), np.zeros(3))
     right = _Orientation(model.solution.photos.rotation, model.solution.photos.base)
     for photo, of_photo in zip(model.photos, (left, right), strict=True):
         photos = (photo, third) if photo < third else (third, photo)
+        if photos not in wanted:
+            continue
         one, other = (of_photo, of_third) if photo < third else (of_third, of_photo)
         base = one.rotation.T @ (other.centre - one.centre)
         yield photos, _Start(TwoPhotos(base / np.linalg.norm(base), one.rotation.T @ other.rotation), support)
