@@ -99,7 +99,6 @@ def adjusted_similarity() -> object:
 
 CASES: dict[str, Callable[[], object]] = {
     "adjust_similarity": adjusted_similarity,
-    "band_order": refined,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "common_points": lambda: common_point_counts(scene()[0]),
@@ -109,10 +108,7 @@ CASES: dict[str, Callable[[], object]] = {
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
     "resect": resected,
-    "refinement_normals": refined,
-    "refinement_residuals": refined,
-    "refinement_step": refined,
-    "refinement_weights": refined,
+    "refine": refined,
 }
 
 
