@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
+from orip.prelim.growing import misplaced_photos
 from orip.prelim.intersection import consensus, intersection
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
@@ -22,7 +23,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    consensus, given_scale, intersection, pair_selection, refinement, relative_solution, resection_choice,
+    consensus, given_scale, intersection, misplaced_photos, pair_selection, refinement, relative_solution, resection_choice,
     resection, resection_start, similarity_adjustment, similarity_start,
 )  # fmt: skip
 

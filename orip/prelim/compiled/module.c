@@ -7,6 +7,7 @@
 
 #include "../../array_arguments.h"
 
+#include "../growing/residual_lengths.h"
 #include "../intersection/intersection.h"
 #include "../intersection/consensus.h"
 #include "../refinement/robust_iterations.h"
@@ -114,31 +115,35 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
     return PyLong_FromLongLong(left);
 }
 
-/* The photo points of all points, one after the other, and the orientations of their photos. */
+/* Photo points, and the orientations of their photos. */
 enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT };
 
 static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES, SPACE, INDICES };
+    enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDDDL", 9))
+    if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDD", 9))
         return NULL;
-    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
-                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
-                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
+    const RaysToMeet rays = {a.views[PHOTO].buf,    a.views[OF_POINT].buf, a.views[VECTORS].buf,
+                             a.views[ERROR].buf,    a.views[TURNED].buf,   a.views[AT].buf,
+                             a.views[ORIENTED].buf, length_of(&a, ERROR),  length_of(&a, ANGLES)};
     const int64_t photos = length_of(&a, ORIENTED);
     const double *n = a.numbers;
-    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
-        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
-        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, POINTS, 3 * rays.points)
-        || !has(&a, DEVIATIONS, 3 * rays.points) || !has(&a, FACTORS, rays.count) || !has(&a, ANGLES, rays.points)
-        || !has(&a, SPACE, NUMBERS_OF_A_RAY * rays.count) || !has(&a, INDICES, rays.count + rays.points + 1)
-        || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
+    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
+        || !are_rows(&a, OF_POINT, rays.points) || !has(&a, VECTORS, 3 * rays.count) || !has(&a, TURNED, 9 * photos)
+        || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.points) || !has(&a, DEVIATIONS, 3 * rays.points)
+        || !has(&a, FACTORS, rays.count) || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
         || !is_whole(n[7], 0.0, MOST_ITERATIONS) || !is_whole(n[8], 0.0, MOST_ITERATIONS))
         return refused(&a);
+    void *space = PyMem_Malloc(bundle_space(rays.count, rays.points));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
     Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
     const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
-                                    a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
+                                    a.views[ANGLES].buf, space);
+    PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(s0);
 }
@@ -159,6 +164,31 @@ static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *argu
         || !has(&a, POINTS, 3 * rays.points))
         return refused(&a);
     find_consensus(&rays, a.views[DOUBTFUL].buf, a.numbers[0], a.numbers[1], a.views[POINTS].buf);
+    return done(&a);
+}
+
+static PyObject *py_residual_lengths(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { POINTS = 6, LENGTHS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "lldd" "ddd" "D", 0))
+        return NULL;
+    const RaysOfBlock rays = {a.views[PHOTO].buf, a.views[OF_POINT].buf, a.views[VECTORS].buf,  a.views[ERROR].buf,
+                              a.views[TURNED].buf, a.views[AT].buf,      a.views[POINTS].buf,   length_of(&a, ERROR),
+                              length_of(&a, POINTS) / 3};
+    const int64_t photos = length_of(&a, AT) / 3;
+    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
+        || !are_rows(&a, OF_POINT, rays.point_count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.point_count)
+        || !has(&a, LENGTHS, rays.count))
+        return refused(&a);
+    int64_t *together = PyMem_Malloc((size_t)rays.point_count * sizeof(int64_t));
+    if (!together) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    residual_lengths(&rays, together, a.views[LENGTHS].buf);
+    PyMem_Free(together);
     return done(&a);
 }
 
@@ -332,6 +362,7 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
 static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
     METHOD(consensus, "Positions of points where most of their rays meet."),
+    METHOD(residual_lengths, "Lengths of the residuals of rays."),
     METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),

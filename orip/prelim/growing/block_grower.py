@@ -174,13 +174,10 @@ class BlockGrower(Struct, frozen=True):
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         for photo in np.flatnonzero(photos):
             concerned[self.index.points[photo]] = True
-        points, place = np.flatnonzero(concerned), np.cumsum(concerned) - 1
         part = self.rays.of(np.flatnonzero(concerned[self.rays.point]))
-        names = tuple(map(self.rays.points.__getitem__, points.tolist()))
-        part = replace(part, points=names, point=place[part.point])
         found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
-        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
-        coordinates[points], deviations[points] = found.coordinates, found.deviations
+        coordinates = np.where(concerned[:, None], found.coordinates, current.coordinates)
+        deviations = np.where(concerned[:, None], found.deviations, current.deviations)
         return self._with_held(replace(current, coordinates=coordinates, deviations=deviations))
 
     def refined(self, current: GrowingBlock, enough: float) -> GrowingBlock:
