@@ -23,8 +23,8 @@ from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    consensus, given_scale, intersection, misplaced_photos, pair_selection, refinement, relative_solution, resection_choice,
-    resection, resection_start, similarity_adjustment, similarity_start,
+    consensus, given_scale, intersection, misplaced_photos, pair_selection, refinement, relative_solution,
+    resection_choice, resection, resection_start, similarity_adjustment, similarity_start,
 )  # fmt: skip
 
 

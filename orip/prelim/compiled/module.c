@@ -226,6 +226,10 @@ static PyObject *py_refine(PyObject *Py_UNUSED(module), PyObject *const *argumen
         || !has(&a, ROTATIONS, 9 * all.photos) || !has(&a, CENTRES, 3 * all.photos) || !has(&a, POINTS, 3 * all.points)
         || !has(&a, WEIGHTS, all.count) || !has(&a, SCALE, 1))
         return refused(&a);
+    if (!find_lapack()) {
+        release(&a);
+        return NULL;
+    }
     BlockState block = {.rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
                         .points = a.views[POINTS].buf, .corrections = a.views[CORRECTIONS].buf,
                         .weights = a.views[WEIGHTS].buf};

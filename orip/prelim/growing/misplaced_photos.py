@@ -53,7 +53,7 @@ def unfit(lengths: FloatArray) -> BoolArray:
     """Return which of `residual_lengths` (n,) are far larger than usual; NaN is not among them."""
     judged = ~np.isnan(lengths)
     overall = median(lengths[judged]) if judged.any() else np.inf
-    return judged & ~(lengths <= MISFIT * max(overall, 1.0))
+    return np.asarray(lengths > MISFIT * max(overall, 1.0))
 
 
 def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray, blunders: float) -> BoolArray:

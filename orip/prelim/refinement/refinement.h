@@ -23,9 +23,7 @@ typedef struct {
     const double *by_camera;
     int64_t cameras;
     double *border, *point_border, *camera_normals, *camera_right;
-    /* their expected sizes, and room for a column of the equations */
     const double *expected;
-    double *column;
     /* the cameras of a point, one at a time */
     int64_t *seen, seen_count;
 } RefinementProblem;
@@ -258,7 +256,7 @@ static void block_normals(RefinementProblem *n)
 static int solve_block(RefinementProblem *n, const double *corrections)
 {
     const int64_t width = OF_CAMERA * n->cameras;
-    if (!factorise_band(n->band, n->size, n->width, n->column))
+    if (!factorise_band(n->band, n->size, n->width))
         return 0;
     reduce_by_band(n->band, n->size, n->width, n->right, 1);
     reduce_by_band(n->band, n->size, n->width, n->border, width);
@@ -278,7 +276,7 @@ static int solve_block(RefinementProblem *n, const double *corrections)
         memmove(row, row + k, (size_t)(width - k) * sizeof(double));
         clear(row + width - k, k);
     }
-    if (!factorise_band(n->camera_normals, width, width, n->column))
+    if (!factorise_band(n->camera_normals, width, width))
         return 0;
     reduce_by_band(n->camera_normals, width, width, n->camera_right, 1);
     substitute_by_band(n->camera_normals, width, width, n->camera_right);

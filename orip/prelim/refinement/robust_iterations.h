@@ -4,6 +4,9 @@
 #include "refinement.h"
 #include <stdlib.h>
 
+/* In place of a number of iterations: the user wants to end the program, or there is not enough memory. */
+enum { REFINEMENT_INTERRUPTED = -1, REFINEMENT_WITHOUT_ROOM = -2 };
+
 /* All rays of a block, in any order, and what is known of it. */
 typedef struct {
     const int64_t *photo, *point, *camera_of_photo;
@@ -119,7 +122,7 @@ static void place_state(const Refinement *r, BlockState *at, Room *room)
 static void place_equations(Refinement *r, Room *room)
 {
     RefinementProblem *n = &r->n;
-    const int64_t cameras = n->cameras, width = OF_CAMERA * cameras, longest = n->width > width ? n->width : width;
+    const int64_t cameras = n->cameras, width = OF_CAMERA * cameras;
     r->error = take_numbers(room, n->count), r->by_camera = take_numbers(room, cameras ? 2 * OF_CAMERA * n->count : 0);
     r->camera = take_places(room, cameras ? n->count : 0);
     n->seen = take_places(room, cameras);
@@ -128,7 +131,6 @@ static void place_equations(Refinement *r, Room *room)
     n->band = take_numbers(room, n->size * n->width), n->right = take_numbers(room, n->size);
     n->border = take_numbers(room, n->size * width), n->point_border = take_numbers(room, 3 * n->point_count * width);
     n->camera_normals = take_numbers(room, width * width), n->camera_right = take_numbers(room, width);
-    n->column = take_numbers(room, longest);
     for (int k = 0; k < 3; k++)
         place_state(r, r->states + k, room);
 }
@@ -228,7 +230,7 @@ static void exchange(BlockState **one, BlockState **other)
 }
 
 /* Steps with Marquardt's damping, of which some may lead uphill, as `_UphillSteps` of refinement.py explains. Returns how
- * many were made, -1 if the user interrupted them; `found` is the best state.
+ * many were made, `REFINEMENT_INTERRUPTED` if the user interrupted them; `found` is the best state.
  */
 static int64_t iterate(Refinement *r, BlockState **found)
 {
@@ -239,7 +241,7 @@ static int64_t iterate(Refinement *r, BlockState **found)
     int64_t iteration = 0;
     while (!done && (double)iteration < rules->most_steps) {
         if (PyErr_CheckSignals())
-            return -1;
+            return REFINEMENT_INTERRUPTED;
         iteration++;
         if (!step_from(r, on_trust ? trusted : best, damping, tried)) {
             damping *= 10.0, on_trust = 0;
@@ -353,8 +355,6 @@ static int64_t refine_chosen(Refinement *r, BlockState *to)
     to->scale = at->scale;
     return iterations;
 }
-
-enum { REFINEMENT_INTERRUPTED = -1, REFINEMENT_WITHOUT_ROOM = -2 };
 
 /* Refine rotations, centres, points and corrections, and say how many steps were made; `scale` is that of the
  * residuals, 0 without redundancy.
