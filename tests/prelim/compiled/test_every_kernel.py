@@ -13,7 +13,9 @@ import pytest
 from compiled_cases import common_pairs, common_points, scene
 from msgspec import Struct
 from msgspec.structs import astuple
+from scipy.spatial.transform import Rotation
 
+from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing.growing_block import GrowingBlock
@@ -23,10 +25,11 @@ from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.refinement import refine
-from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
+from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
@@ -91,6 +94,22 @@ def resected() -> object:
     return found.rotation, found.centre, *deviations, found.residuals, found.weight_factor, found.s0, found.redundancy
 
 
+def fitted_photos() -> object:
+    """Return four photos, the last of which sees other points than those that it is given."""
+    rays, _, _, points = scene()
+    of_photos = [np.flatnonzero(rays.photo == photo)[: 12 + 5 * photo] for photo in range(4)]
+    starts, rows = np.cumsum([0, *map(len, of_photos)]), np.concatenate(of_photos)
+    known = points[rays.point[rows]]
+    known[starts[3] :] = known[starts[3] :][::-1]
+    seen = SeenPoints(
+        starts, rays.xy[rows], rays.vectors[rows], np.full(len(rows), 0.005), known, np.full(len(rows), 1e-3)
+    )
+    found = fitting_points(seen)
+    assert [np.count_nonzero(found.fits[starts[k] : starts[k + 1]]) > 10 for k in range(4)] == [True, True, True, False]
+    # what another start leads to where nothing fits is of no consequence
+    return found.rotations[:3], found.centres[:3], found.fits
+
+
 def chosen_orientations() -> object:
     known = known_points()
     return best_orientations(known, starting_orientations(known))
@@ -107,17 +126,32 @@ def oriented_at_scale() -> object:
     return at_scale(solution, pairs, 1.0)
 
 
+def adjusted_pair() -> object:
+    pairs = common_pairs(scene()[0], 1)
+    solution = solve(pairs)
+    assert solution is not None
+    found = adjusted_at_scale(turned_by_a_tenth_of_a_degree(solution.photos), pairs, 1.2)
+    assert found is not None
+    return found
+
+
+def turned_by_a_tenth_of_a_degree(photos: TwoPhotos) -> TwoPhotos:
+    return TwoPhotos(photos.base, photos.rotation @ Rotation.from_rotvec([0.001, -0.001, 0.001]).as_matrix())
+
+
 def adjusted_similarity() -> object:
     common, rotation = common_points(25)
     return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
 
 
 CASES: dict[str, Callable[[], object]] = {
+    "adjust_at_scale": adjusted_pair,
     "adjust_similarity": adjusted_similarity,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "common_points": lambda: common_point_counts(scene()[0]),
     "consensus": placed_by_consensus,
+    "fitting_points": fitted_photos,
     "intersect": intersected,
     "orient_at_scale": oriented_at_scale,
     "orient_pair": oriented_pair,
