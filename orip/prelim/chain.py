@@ -135,7 +135,7 @@ class _End(NamedTuple):
 
 
 def _values(found: _Search) -> PreliminaryValues:
-    at_once = found.is_enough and found.tried == 1
+    at_once = found.is_enough and found.tried == 1 and not _hangs_together_weakly(found.measured)
     return found_values(found.measured, found.best, found.lengths, found.by_models, name_weak_connections=not at_once)
 
 

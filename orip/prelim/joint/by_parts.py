@@ -28,12 +28,7 @@ _ROUNDS = 3
 """Number of adjustments of plan and height."""
 
 
-NOTHING_GROWN = Route(())
-
-
-def by_parts(
-    free: BlockGrower, held: BlockGrower, known: FloatArray, start: Route = NOTHING_GROWN
-) -> Iterator[Route]:
+def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, start: Route) -> Iterator[Route]:
     """Yield routes by all parts of a block together, levelled as if their photos looked down, or stood upright.
 
     The attitude in which the parts fit better is the first.
@@ -45,7 +40,7 @@ def by_parts(
     known : array (number of points, 3)
         Control, also that known in part; NaN where not known.
     start : Route
-        Its systems are the parts, and models of photos in two of them; without one all models of pairs of photos.
+        By pairs: its systems are parts, beside models of photos that are in two of them.
     """
     rays = free.rays
     # the points of a system may all have turned out wrong

@@ -178,8 +178,8 @@ def _moved_in_plan(ties: Ties, coordinates: FloatArray) -> Similarities | None:
     datum = ties.known[~free, :2].mean(axis=0) if not free.all() else np.zeros(2)
     given = np.where(free[:, None], 0.0, ties.known[:, :2] - datum)[ties.place]
     size = _size(reduced)
-    design = np.stack([reduced[:, 0] + 1j * reduced[:, 1], np.full(len(reduced), size + 0j)])
-    solution = _solved(ties, design, given[:, 0] + 1j * given[:, 1], free, np.array([_ALIKE * size, 0.0]))
+    design: ComplexArray = np.stack([_complex(reduced), np.full(len(reduced), size, dtype=np.complex128)])
+    solution = _solved(ties, design, _complex(given), free, np.array([_ALIKE * size, 0.0]))
     scale = np.abs(solution[:, 0])
     if not np.isfinite(solution).all() or not scale.any():
         return None
@@ -206,6 +206,11 @@ def _lifted(ties: Ties, coordinates: FloatArray) -> Similarities:
     rotation = tilts(solution[:, :2])
     image = np.stack([middle[:, 0], middle[:, 1], solution[:, 2] * size + datum], axis=1)
     return Similarities(np.ones(len(middle)), rotation, image - np.einsum("sij,sj->si", rotation, middle))
+
+
+def _complex(coordinates: FloatArray) -> ComplexArray:
+    """Return x + i y of coordinates (n, 2 or 3)."""
+    return np.asarray(coordinates[:, 0] + 1j * coordinates[:, 1], dtype=np.complex128)
 
 
 def _size(reduced: FloatArray) -> float:
@@ -236,18 +241,17 @@ def _solved(
     return _solution(rows, columns, values, of_parts)
 
 
-def _solution(
-    rows: IntArray, columns: IntArray, values: Values, right: Values
-) -> Values:
+def _solution(rows: IntArray, columns: IntArray, values: Values, right: Values) -> Values:
     """Return the solution (parts, u) of normal equations, which are the sum of blocks (b, u, u) of parts."""
-    parts, unknowns = right.shape
+    (parts, unknowns), solution = right.shape, np.empty_like(right)
     usual = np.einsum("bii->b", values[rows == columns]).real.sum() / right.size
     if right.size <= _DENSE:
         normal = np.zeros((parts, parts, unknowns, unknowns), dtype=values.dtype)
         np.add.at(normal, (rows, columns), values)
         full = normal.transpose(0, 2, 1, 3).reshape(right.size, right.size)
         full[np.diag_indices(right.size)] += _REGULAR * usual
-        return np.linalg.solve(full, right.ravel()).reshape(right.shape)
+        solution[:] = np.linalg.solve(full, right.ravel()).reshape(right.shape)
+        return solution
     from scipy.sparse import coo_array, eye_array
     from scipy.sparse.linalg import splu
 
@@ -256,4 +260,5 @@ def _solution(
     to = np.broadcast_to((unknowns * columns)[:, None, None] + own, values.shape).ravel()
     sparse = coo_array((values.ravel(), (at, to)), shape=(right.size, right.size)).tocsc()
     regular = _REGULAR * usual * eye_array(right.size, format="csc")
-    return np.asarray(splu((sparse + regular).tocsc()).solve(right.ravel())).reshape(right.shape)
+    solution[:] = splu((sparse + regular).tocsc()).solve(right.ravel()).reshape(right.shape)
+    return solution

@@ -62,7 +62,8 @@ class Ties(Struct, frozen=True):
         """Return the means (places, ...) of values (n, ...)."""
         sums = np.zeros((len(self.known), *values.shape[1:]), dtype=values.dtype)
         np.add.at(sums, self.place, values)
-        return sums / self.counts.reshape(-1, *[1] * (values.ndim - 1))
+        sums /= self.counts.reshape(-1, *[1] * (values.ndim - 1))
+        return sums
 
     def middles(self, coordinates: FloatArray) -> FloatArray:
         """Return the means (parts, 3) of the coordinates (n, 3) by which parts are tied."""
@@ -71,7 +72,7 @@ class Ties(Struct, frozen=True):
         return np.stack(sums, axis=1) / number[:, None]
 
     def reduced_blocks(self, design: Values, free: BoolArray) -> Values:
-        """Return the blocks (b, u, u) of the normal equations of a design (u, n), constants of free places eliminated."""
+        """Return the blocks (b, u, u) of the normal equations of a design (u, n), free places eliminated."""
         one, other = self.pairs
         place = self.place[one]
         left = design.conj()[:, one] * ((one == other) - (free / self.counts)[place])
