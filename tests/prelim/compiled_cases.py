@@ -14,7 +14,7 @@ from orip.prelim.relative import given_scale, pair_selection
 from orip.prelim.relative import solution as relative_solution
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.resection import best_orientations as resection_choice
-from orip.prelim.resection import resection
+from orip.prelim.resection import fitting_points, resection
 from orip.prelim.resection import start as resection_start
 from orip.prelim.similarity import adjustment as similarity_adjustment
 from orip.prelim.similarity import start as similarity_start
@@ -22,8 +22,8 @@ from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    band_order, consensus, given_scale, intersection, pair_selection, refinement, relative_solution, resection_choice,
-    resection, resection_start, similarity_adjustment, similarity_start,
+    band_order, consensus, fitting_points, given_scale, intersection, pair_selection, refinement, relative_solution,
+    resection_choice, resection, resection_start, similarity_adjustment, similarity_start,
 )  # fmt: skip
 
 

@@ -10,7 +10,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "lanes.h"
+#include "../../lanes.h"
 
 #define CAMERA_PARAMETERS 12
 #define COEFFICIENT_COUNT 9

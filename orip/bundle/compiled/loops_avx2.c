@@ -1,6 +1,6 @@
 /* The loops for processors with AVX2; orip/bundle/compiled/module.c tests for it. */
 
-#include "lanes.h"
+#include "../../lanes.h"
 
 #ifdef HAS_AVX2_LOOPS
 #if defined(__clang__)

@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "lanes.h"
+#include "../../lanes.h"
 
 #define AS_LARGE 1e-9
 #define WELL_DETERMINED 1e-3

@@ -12,10 +12,12 @@
 #include "../refinement/band_order.h"
 #include "../refinement/refinement.h"
 #include "../relative/common_counts.h"
-#include "../relative/given_scale.h"
-#include "../resection/photo.h"
+#include "../relative/pair_loops.h"
+#include "../resection/fitting_points.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/start.h"
+
+static const PairLoops *pairs = &plain_pairs;
 
 #define MOST_ITERATIONS 1e6
 
@@ -113,6 +115,54 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
     PyMem_Free(space);
     release(&a);
     return PyLong_FromLongLong(left);
+}
+
+static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { STARTS, IMAGE, KNOWN, DEVIATIONS, ERRORS, EXTENTS, LEAST, TRIPLES, CORNERS, RULES, JUDGEMENT, ROTATIONS,
+           CENTRES, FITS, FOUND };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "ldddddlll" "ddDDBB", 1))
+        return NULL;
+    const int64_t photos = length_of(&a, LEAST), count = length_of(&a, DEVIATIONS), all = length_of(&a, TRIPLES) / 3;
+    const int64_t *starts = a.views[STARTS].buf, *least = a.views[LEAST].buf, *corners = a.views[CORNERS].buf;
+    const double *errors = a.views[ERRORS].buf, *extents = a.views[EXTENTS].buf;
+    int sound = has(&a, STARTS, photos + 1) && are_starts64(starts, photos, count) && has(&a, IMAGE, 3 * count)
+        && has(&a, KNOWN, 3 * count) && has(&a, ERRORS, photos) && has(&a, EXTENTS, photos)
+        && has(&a, TRIPLES, 3 * all) && has(&a, CORNERS, 2 * photos)
+        && has(&a, RULES, sizeof(ResectionRules) / sizeof(double)) && are_resection_rules_sound(a.views[RULES].buf)
+        && has(&a, JUDGEMENT, sizeof(PhotoJudgement) / sizeof(double)) && has(&a, FITS, count)
+        && has(&a, ROTATIONS, 9 * photos) && has(&a, CENTRES, 3 * photos) && has(&a, FOUND, photos) && is_whole(a.numbers[0], 1.0, MOST_ORIENTATIONS)
+        && are_within64(corners, 2 * photos, 0, all + 1);
+    int64_t most = 0;
+    for (int64_t photo = 0; sound && photo < photos; photo++) {
+        const int64_t n = starts[photo + 1] - starts[photo], first = corners[2 * photo], end = corners[2 * photo + 1];
+        sound = n > 3 && least[photo] >= 1 && least[photo] <= n && first <= end
+            && are_within64((const int64_t *)a.views[TRIPLES].buf + 3 * first, 3 * (end - first), 0, n);
+        most = n > most ? n : most;
+    }
+    if (!sound)
+        return refused(&a);
+    const int64_t candidates = (int64_t)a.numbers[0];
+    double *space = PyMem_Malloc((size_t)(fitting_space(most, candidates) + 1) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    for (int64_t photo = 0; photo < photos; photo++) {
+        const int64_t first = starts[photo], n = starts[photo + 1] - first;
+        const PhotoToFit to_fit = {
+            {(const double *)a.views[IMAGE].buf + 3 * first, NULL, NULL, errors[photo], n, least[photo]},
+            (const double *)a.views[KNOWN].buf + 3 * first, (const double *)a.views[DEVIATIONS].buf + first,
+            (const int64_t *)a.views[TRIPLES].buf + 3 * corners[2 * photo],
+            corners[2 * photo + 1] - corners[2 * photo], extents[photo]};
+        ((uint8_t *)a.views[FOUND].buf)[photo] =
+            (uint8_t)mark_fitting(&to_fit, a.views[RULES].buf, a.views[JUDGEMENT].buf, candidates, space,
+                                  (double *)a.views[ROTATIONS].buf + 9 * photo,
+                                  (double *)a.views[CENTRES].buf + 3 * photo, (uint8_t *)a.views[FITS].buf + first);
+    }
+    PyMem_Free(space);
+    return done(&a);
 }
 
 /* The photo points of all points, one after the other, and what they are computed with. */
@@ -357,13 +407,13 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
         || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count) || !has(&a, IN_FRONT, p.count)
         || !has(&a, USABLE, p.count))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
     }
-    const int oriented = orient_relatively(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
-                                           a.views[FOUND].buf);
+    const int oriented = pairs->orient(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, space, &points,
+                                       a.views[FOUND].buf);
     PyMem_Free(space);
     release(&a);
     return PyBool_FromLong(oriented);
@@ -388,13 +438,13 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
         || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
         || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)relative_space(rules, p.count) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
     }
-    const int oriented = orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf, a.numbers[0],
-                                         space, &points, a.views[FOUND].buf);
+    const int oriented = pairs->orient_at_scale(&p, rules, a.views[SAMPLES].buf, samples, a.views[SETS].buf,
+                                                a.numbers[0], space, &points, a.views[FOUND].buf);
     PyMem_Free(space);
     release(&a);
     return PyBool_FromLong(oriented);
@@ -457,6 +507,7 @@ static PyMethodDef methods[] = {
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
     METHOD(resect, "The orientation of a photo by known points."),
+    METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
@@ -473,4 +524,11 @@ static struct PyModuleDef definition = {
     PyModuleDef_HEAD_INIT, "_kernels", "Inner loops of preliminary values.", -1, methods, NULL, NULL, NULL, NULL,
 };
 
-PyMODINIT_FUNC PyInit__kernels(void) { return PyModule_Create(&definition); }
+PyMODINIT_FUNC PyInit__kernels(void)
+{
+#ifdef HAS_AVX2_LOOPS
+    if (__builtin_cpu_supports("avx2"))
+        pairs = &avx2_pairs;
+#endif
+    return PyModule_Create(&definition);
+}

@@ -6,12 +6,8 @@
 #define ORIP_PRELIM_PARALLAX_H
 
 #include "../compiled/linear.h"
+#include "pair_loops.h"
 #include <string.h>
-
-typedef struct {
-    const double *left, *right, *error;
-    int64_t count;
-} Pairs;
 
 static inline void times3(const double *M, const double *v, double *product)
 {
@@ -58,31 +54,53 @@ static void parallaxes_at(const Pairs *p, const double *E, double *value)
     }
 }
 
-/* One parallax, and its partials by the base across itself and by a small rotation. */
-static inline double parallax_row(const double *E, const double *base, const double *R, const double across[2][3],
-                                  const double *left, const double *right, double *design)
+INLINE Lanes dot_lanes(const Lanes *a, const Lanes *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+INLINE void cross_lanes(const Lanes *a, const Lanes *b, Lanes *c)
 {
-    double by_left[3], by_right[3], square, turned[3], turned_gradient[3], of_left[3], of_right[3];
-    const double f = condition(E, left, right, by_left, by_right, &square);
-    const double inverse = 1.0 / square, root = sqrt(2.0 * inverse), value = f * root, shrinking = value * inverse;
-    by_left[2] = by_right[2] = 0.0;
-    times3(R, right, turned);
-    times3(R, by_right, turned_gradient);
+    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+INLINE void turn_lanes(const Lanes *M, const Lanes *v, Lanes *product)
+{
+    for (int i = 0; i < 3; i++)
+        product[i] = dot_lanes(M + 3 * i, v);
+}
+
+/* Orientations with what partials need of them, and two directions across each base. */
+typedef struct {
+    Lanes E[9], base[3], R[9], across[2][3];
+} Orientations;
+
+/* Parallaxes, and their partials by the base across itself and by a small rotation. */
+INLINE Lanes parallaxes_with_partials(const Orientations *o, const Lanes *left, const Lanes *right, Lanes *design)
+{
+    Lanes by_left[3], by_right[3], turned[3], turned_gradient[3], of_left[3], of_right[3];
+    turn_lanes(o->E, right, by_left);
+    for (int i = 0; i < 3; i++)
+        by_right[i] = o->E[i] * left[0] + o->E[3 + i] * left[1] + o->E[6 + i] * left[2];
+    const Lanes square = larger_of_each(by_left[0] * by_left[0] + by_left[1] * by_left[1] + by_right[0] * by_right[0]
+                                            + by_right[1] * by_right[1],
+                                        ALL(1e-300));
+    const Lanes f = dot_lanes(by_left, left), inverse = ALL(1.0) / square, root = root_of_each(ALL(2.0) * inverse);
+    const Lanes value = f * root, shrinking = value * inverse;
+    by_left[2] = by_right[2] = ALL(0.0);
+    turn_lanes(o->R, right, turned);
+    turn_lanes(o->R, by_right, turned_gradient);
     for (int i = 0; i < 3; i++) {
         of_left[i] = root * left[i] - shrinking * by_left[i];
         of_right[i] = -shrinking * turned_gradient[i];
     }
-    double a[3], b[3], by_base[3];
-    cross3(turned, of_left, a);
-    cross3(of_right, left, b);
+    Lanes a[3], b[3], c[3], d[3], by_base[3];
+    cross_lanes(turned, of_left, a);
+    cross_lanes(of_right, left, b);
     for (int i = 0; i < 3; i++)
         by_base[i] = a[i] + b[i];
-    design[0] = dot3(by_base, across[0]), design[1] = dot3(by_base, across[1]);
-    double c[3], d[3];
-    cross3(base, of_left, c);
-    cross3(c, turned, a);
-    cross3(base, left, d);
-    cross3(d, of_right, b);
+    design[0] = dot_lanes(by_base, o->across[0]), design[1] = dot_lanes(by_base, o->across[1]);
+    cross_lanes(o->base, of_left, c);
+    cross_lanes(c, turned, a);
+    cross_lanes(o->base, left, d);
+    cross_lanes(d, of_right, b);
     for (int i = 0; i < 3; i++)
         design[2 + i] = a[i] + b[i];
     return value;

@@ -4,33 +4,10 @@
 #include "adjustment.h"
 #include "start.h"
 
-/* CHOICE in orip/prelim/relative/solution.py */
-typedef struct {
-    double to_compare, most, equally_good, same, sure, plain_base, rotation_steps;
-} Choice;
-
-typedef struct {
-    Sampling sampling;
-    RelativeDanish danish;
-    Choice choice;
-} RelativeRules;
-
-/* Deviations are those of the a-priori errors, those of the base in units of its length. */
-typedef struct {
-    double base[3], rotation[9], angles[3], base_deviation[3], angle_deviation[3];
-    double scale, by_chance, ambiguous, iterations, seuw, length, left_by_rotation;
-} RelativeFound;
-
-/* Of each point; coordinates and deviations in units of the base. */
-typedef struct {
-    double *parallax, *weights, *redundancy, *coordinates, *deviations;
-    uint8_t *in_front, *usable;
-} RelativePoints;
-
 static int64_t relative_space(const RelativeRules *rules, int64_t count)
 {
     const int64_t kept = (int64_t)rules->sampling.kept, starts = (int64_t)rules->sampling.starts;
-    return judgement_space(&rules->sampling, count) + 12 * kept + starts * (13 + count) + 9 * count;
+    return judgement_space(&rules->sampling, count) + 12 * kept + starts * 13 + (starts + LANES) * count + 9 * count;
 }
 
 /* The least squares rotation that takes directions to others; M is the sum of their dyads. */
@@ -257,10 +234,13 @@ static int orient_relatively(const Pairs *p, const RelativeRules *rules, const i
     memcpy(found->base, bases + 3 * best, sizeof(found->base));
     memcpy(found->rotation, rotations + 9 * best, sizeof(found->rotation));
     found->iterations += (double)adjust_relative(p, &rules->danish, &found->scale, 1, (int64_t)rules->choice.most,
-                                                 found->base, found->rotation, points->weights);
+                                                 found->base, found->rotation, rest);
+    for (int64_t row = 0; row < p->count; row++)
+        points->weights[row] = rest[LANES * row];
     essential_of(found->base, found->rotation, E);
     parallaxes_at(p, E, points->parallax);
-    relative_precision(p, &rules->danish, found->base, found->rotation, points->weights, points->redundancy, inverse);
+    relative_precision(p, &rules->danish, found->base, found->rotation, points->weights, points->redundancy, inverse,
+                       rest);
     found->seuw = unit_weight_error(p, points);
     angles_of(found->rotation, found->angles);
     deviations_of(inverse, found);

@@ -7,11 +7,6 @@
 
 #define MOST_MATRICES 10
 
-/* SAMPLING in orip/prelim/relative/start.py */
-typedef struct {
-    double at_once, missed, ordinary_scale, samples_of_large_scale, no_better, limit, alike, kept, starts;
-} Sampling;
-
 typedef struct {
     double log_chance, scale, share;
 } Agreement;
@@ -210,14 +205,19 @@ static int64_t best_unlike(const Judgement *j, int64_t number)
 static int64_t solve_samples(const Judgement *j, const int64_t *drawn, int64_t samples, int64_t number)
 {
     const Pairs *p = j->pairs;
-    for (int64_t sample = 0; sample < samples; sample++) {
-        double left[5][3], right[5][3];
-        for (int k = 0; k < 5; k++) {
-            const int64_t row = drawn[5 * sample + k];
-            memcpy(left[k], p->left + 3 * row, sizeof(left[k]));
-            memcpy(right[k], p->right + 3 * row, sizeof(right[k]));
-        }
-        number += five_points(left, right, (double(*)[9])(j->essential + 9 * number));
+    for (int64_t first = 0; first < samples; first += LANES) {
+        Lanes left[5][3], right[5][3];
+        const int lanes = samples - first < LANES ? (int)(samples - first) : LANES;
+        for (int lane = 0; lane < LANES; lane++)
+            for (int k = 0; k < 5; k++) {
+                /* lanes without a sample have the last one */
+                const int64_t row = drawn[5 * (first + (lane < lanes ? lane : lanes - 1)) + k];
+                for (int i = 0; i < 3; i++) {
+                    LANE(left[k][i], lane) = p->left[3 * row + i];
+                    LANE(right[k][i], lane) = p->right[3 * row + i];
+                }
+            }
+        number += five_points(left, right, lanes, (double(*)[9])(j->essential + 9 * number));
     }
     for (int64_t k = 0; k < number; k++)
         squares_at(j, j->essential + 9 * k, j->squares + p->count * k);

@@ -10,7 +10,7 @@ from orip.arrays import BoolArray, FloatArray
 
 _POINTS_OF_ORIENTATION = 3
 
-_SURE = 10.0
+SURE = 10.0
 """Logarithm of the factor by which points have to agree better than by chance."""
 
 
@@ -40,4 +40,4 @@ def fits_beyond_chance(xy: FloatArray, residuals: FloatArray, fitting: BoolArray
     if chance <= 0.0:
         return True
     sets = math.log(n - _POINTS_OF_ORIENTATION) + math.log(math.comb(n, m)) + math.log(math.comb(m, 3))
-    return sets + (m - _POINTS_OF_ORIENTATION) * math.log(chance) < -_SURE
+    return sets + (m - _POINTS_OF_ORIENTATION) * math.log(chance) < -SURE

@@ -80,7 +80,7 @@ class KnownPoints(Struct, frozen=True, dict=True):
     @cached_property
     def least(self) -> int:
         """Return the number of points that have to fit."""
-        return max(len(self) - int(self.blunders * len(self)), min(len(self), 4))
+        return number_that_fits(len(self), self.blunders)
 
     def squares(self, at: Orientations) -> FloatArray:
         """Return squared standardised residuals (k, n) of orientations; infinite behind the photo."""
@@ -108,6 +108,11 @@ class KnownPoints(Struct, frozen=True, dict=True):
         # finite even where all points are behind the photo
         variance = min(max(float(self.trimmed_variance(squares).min()), 1.0), 1e300)
         return np.asarray(np.minimum(squares / variance, LIMIT_OF_TWO_COMPONENTS**2).sum(axis=1))
+
+
+def number_that_fits(count: int, blunders: float) -> int:
+    """Return how many of `count` points have to fit if such a part of them may be blunders."""
+    return max(count - int(blunders * count), min(count, 4))
 
 
 def _smallest(squares: FloatArray, number: int) -> FloatArray:

@@ -2,9 +2,10 @@
 
 #include "resection.h"
 
-/* _RULES in orip/prelim/resection/resection.py */
+/* RULES in orip/prelim/resection/resection.py */
 typedef struct {
-    double one_line, fits, limit, alike, same, improvements, floor, steady, same_scale, iterations, largest_turn, regular;
+    double one_line, fits, plane, limit, alike, same, improvements, floor, steady, same_scale, iterations, largest_turn,
+        regular;
 } ResectionRules;
 
 /* Of the best orientation; deviations of its rotation about the ground axes, and of its centre. */
@@ -54,6 +55,18 @@ static double reduce_points(const double *points, const double *deviations, int6
     for (int64_t row = 0; row < count; row++)
         reduced[row] = (isnan(deviations[row]) ? 0.0 : deviations[row]) / spread;
     return spread;
+}
+
+/* Whether points from their centroid are so near to a plane that its homography gives orientations, too. */
+static int is_flat(const double *points, int64_t count, double plane)
+{
+    double moments[3][3] = {{0.0}}, values[3], axes[3][3];
+    for (int64_t row = 0; row < count; row++)
+        for (int i = 0; i < 3; i++)
+            for (int j = 0; j < 3; j++)
+                moments[i][j] += points[3 * row + i] * points[3 * row + j];
+    eigen3(moments, values, axes);
+    return values[0] < plane * plane * values[1];
 }
 
 static OrientationChoice choice_of(const ResectionRules *r, const Known *k)
@@ -125,7 +138,7 @@ static void judge_residuals(const Known *k, const double *factors, const double 
 
 /* Orient a photo by more than three points: the orientations that fit, the best first, and of that one weight factors,
  * residuals, and what else is found. Returns how many they are; none where the points are on a line, no triple leads
- * to an orientation that fits, or the equations may be singular.
+ * to an orientation, or to none that fits points near a plane, or the equations may be singular.
  */
 static int64_t resect_photo(const double *points, const double *deviations, Known k, const ResectionRules *rules,
                             const int64_t *triples, int64_t number, int64_t candidates, double *rotations,
@@ -143,7 +156,7 @@ static int64_t resect_photo(const double *points, const double *deviations, Know
     int64_t starts = 0;
     while (starts < candidates && isfinite(quantiles[starts]))
         starts++;
-    if (!starts || quantiles[0] > rules->fits)
+    if (!starts || (quantiles[0] > rules->fits && is_flat(coordinates, n, rules->plane)))
         return 0;
     const OrientationChoice choice = choice_of(rules, &k);
     const int64_t left = choose_orientations(&k, &choice, starts, rotations, centres, squares, factors, residual,

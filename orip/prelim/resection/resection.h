@@ -88,6 +88,22 @@ static double trimmed(const Known *k, Equations *e, double *largest)
     return sum;
 }
 
+/* How many points have squared residuals up to a limit at an orientation. */
+static int64_t number_within(const Known *k, const double *R, const double *centre, double limit)
+{
+    int64_t number = 0;
+    for (int64_t row = 0; row < k->count; row++) {
+        const double *X = k->coordinates + 3 * row, *v = k->vectors + 3 * row;
+        const double d[3] = {X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]};
+        const double u[3] = {R[0] * d[0] + R[3] * d[1] + R[6] * d[2], R[1] * d[0] + R[4] * d[1] + R[7] * d[2],
+                             R[2] * d[0] + R[5] * d[1] + R[8] * d[2]};
+        const double scale = v[2] / u[2], x = u[0] * scale - v[0], y = u[1] * scale - v[1];
+        const double moved = scale * k->deviations[row];
+        number += (u[2] < 0.0) & (x * x + y * y <= limit * (k->error * k->error + moved * moved));
+    }
+    return number;
+}
+
 /* Squared residuals of an orientation; returns their quantile that blunders do not affect. */
 static double quantile_at(const Known *k, const double *R, const double *centre, double *sorted)
 {
@@ -121,6 +137,10 @@ static void rank_triples(const Known *k, const int64_t *triples, int64_t number,
         }
         const int found = three_points(vectors, points, R, centre);
         for (int s = 0; s < found; s++) {
+            /* most orientations are none of the best, and need no quantile; the limit allows for rounding */
+            const double worst = quantiles[kept - 1];
+            if (isfinite(worst) && number_within(k, R[s], centre[s], 1.000001 * worst) < k->least)
+                continue;
             const double quantile = quantile_at(k, R[s], centre[s], sorted);
             fitting += quantile <= fits;
             int64_t place = kept;

@@ -14,23 +14,23 @@ from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
 from orip.prelim.resection.best_orientations import CHOICE, best_orientations
 from orip.prelim.resection.configuration import ONE_LINE, on_one_line
 from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
-from orip.prelim.resection.start import CANDIDATES, FITS, starting_orientations, triples_of
+from orip.prelim.resection.start import CANDIDATES, FITS, PLANE, starting_orientations, triples_of
 from orip.structs import replace
 from orip.wording import counted
 
-_USELESS_ANGLE = 0.1
+USELESS_ANGLE = 0.1
 """Largest standard deviation of a rotation, radians: no adjustment starts well 6 degrees off."""
 
-_USELESS_CENTRE = 0.2
+USELESS_CENTRE = 0.2
 """Largest standard deviation of the projection centre, as a part of its distance from the points."""
 
 _SINGULAR = 1e-13
 """Ratio of eigenvalues of normal equations with unit diagonal below which the smallest one is nothing but rounding."""
 
-_RULES = np.array([ONE_LINE, FITS, *CHOICE, _SINGULAR], dtype=np.float64)
+RULES = np.array([ONE_LINE, FITS, PLANE, *CHOICE, _SINGULAR], dtype=np.float64)
 """The constants as the compiled loop takes them: `ResectionRules` in photo.h."""
 
-_MISFIT = 0.04
+MISFIT = 0.04
 """Largest residuals, as a part of the radius of the image points; a principal distance wrong by a tenth leaves less."""
 
 
@@ -168,7 +168,7 @@ def _compiled_solution(given: KnownPoints) -> _Solution | None:
     rotations, centres = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3))
     residuals, factors, found = np.empty((count, 2)), np.empty((CANDIDATES, count)), np.empty(11)
     number = kernels.resect(
-        *given.arrays, triples_of(given), _RULES, rotations, centres, factors, residuals, found,
+        *given.arrays, triples_of(given), RULES, rotations, centres, factors, residuals, found,
         given.error_mm, given.least,
     )  # fmt: skip
     if not number:
@@ -215,14 +215,14 @@ def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedRes
 def _unfit(found: _Solution) -> str | None:
     """Return why the orientation is useless; None if it can be used."""
     count = len(found.weight_factors)
-    if not found.misfit <= _MISFIT * found.radius:
+    if not found.misfit <= MISFIT * found.radius:
         return (
             f"the {count} known points do not fit their images: residuals of {found.misfit:.2g} mm within "
             f"{found.radius:.3g} mm"
         )
     deviations = found.deviations.tolist()
     angle, shift = max(deviations[:3]), max(deviations[3:]) / found.distance
-    if not (angle <= _USELESS_ANGLE and shift <= _USELESS_CENTRE):
+    if not (angle <= USELESS_ANGLE and shift <= USELESS_CENTRE):
         return (
             f"the {count} known points do not determine the photo: its standard deviations are "
             f"{np.degrees(angle):.2g} degrees and {shift:.0%} of the distance"

@@ -23,7 +23,7 @@ FITS = 9.0
 """Squared standardised residual that most points exceed at a wrong orientation; as soon as enough candidates stay below
 it, no more triples are tried."""
 
-_PLANE = 0.15
+PLANE = 0.15
 """Thickness over width of an object below which its homography gives orientations too."""
 
 
@@ -57,7 +57,12 @@ def starting_orientations(known: KnownPoints) -> Orientations:
 
 def triples_of(known: KnownPoints) -> IntArray:
     """Return the triples of points (s, 3) that orientations are computed from."""
-    return subsets(len(known), 3, _TRIPLES if known.blunders <= FEW_BLUNDERS else _TRIPLES_OF_TRACKS)
+    return triples_for(len(known), known.blunders)
+
+
+def triples_for(count: int, blunders: float) -> IntArray:
+    """Return the triples (s, 3) of `count` points of which such a part may be blunders."""
+    return subsets(count, 3, _TRIPLES if blunders <= FEW_BLUNDERS else _TRIPLES_OF_TRACKS)
 
 
 def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
@@ -98,7 +103,7 @@ def _quantile(known: KnownPoints, at: Orientations) -> FloatArray:
 
 def _is_flat(known: KnownPoints) -> bool:
     _, width, thickness = np.linalg.svd(known.coordinates, compute_uv=False)
-    return bool(thickness < _PLANE * width)
+    return bool(thickness < PLANE * width)
 
 
 def _of_plane(known: KnownPoints) -> Orientations:

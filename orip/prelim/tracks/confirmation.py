@@ -8,6 +8,7 @@ are wrong.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -20,9 +21,7 @@ from orip.prelim.relative.given_scale import at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import PairSolution, solve
-from orip.prelim.resection.chance import fits_beyond_chance
-from orip.prelim.resection.known_points import MANY_BLUNDERS
-from orip.prelim.resection.resection import Resected, resect
+from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 
 _PARTNERS = 4
 """Photos with which each photo is oriented relatively: those with most common points."""
@@ -109,9 +108,9 @@ class RayComparison:
         models = [model for pair in self._pairs[::step] if (model := self._model(pair)) is not None]
         if models:
             usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
-            for model in models:
-                if (unbent := _at_usual_scale(model, usual)) is not None:
-                    _compare(self._rays, self._index, unbent, votes)
+            unbent = [model for one in models if (model := _at_usual_scale(one, usual)) is not None]
+            if unbent:
+                _compare(self._rays, unbent, votes)
         return votes
 
     def _model(self, pair: tuple[int, int]) -> _Model | None:
@@ -152,57 +151,101 @@ def compared_pairs(common: IntArray) -> Iterator[tuple[int, int]]:
                 yield pair
 
 
-def _compare(rays: ImageRays, index: PhotoIndex, model: _Model, votes: Votes) -> None:
-    """Resect other photos in a model, and count which rays agree."""
-    in_left, in_right, solution = model.left, model.right, model.solution
-    usable = solution.usable
-    weak = _deviations_in_photo(rays, model) > _WEAK * rays.error[in_left]
-    _count(votes.in_pairs, (in_left, in_right), usable)
-    known = rays.point[in_left[usable & ~weak]]
-    place = np.full(len(rays.points), -1)
-    place[known] = np.flatnonzero(usable & ~weak)
-    seen = np.zeros(len(rays.points), dtype=bool)
-    seen[known] = True
-    counts = np.bincount(rays.photo[seen[rays.point]], minlength=len(rays.photos))
-    counts[list(model.photos)] = 0
-    for third in np.argsort(-counts, kind="stable")[:_THIRD_PHOTOS].tolist():
-        if counts[third] < _FEWEST_COMMON:
-            return
-        rows = index.rows[third][seen[index.points[third]]]
-        at = place[rays.point[rows]]
-        fitting = _fitting(rays, rows, at, solution)
-        if fitting is not None:
-            _count(votes.in_triples, (rows, in_left[at], in_right[at]), fitting)
-            votes.in_pairs[rows, 0] += 1
-            votes.in_pairs[rows[fitting], 1] += 1
+class _ModelPoints(NamedTuple):
+    """The points of several models, one after the other.
+
+    Attributes
+    ----------
+    model : array (n,) of int
+    left, right : arrays (n,) of int
+        Rows of their rays.
+    usable : array (n,) of bool
+    coordinates : array (n, 3)
+    deviation : array (n,)
+        Standard deviation of a point, in units of the base.
+    deviation_in_photo : array (n,)
+        The same as it is seen across its rays, mm; without the scale of small residuals.
+    """
+
+    model: IntArray
+    left: IntArray
+    right: IntArray
+    usable: BoolArray
+    coordinates: FloatArray
+    deviation: FloatArray
+    deviation_in_photo: FloatArray
+
+
+def _points_of(rays: ImageRays, models: Sequence[_Model]) -> _ModelPoints:
+    solutions = [model.solution for model in models]
+    model = np.repeat(np.arange(len(models)), [len(model.left) for model in models])
+    left, right = (np.concatenate(rows) for rows in zip(*((model.left, model.right) for model in models), strict=True))
+    coordinates = np.concatenate([solution.coordinates for solution in solutions])
+    seuw = np.array([solution.seuw for solution in solutions])[model]
+    length = np.linalg.norm(np.concatenate([solution.deviations for solution in solutions]), axis=1)
+    distance = np.linalg.norm(coordinates, axis=1)
+    return _ModelPoints(
+        model,
+        left,
+        right,
+        np.concatenate([solution.usable for solution in solutions]),
+        coordinates,
+        np.maximum(seuw, 1.0) * length / math.sqrt(3.0),
+        np.linalg.norm(rays.vectors[left], axis=1) * (seuw * length) / distance,
+    )
+
+
+class _ThirdRays(NamedTuple):
+    """Rays of other photos that see points of models: rows of rays, places of points, and where each photo begins."""
+
+    rows: IntArray
+    at: IntArray
+    starts: IntArray
+
+
+def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> None:
+    """Resect other photos in models, and count which rays agree."""
+    points = _points_of(rays, models)
+    _count(votes.in_pairs, (points.left, points.right), points.usable)
+    thirds = _third_rays(rays, models, points)
+    rows, at = thirds.rows, thirds.at
+    seen = SeenPoints(
+        thirds.starts, rays.xy[rows], rays.vectors[rows], rays.error[rows], points.coordinates[at], points.deviation[at]
+    )
+    fits = fitting_points(seen).fits
+    numbers = np.diff(thirds.starts)
+    agreeing = np.add.reduceat(fits, thirds.starts[:-1], dtype=np.int64) if len(numbers) else numbers
+    compared = np.repeat(agreeing > 0, numbers)
+    rows, at, fits = rows[compared], at[compared], fits[compared]
+    _count(votes.in_triples, (rows, points.left[at], points.right[at]), fits)
+    _count(votes.in_pairs, (rows,), fits)
+
+
+def _third_rays(rays: ImageRays, models: Sequence[_Model], points: _ModelPoints) -> _ThirdRays:
+    """Return the rays of the photos that see most of the points of each model, photo by photo, by ascending point."""
+    weak = points.deviation_in_photo > _WEAK * rays.error[points.left]
+    known = np.flatnonzero(points.usable & ~weak)
+    starts, order = rays.point_starts(), np.arange(len(rays.point))[rays.order_by_point()]
+    first, number = starts[rays.point[points.left[known]]], np.diff(starts)[rays.point[points.left[known]]]
+    at = np.repeat(known, number)
+    rows = order[np.arange(len(at)) + np.repeat(first - np.cumsum(number) + number, number)]
+    photos = len(rays.photos)
+    place = points.model[at] * photos + rays.photo[rows]
+    counts = np.bincount(place, minlength=len(models) * photos).reshape(-1, photos)
+    of_model = np.array([model.photos for model in models])
+    np.put_along_axis(counts, of_model, 0, axis=1)
+    chosen = np.zeros(counts.shape, dtype=bool)
+    np.put_along_axis(chosen, np.argsort(-counts, axis=1, kind="stable")[:, :_THIRD_PHOTOS], True, axis=1)
+    used = (chosen & (counts >= _FEWEST_COMMON)).ravel()[place]
+    rows, at, place = rows[used], at[used], place[used]
+    ordered = np.lexsort((rays.point[rows], place))
+    rows, at, place = rows[ordered], at[ordered], place[ordered]
+    begins = np.flatnonzero(np.diff(place, prepend=-1))
+    return _ThirdRays(rows, at, np.append(begins, len(place)))
 
 
 def _count(counts: IntArray, several: Sequence[IntArray], agree: BoolArray) -> None:
     """Count comparisons of rays, and those in which they agree."""
     for rows in several:
-        counts[rows, 0] += 1
-        counts[rows[agree], 1] += 1
-
-
-def _deviations_in_photo(rays: ImageRays, model: _Model) -> FloatArray:
-    """Return the standard deviations (n,) of points of a model as they are seen across their rays, mm."""
-    solution = model.solution
-    distance = np.linalg.norm(solution.coordinates, axis=1)
-    deviation = solution.seuw * np.linalg.norm(solution.deviations, axis=1)
-    return np.asarray(np.linalg.norm(rays.vectors[model.left], axis=1) * deviation / distance)
-
-
-def _fitting(rays: ImageRays, rows: IntArray, at: IntArray, solution: PairSolution) -> BoolArray | None:
-    """Return which rays of a photo fit its resection from points of a model; None if that may be chance."""
-    deviation = max(solution.seuw, 1.0) * np.sqrt((solution.deviations[at] ** 2).sum(axis=1) / 3.0)
-    found = resect(
-        rays.vectors[rows],
-        solution.coordinates[at],
-        deviation,
-        error_mm=float(rays.error[rows].mean()),
-        blunders=MANY_BLUNDERS,
-    )
-    if not isinstance(found, Resected):
-        return None
-    fitting: BoolArray = np.asarray(found.weight_factor >= 1.0, dtype=bool)
-    return fitting if fits_beyond_chance(rays.xy[rows], found.residuals, fitting) else None
+        counts[:, 0] += np.bincount(rows, minlength=len(counts))
+        counts[:, 1] += np.bincount(rows[agree], minlength=len(counts))

@@ -24,6 +24,7 @@ from orip.prelim.relative.given_scale import at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
+from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
@@ -76,6 +77,22 @@ def resected() -> object:
     return found.rotation, found.centre, *deviations, found.residuals, found.weight_factor, found.s0, found.redundancy
 
 
+def fitted_photos() -> object:
+    """Return four photos, the last of which sees other points than those that it is given."""
+    rays, _, _, points = scene()
+    of_photos = [np.flatnonzero(rays.photo == photo)[: 12 + 5 * photo] for photo in range(4)]
+    starts, rows = np.cumsum([0, *map(len, of_photos)]), np.concatenate(of_photos)
+    known = points[rays.point[rows]]
+    known[starts[3] :] = known[starts[3] :][::-1]
+    seen = SeenPoints(
+        starts, rays.xy[rows], rays.vectors[rows], np.full(len(rows), 0.005), known, np.full(len(rows), 1e-3)
+    )
+    found = fitting_points(seen)
+    assert [np.count_nonzero(found.fits[starts[k] : starts[k + 1]]) > 10 for k in range(4)] == [True, True, True, False]
+    # what another start leads to where nothing fits is of no consequence
+    return found.rotations[:3], found.centres[:3], found.fits
+
+
 def chosen_orientations() -> object:
     known = known_points()
     return best_orientations(known, starting_orientations(known))
@@ -104,6 +121,7 @@ CASES: dict[str, Callable[[], object]] = {
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "common_points": lambda: common_point_counts(scene()[0]),
     "consensus": placed_by_consensus,
+    "fitting_points": fitted_photos,
     "intersect": intersected,
     "orient_at_scale": oriented_at_scale,
     "orient_pair": oriented_pair,

@@ -5,6 +5,8 @@
 #ifndef ORIP_LANES_H
 #define ORIP_LANES_H
 
+#include <math.h>
+
 #if defined(__GNUC__) && !defined(ORIP_ONE_LANE)
 #define LANES 4
 #define INLINE static inline __attribute__((always_inline))
@@ -18,11 +20,12 @@ typedef double Lanes __attribute__((vector_size(8 * LANES), aligned(8), may_alia
 #define IN_LINES __attribute__((aligned(64)))
 /* element k of the array of each lane */
 #define GATHERED(arrays, k) ((Lanes){(arrays)[0][k], (arrays)[1][k], (arrays)[2][k], (arrays)[3][k]})
+/* what a comparison of lanes gives: all bits of a lane, or none */
+typedef long long LaneNumbers __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 /* four lanes chosen from those of a (0 to 3) and of b (4 to 7) */
 #ifdef __clang__
 #define CHOSEN(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #else
-typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #define CHOSEN(a, b, i, j, k, l) __builtin_shuffle(a, b, (LaneNumbers){i, j, k, l})
 #endif
 #else
@@ -30,6 +33,7 @@ typedef long long LaneNumbers __attribute__((vector_size(8 * LANES)));
 #define IN_LINES
 #define INLINE static inline
 typedef double Lanes;
+typedef long long LaneNumbers;
 #define ALL(number) (number)
 #define GATHERED(arrays, k) ((arrays)[0][k])
 #endif
@@ -51,6 +55,38 @@ typedef double Lanes;
 
 #define AT(doubles) (*(Lanes *)(doubles))
 #define LANE(lanes, number) (((double *)&(lanes))[number])
+#define LANE_NUMBER(lanes, number) (((long long *)&(lanes))[number])
+
+/* In each lane a number where something holds, else another one. */
+INLINE Lanes either(LaneNumbers holds, Lanes number, Lanes other)
+{
+#if LANES == 4
+    return (Lanes)((holds & (LaneNumbers)number) | (~holds & (LaneNumbers)other));
+#else
+    return holds ? number : other;
+#endif
+}
+
+/* Whether something holds in any lane. */
+INLINE int in_any(LaneNumbers holds)
+{
+#if LANES == 4
+    return (holds[0] | holds[1] | holds[2] | holds[3]) != 0;
+#else
+    return holds != 0;
+#endif
+}
+
+INLINE Lanes root_of_each(Lanes number)
+{
+    Lanes root;
+    for (int lane = 0; lane < LANES; lane++)
+        LANE(root, lane) = sqrt(LANE(number, lane));
+    return root;
+}
+
+INLINE Lanes larger_of_each(Lanes a, Lanes b) { return either(a > b, a, b); }
+INLINE Lanes size_of_each(Lanes number) { return either(number < ALL(0.0), -number, number); }
 
 /* Write as many numbers as there are lanes, each of a lane's, to the array of that lane. */
 INLINE void spread(const Lanes *numbers, double *const *arrays)

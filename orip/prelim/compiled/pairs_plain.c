@@ -1,0 +1,5 @@
+/* Relative orientation for every processor. */
+
+#include "../relative/given_scale.h"
+
+const PairLoops plain_pairs = {relative_space, orient_relatively, orient_at_scale};
