@@ -37,7 +37,7 @@ _SURE = 10.0
 """Logarithm of the factor by which points have to agree better than by chance."""
 
 _RULES = np.array([_SAMPLES, *SAMPLING[1:], *DANISH, _ITERATIONS, *CHOICE[1:4], _SURE, *CHOICE[5:]], dtype=np.float64)
-"""The constants as the compiled loop takes them: `RelativeRules` in solution.h, all samples at once."""
+"""The constants as the compiled loop takes them: `RelativeRules` in pair_loops.h, all samples at once."""
 
 
 def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
