@@ -69,8 +69,11 @@ class ProjectWarning(Struct, frozen=True):
     text: str
 
     def __str__(self) -> str:
-        """Return ``where: text``."""
-        return f"{self.where}: {self.text}" if self.where else self.text
+        """Return ``where: text``, or ``where is ...`` if the text goes on as a sentence about it."""
+        if not self.where:
+            return self.text
+        goes_on = self.text.startswith(("is ", "are "))
+        return f"{self.where} {self.text}" if goes_on else f"{self.where}: {self.text}"
 
 
 def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:

@@ -12,12 +12,13 @@ from monte_carlo.preliminary_blocks import simulated_records
 from monte_carlo.preliminary_records import gathered
 from scipy.spatial.transform import Rotation
 
+from orip.geometry.essential import TwoPhotos
 from orip.prelim.chain import preliminary_values
 from orip.prelim.growing.growing_block import empty_growing_block
 from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays.photo_index import photo_index
-from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import solve
@@ -153,6 +154,32 @@ def test_points_placed_at_random_give_no_model_at_a_scale():
     pairs = Pairs(*vectors, np.full(n, 0.007))
     solution = solve(pairs)
     assert solution is None or solution.by_chance or at_scale(solution, pairs, 1.0) is None
+
+
+def test_an_orientation_that_is_nearly_right_is_adjusted_to_the_points_that_fit_it():
+    random = np.random.default_rng(11)
+    n, wrong = 60, 35
+    true = TwoPhotos(np.array([0.96, 0.28, 0.0]), Rotation.from_rotvec([0.02, 0.1, -0.05]).as_matrix())
+    points = np.column_stack(
+        [random.uniform(-2.0, 3.0, n), random.uniform(-2.5, 2.5, n), random.uniform(-6.0, -4.0, n)]
+    )
+    in_right = (points - true.base) @ true.rotation
+    vectors = [-100.0 * part / part[:, 2:] for part in (points, in_right)]
+    for part in vectors:
+        part[:, :2] += 0.005 * random.normal(size=(n, 2))
+    vectors[1][:wrong, :2] += random.choice([-1.0, 1.0], (wrong, 2)) * random.uniform(1.0, 20.0, (wrong, 2))
+    pairs = Pairs(*vectors, np.full(n, 0.005 * np.sqrt(2.0)))
+    # a tenth of a degree is 0.17 mm in these photos: 25 standard deviations
+    start = TwoPhotos(true.base, true.rotation @ Rotation.from_rotvec([0.001, -0.001, 0.001]).as_matrix())
+    found = adjusted_at_scale(start, pairs, 1.0)
+    assert found is not None
+    # 25 points of 5 µm at C 100 mm: some 20 µrad, and a few times that where base and rotation are correlated
+    assert Rotation.from_matrix(true.rotation.T @ found.photos.rotation).magnitude() < 3e-4
+    assert np.linalg.norm(found.photos.base - true.base) < 3e-3
+    assert np.count_nonzero(found.usable[wrong:]) > 0.9 * (n - wrong)
+    assert np.count_nonzero(found.usable[:wrong]) < 3
+    shuffled = Pairs(pairs.left, random.permutation(pairs.right), pairs.error)
+    assert adjusted_at_scale(start, shuffled, 1.0) is None
 
 
 @pytest.mark.parametrize(("fitting", "beyond"), [(3, False), (5, True), (12, True)])

@@ -450,6 +450,35 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
     return PyBool_FromLong(oriented);
 }
 
+static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { LEFT, RIGHT, ERROR, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "ddddd" "DDDDDBB", 1))
+        return NULL;
+    const RelativeRules *rules = a.views[RULES].buf;
+    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
+    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
+                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
+                                   a.views[USABLE].buf};
+    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
+        || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double)) || !are_rules_sound(rules)
+        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
+        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
+        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+        return refused(&a);
+    double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    const int oriented = pairs->adjust_at_scale(&p, rules, a.views[SETS].buf, a.numbers[0], space, &points,
+                                                a.views[FOUND].buf);
+    PyMem_Free(space);
+    release(&a);
+    return PyBool_FromLong(oriented);
+}
+
 static PyObject *py_adjust_similarity(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { SOURCE, TARGET, SOURCE_DEVIATION, TARGET_DEVIATION, TRUSTED, RULES, FOUND, FACTORS, RESIDUALS, SPACE };
@@ -510,6 +539,7 @@ static PyMethodDef methods[] = {
     METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
+    METHOD(adjust_at_scale, "The relative orientation of two photos at a scale from one that is nearly right."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
     METHOD(band_order, "The order of photos that keeps a band narrow."),

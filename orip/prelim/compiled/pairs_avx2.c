@@ -11,7 +11,7 @@
 
 #include "../relative/given_scale.h"
 
-const PairLoops avx2_pairs = {relative_space, orient_relatively, orient_at_scale};
+const PairLoops avx2_pairs = {relative_space, orient_relatively, orient_at_scale, adjust_at_scale};
 
 #if defined(__clang__)
 #pragma clang attribute pop

@@ -2,4 +2,4 @@
 
 #include "../relative/given_scale.h"
 
-const PairLoops plain_pairs = {relative_space, orient_relatively, orient_at_scale};
+const PairLoops plain_pairs = {relative_space, orient_relatively, orient_at_scale, adjust_at_scale};

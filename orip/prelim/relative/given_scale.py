@@ -7,13 +7,14 @@ photos follows them; that which is usual in the block does not.
 from __future__ import annotations
 
 import numpy as np
+from msgspec import Struct
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.essential import TwoPhotos, essential_matrices
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.relative.adjustment import DANISH, MAX_STANDARD_RESIDUAL, adjust_relative
 from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
-from orip.prelim.relative.solution import CHOICE, PairSolution, intersection_deviations, usable_points
+from orip.prelim.relative.solution import CHOICE, PairSolution, intersection_deviations, left_by_rotation, usable_points
 from orip.prelim.relative.start import (
     FIT_LIMIT,
     POINTS_NEEDED,
@@ -38,6 +39,36 @@ _SURE = 10.0
 
 _RULES = np.array([_SAMPLES, *SAMPLING[1:], *DANISH, _ITERATIONS, *CHOICE[1:4], _SURE, *CHOICE[5:]], dtype=np.float64)
 """The constants as the compiled loop takes them: `RelativeRules` in pair_loops.h, all samples at once."""
+
+_RULES_OF_ADJUSTMENT = np.array([1.0, *_RULES[1:]])
+"""The same without samples."""
+
+
+class PairAtScale(Struct, frozen=True):
+    """A relative orientation of n points whose residuals are of a given scale.
+
+    Parameters
+    ----------
+    photos : TwoPhotos
+        The base has the length 1.
+    coordinates, deviations : arrays (n, 3)
+    usable : array (n,) of bool
+    scale : float
+    left_by_rotation : float
+        As in `PairSolution`.
+    """
+
+    photos: TwoPhotos
+    coordinates: FloatArray
+    deviations: FloatArray
+    usable: BoolArray
+    scale: float
+    left_by_rotation: float
+
+    @property
+    def seuw(self) -> float:
+        """Return the standard error of unit weight."""
+        return self.scale
 
 
 def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
@@ -108,6 +139,49 @@ def _with_arrays(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolu
         scale=scale,
         seuw=scale,
     )
+
+
+def adjusted_at_scale(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
+    """Return an orientation adjusted to the points that fit it at a scale; None where as many would by chance.
+
+    Parameters
+    ----------
+    start : TwoPhotos
+        Nearly right; the base has the length 1.
+    pairs : Pairs
+        Five points at least.
+    scale : float
+        Standard residual of right points.
+    """
+    return (_compiled_adjustment if is_compiled() else _adjustment)(start, pairs, scale)
+
+
+def _compiled_adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
+    """Do what `_adjustment` does in the compiled loop."""
+    count = len(pairs.error)
+    found, parallax, weights = np.zeros(28), np.empty(count), np.empty(count)
+    found[:3], found[3:12] = start.base, start.rotation.ravel()
+    coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
+    in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    if not kernels.adjust_at_scale(
+        *pairs, log_of_sets(count), _RULES_OF_ADJUSTMENT, found, parallax, weights, coordinates, deviations, in_front,
+        usable, scale,
+    ):  # fmt: skip
+        return None
+    photos = TwoPhotos(found[:3], found[3:12].reshape(3, 3))
+    return PairAtScale(photos, coordinates, deviations, usable, scale, float(found[27]))
+
+
+def _adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
+    one = TwoPhotos(start.base[None], start.rotation[None])
+    found = adjust_relative(one, pairs, scale * FIT_LIMIT / MAX_STANDARD_RESIDUAL, _ITERATIONS)
+    if not _beyond_chance(found.residuals(pairs)[0], pairs, scale):
+        return None
+    photos = TwoPhotos(found.photos.base[0], found.photos.rotation[0])
+    meeting = meeting_points(photos, pairs)
+    usable = usable_points(meeting, found.weight_factor[0])
+    deviations = intersection_deviations(photos, meeting.coordinates, usable, pairs)
+    return PairAtScale(photos, meeting.coordinates, deviations, usable, scale, left_by_rotation(pairs, scale))
 
 
 def _beyond_chance(residuals: FloatArray, pairs: Pairs, scale: float) -> bool:

@@ -54,6 +54,8 @@ typedef struct {
     int (*orient_at_scale)(const Pairs *p, const RelativeRules *rules, const int64_t *samples, int64_t number,
                            const double *log_of_sets, double scale, double *space, const RelativePoints *points,
                            RelativeFound *found);
+    int (*adjust_at_scale)(const Pairs *p, const RelativeRules *rules, const double *log_of_sets, double scale,
+                           double *space, const RelativePoints *points, RelativeFound *found);
 } PairLoops;
 
 extern const PairLoops plain_pairs;

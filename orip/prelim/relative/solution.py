@@ -175,7 +175,7 @@ def _solution(pairs: Pairs) -> PairSolution | None:
         iterations=tried.iterations + final.iterations,
         scale=scale,
         seuw=_unit_weight_error(final, precision.redundancy_number, pairs),
-        left_by_rotation=_left_by_rotation(pairs, scale),
+        left_by_rotation=left_by_rotation(pairs, scale),
         by_chance=bool(agreed.log_chance[agreed.best] > -min(len(pairs.error) - POINTS_NEEDED, _SURE)),
         ambiguous=ambiguous,
     )
@@ -219,7 +219,8 @@ def _unit_weight_error(final: AdjustedPairs, redundancy_number: FloatArray, pair
     return math.sqrt(float((final.residuals(pairs)[0, whole] ** 2).sum()) / redundancy)
 
 
-def _left_by_rotation(pairs: Pairs, scale: float) -> float:
+def left_by_rotation(pairs: Pairs, scale: float) -> float:
+    """Return the median residual of a pure rotation: see `PairSolution`."""
     length = np.linalg.norm(pairs.left, axis=1)
     left = pairs.left / length[:, None]
     right = pairs.right / np.linalg.norm(pairs.right, axis=1)[:, None]

@@ -98,21 +98,30 @@ class _Joint:
 
     def __init__(self, source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> None:
         self.source, self.target, self.names, self.step = source, target, names, step
-        self.at_source, self.at_target = _common(source.points, target.points)
-        self.photo_source, self.photo_target = _common(source.photos, target.photos)
-        self.points = [names.points[k] for k in source.points[self.at_source].tolist()]
-        self.photos = [names.photos[k] for k in source.photos[self.photo_source].tolist()]
+        self.at_source, self.at_target = _common_points(source.points, target.points)
+        self.photo_source, self.photo_target = np.nonzero(source.photos[:, None] == target.photos)
+        self.point_count, self.photo_count = len(self.at_source), len(self.photo_source)
+
+    @cached_property
+    def points(self) -> list[str]:
+        """The names of the common points."""
+        return [self.names.points[k] for k in self.source.points[self.at_source].tolist()]
+
+    @cached_property
+    def photos(self) -> list[str]:
+        """The names of the common photos."""
+        return [self.names.photos[k] for k in self.source.photos[self.photo_source].tolist()]
 
     @cached_property
     def common(self) -> CommonPoints:
         """The common points, and below them the projection centres."""
-        source, target, centres = self.source, self.target, len(self.photos)
+        source, target, centres = self.source, self.target, self.photo_count
         return CommonPoints(
             np.concatenate([source.coordinates[self.at_source], source.centres[self.photo_source]]),
             np.concatenate([target.coordinates[self.at_target], target.centres[self.photo_target]]),
             _with_centres(steady_deviations(source)[self.at_source], centres),
             _with_centres(steady_deviations(target)[self.at_target], centres),
-            np.arange(len(self.points) + centres) >= len(self.points),
+            np.arange(self.point_count + centres) >= self.point_count,
         )
 
     def joined(self) -> Joined | NotOriented:
@@ -123,11 +132,11 @@ class _Joint:
         try:
             found = (
                 self._by_photos(remarks)
-                if self.photos
+                if self.photo_count
                 else adjust_similarity(self.common, start_from_triples(self.common))
             )
             reason = self._disagreement(found)
-            if reason and self.photos and len(self.points) >= 3:
+            if reason and self.photo_count and self.point_count >= 3:
                 remarks.append("the rotations of the common photo do not agree; joined by the points")
                 found = adjust_similarity(self.common, start_from_triples(self.common))
                 reason = self._disagreement(found)
@@ -139,7 +148,7 @@ class _Joint:
         return self._result(found, remarks)
 
     def _missing(self) -> str:
-        points, photos = len(self.points), len(self.photos)
+        points, photos = self.point_count, self.photo_count
         if photos and points + photos < 2:
             return (
                 f"photo {self.photos[0]} is common, but no point is: the scale is not determined; measure common points"
@@ -149,19 +158,19 @@ class _Joint:
         return ""
 
     def _shared(self) -> str:
-        photos = f" and photo {', '.join(self.photos)}" if self.photos else ""
-        return f"in common: {counted(len(self.points), 'point')}{photos}"
+        photos = f" and photo {', '.join(self.photos)}" if self.photo_count else ""
+        return f"in common: {counted(self.point_count, 'point')}{photos}"
 
     def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
-        start = best_start(self.common, [self._start(k) for k in range(len(self.photos))])
+        start = best_start(self.common, [self._start(k) for k in range(self.photo_count)])
         if len(self.common.source) >= 4:
             try:
                 return adjust_similarity(self.common, start, ALL_UNKNOWNS)
             except ValueError:
                 remarks.append("the common points and the projection centre lie on one line")
         remarks.append(
-            f"with {counted(len(self.points), 'common point')} the rotation is that of photo {', '.join(self.photos)}"
+            f"with {counted(self.point_count, 'common point')} the rotation is that of photo {', '.join(self.photos)}"
         )
         return adjust_similarity(self.common, start, NO_ROTATION)
 
@@ -179,7 +188,7 @@ class _Joint:
     def _disagreement(self, found: SimilarityAdjustment) -> str:
         """Return why the common points cannot be those of the same object; empty if they can."""
         extent = self.common.extent
-        typical = median(found.lengths[: len(self.points)]) if self.points else 0.0
+        typical = median(found.lengths[: self.point_count]) if self.point_count else 0.0
         if typical <= _LARGE * extent:
             return ""
         if typical > _AGREEMENT * extent:
@@ -187,16 +196,16 @@ class _Joint:
                 f"the common points do not agree: their residuals are {typical * _MM:.2g} mm with an extent of "
                 f"{extent * _MM:.2g} mm at photo scale; {self._shared()}: are points of one model numbered wrongly?"
             )
-        fits = int(np.count_nonzero(found.fits[: len(self.points)]))
-        if 2 * fits < len(self.points):
+        fits = int(np.count_nonzero(found.fits[: self.point_count]))
+        if 2 * fits < self.point_count:
             return (
-                f"only {fits} of {len(self.points)} common points agree: are points of one model numbered wrongly? "
+                f"only {fits} of {self.point_count} common points agree: are points of one model numbered wrongly? "
                 f"The residuals are {typical * _MM:.2g} mm with an extent of {extent * _MM:.2g} mm at photo scale"
             )
         return ""
 
     def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> Joined:
-        count = len(self.points)
+        count = self.point_count
         own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
         block = transformed(self.source, found.similarity)
         off = np.flatnonzero(~own.fits)
@@ -211,7 +220,7 @@ class _Joint:
             (self.source.name, self.target.name),
             self.points,
             self.common.target[:count],
-            common_photo=self.photos[0] if self.photos else "",
+            common_photo=self.photos[0] if self.photo_count else "",
             remarks=remarks,
         )
         return Joined(found.similarity, block, step)
@@ -220,10 +229,11 @@ class _Joint:
         return NotOriented(self.source.name, self.target.name, reason)
 
 
-def _common(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the places in both of the indices that occur in both; none occurs twice in one."""
-    _, at_source, at_target = np.intersect1d(source, target, assume_unique=True, return_indices=True)
-    return at_source, at_target
+def _common_points(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the places in both of the indices that occur in both; both ascend."""
+    place = target.searchsorted(source)
+    at_source = np.flatnonzero(place < target.searchsorted(source, side="right"))
+    return at_source, place[at_source]
 
 
 def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:

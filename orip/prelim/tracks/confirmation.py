@@ -3,21 +3,23 @@
 Two photos show a wrong point only if it lies off the epipolar line; a third one shows wrong points on the line, too.
 Rays of points common to three photos are therefore compared by the relative orientation of two of the photos and the
 resection of the third one from the points of their model. Both find the orientation where more than half of the points
-are wrong.
+are wrong. The third photo is then oriented relatively to both others, too: a pair of photos that it belongs to need not
+be oriented by samples of its points any more, whose wrong ones might bend the model.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.geometry.essential import TwoPhotos
 from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import PhotoIndex, photo_index
-from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.relative.given_scale import PairAtScale, adjusted_at_scale, at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import PairSolution, solve
@@ -25,6 +27,9 @@ from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 
 _PARTNERS = 4
 """Photos with which each photo is oriented relatively: those with most common points."""
+
+_SAMPLE = 12
+"""Pairs of photos that are compared first."""
 
 _THIRD_PHOTOS = 4
 """Photos that are resected in each model."""
@@ -73,69 +78,107 @@ class Votes:
 
 
 class _Model(NamedTuple):
-    """Two photos, the rows of their common points, these points, and their relative orientation."""
+    """Two photos, the rows of their common points, and their relative orientation."""
 
     photos: tuple[int, int]
     left: IntArray
     right: IntArray
-    pairs: Pairs
-    solution: PairSolution
+    solution: PairSolution | PairAtScale
+
+
+class _Start(NamedTuple):
+    """A relative orientation that is nearly right, and how many points say so."""
+
+    photos: TwoPhotos
+    support: int
+
+
+class _Orientation(NamedTuple):
+    """Rotation (3, 3), photo to model, and projection centre (3,)."""
+
+    rotation: FloatArray
+    centre: FloatArray
 
 
 class RayComparison:
     """Compares rays in pairs and triples of photos.
 
+    Some pairs spread over the block are oriented by samples of their points, others from what the resection of a third
+    photo in these and in earlier models tells.
+
     Parameters
     ----------
     rays : ImageRays
+    starts : mapping, optional
+        Relative orientations of pairs of photos that are nearly right.
     """
 
-    def __init__(self, rays: ImageRays) -> None:
+    def __init__(self, rays: ImageRays, starts: Mapping[tuple[int, int], _Start] | None = None) -> None:
         self._rays, self._index = rays, photo_index(rays)
-        self._pairs = list(compared_pairs(common_point_counts(rays)))
-        self._models: dict[tuple[int, int], _Model | None] = {}
+        self._waiting = list(compared_pairs(common_point_counts(rays)))
+        self._starts = dict(starts or {})
+        self._usual: float | None = None
+        self._votes = Votes(len(rays.photo))
 
-    def votes(self, most: int | None = None) -> Votes:
-        """Return how often rays agreed with others.
+    def first_votes(self) -> Votes:
+        """Return how often rays agreed with others in a sample of pairs of photos, spread over the block."""
+        if self._usual is None:
+            self._orient_and_compare(self._waiting[:: max(len(self._waiting) // _SAMPLE, 1)], {})
+        return self._votes
 
-        Parameters
-        ----------
-        most : int or None
-            Number of pairs of photos to compare, spread over the block; None: all.
-        """
-        votes = Votes(len(self._rays.photo))
-        step = 1 if most is None else max(len(self._pairs) // most, 1)
-        models = [model for pair in self._pairs[::step] if (model := self._model(pair)) is not None]
-        if models:
-            usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
-            unbent = [model for one in models if (model := _at_usual_scale(one, usual)) is not None]
-            if unbent:
-                _compare(self._rays, unbent, votes)
-        return votes
+    def votes(self) -> Votes:
+        """Return how often rays agreed with others."""
+        self.first_votes()
+        while self._waiting:
+            ready = [pair for pair in self._waiting if pair in self._starts]
+            self._orient_and_compare(ready or self._waiting, self._starts)
+        return self._votes
 
-    def _model(self, pair: tuple[int, int]) -> _Model | None:
-        if pair not in self._models:
-            self._models[pair] = _model(self._rays, self._index, pair)
-        return self._models[pair]
+    def of(self, rows: IntArray) -> RayComparison:
+        """Return a comparison of some of the rays, which begins with what is known of the orientations."""
+        return RayComparison(self._rays.of(rows), self._starts)
+
+    def _orient_and_compare(self, pairs: list[tuple[int, int]], starts: Mapping[tuple[int, int], _Start]) -> None:
+        models = [model for pair in pairs if (model := self._model(pair, starts.get(pair))) is not None]
+        taken = set(pairs)
+        self._waiting = [pair for pair in self._waiting if pair not in taken]
+        if self._usual is None and models:
+            self._usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
+        unbent = [model for one in models if (model := self._at_usual_scale(one)) is not None]
+        if unbent:
+            for photos, start in (*_starts_of(unbent), *_compare(self._rays, unbent, self._votes)):
+                if photos not in self._starts or start.support > self._starts[photos].support:
+                    self._starts[photos] = start
+
+    def _pairs_of(self, left: IntArray, right: IntArray) -> Pairs:
+        error = np.hypot(self._rays.error[left], self._rays.error[right])
+        return Pairs(self._rays.vectors[left], self._rays.vectors[right], error)
+
+    def _model(self, photos: tuple[int, int], start: _Start | None) -> _Model | None:
+        """Return the relative orientation of two photos, if it is not one by chance."""
+        left, right = self._index.common_points(*photos)
+        pairs = self._pairs_of(left, right)
+        if start is not None and self._usual is not None:
+            adjusted = adjusted_at_scale(start.photos, pairs, self._usual)
+            if adjusted is not None:
+                return _Model(photos, left, right, adjusted)
+        found = solve(pairs)
+        return None if found is None or found.by_chance else _Model(photos, left, right, found)
+
+    def _at_usual_scale(self, model: _Model) -> _Model | None:
+        """Return a model whose residuals are no larger than usual; None where it has no base or is unsure."""
+        solution: PairSolution | PairAtScale | None = model.solution
+        if isinstance(solution, PairSolution) and self._usual and solution.scale > _UNUSUAL * self._usual:
+            solution = at_scale(solution, self._pairs_of(model.left, model.right), self._usual)
+        if solution is None or solution.left_by_rotation < _NO_BASE * solution.scale:
+            return None
+        return model._replace(solution=solution)
 
 
-def _model(rays: ImageRays, index: PhotoIndex, photos: tuple[int, int]) -> _Model | None:
-    """Return the relative orientation of two photos, if it is not one by chance."""
-    left, right = index.common_points(*photos)
-    error = np.hypot(rays.error[left], rays.error[right])
-    pairs = Pairs(rays.vectors[left], rays.vectors[right], error)
-    found = solve(pairs)
-    return None if found is None or found.by_chance else _Model(photos, left, right, pairs, found)
-
-
-def _at_usual_scale(model: _Model, usual: float) -> _Model | None:
-    """Return a model whose residuals are no larger than usual in the block; None where it has no base or is unsure."""
-    solution: PairSolution | None = model.solution
-    if model.solution.scale > _UNUSUAL * usual:
-        solution = at_scale(model.solution, model.pairs, usual)
-    if solution is None or solution.left_by_rotation < _NO_BASE * solution.scale:
-        return None
-    return model._replace(solution=solution)
+def _starts_of(models: Sequence[_Model]) -> Iterator[tuple[tuple[int, int], _Start]]:
+    """Yield the orientations of models, from which a comparison of fewer rays begins."""
+    for model in models:
+        yield model.photos, _Start(model.solution.photos, int(np.count_nonzero(model.solution.usable)))
 
 
 def compared_pairs(common: IntArray) -> Iterator[tuple[int, int]]:
@@ -203,8 +246,8 @@ class _ThirdRays(NamedTuple):
     starts: IntArray
 
 
-def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> None:
-    """Resect other photos in models, and count which rays agree."""
+def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> list[tuple[tuple[int, int], _Start]]:
+    """Resect other photos in models, count which rays agree, and return how these photos lie to those of the models."""
     points = _points_of(rays, models)
     _count(votes.in_pairs, (points.left, points.right), points.usable)
     thirds = _third_rays(rays, models, points)
@@ -212,13 +255,37 @@ def _compare(rays: ImageRays, models: Sequence[_Model], votes: Votes) -> None:
     seen = SeenPoints(
         thirds.starts, rays.xy[rows], rays.vectors[rows], rays.error[rows], points.coordinates[at], points.deviation[at]
     )
-    fits = fitting_points(seen).fits
+    found = fitting_points(seen)
     numbers = np.diff(thirds.starts)
-    agreeing = np.add.reduceat(fits, thirds.starts[:-1], dtype=np.int64) if len(numbers) else numbers
+    agreeing = np.add.reduceat(found.fits, thirds.starts[:-1], dtype=np.int64) if len(numbers) else numbers
     compared = np.repeat(agreeing > 0, numbers)
-    rows, at, fits = rows[compared], at[compared], fits[compared]
-    _count(votes.in_triples, (rows, points.left[at], points.right[at]), fits)
-    _count(votes.in_pairs, (rows,), fits)
+    fits = found.fits[compared]
+    _count(votes.in_triples, (rows[compared], points.left[at[compared]], points.right[at[compared]]), fits)
+    _count(votes.in_pairs, (rows[compared],), fits)
+    first = thirds.starts[:-1]
+    return [
+        told
+        for photo in np.flatnonzero(agreeing).tolist()
+        for told in _told_by_third(
+            models[points.model[at[first[photo]]]],
+            int(rays.photo[rows[first[photo]]]),
+            _Orientation(found.rotations[photo], found.centres[photo]),
+            int(agreeing[photo]),
+        )
+    ]
+
+
+def _told_by_third(
+    model: _Model, third: int, of_third: _Orientation, support: int
+) -> Iterator[tuple[tuple[int, int], _Start]]:
+    """Yield the relative orientations of a third photo and those of a model."""
+    left = _Orientation(np.eye(3), np.zeros(3))
+    right = _Orientation(model.solution.photos.rotation, model.solution.photos.base)
+    for photo, of_photo in zip(model.photos, (left, right), strict=True):
+        photos = (photo, third) if photo < third else (third, photo)
+        one, other = (of_photo, of_third) if photo < third else (of_third, of_photo)
+        base = one.rotation.T @ (other.centre - one.centre)
+        yield photos, _Start(TwoPhotos(base / np.linalg.norm(base), one.rotation.T @ other.rotation), support)
 
 
 def _third_rays(rays: ImageRays, models: Sequence[_Model], points: _ModelPoints) -> _ThirdRays:

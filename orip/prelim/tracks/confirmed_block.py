@@ -14,9 +14,8 @@ from orip.prelim.tracks.confirmation import RayComparison, Votes, compared_pairs
 _POINTS_OF_TRACKS = 15
 """Points of the median photo from which so many points are common to three photos that wrong ones show."""
 
-_SAMPLE, _MANY = 12, 0.03
-"""Pairs of photos from which the part of the rays that others contradict is estimated, and the part from which the
-block is one of tracks."""
+_MANY = 0.03
+"""Part of the rays that others contradict from which the block is one of tracks."""
 
 _PAIRS_LOOKED_AT, _MANY_MISS = 3, 0.14
 """Pairs of photos spread over a block, and the part of their rays that miss each other from which the block may be one
@@ -68,7 +67,7 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     control = np.array([name in names for name in all_rays.points], dtype=bool)
     rays = thinned(rays_of_plane_images(measured.block, all_rays), control, _ENOUGH)
     comparison = RayComparison(rays)
-    if _few(comparison.votes(_SAMPLE)):
+    if _few(comparison.first_votes()):
         return None
     refused = rays.of(_contradicted(rays, comparison))
     place = {name: row for row, name in enumerate(all_rays.points)}
@@ -90,10 +89,11 @@ def _contradicted(rays: ImageRays, comparison: RayComparison) -> BoolArray:
     left = np.arange(len(rays.photo))
     for _ in range(_PASSES):
         votes = comparison.votes()
-        left = left[~votes.contradicted]
+        rows = np.flatnonzero(~votes.contradicted)
+        left = left[rows]
         if _few(votes):
             break
-        comparison = RayComparison(rays.of(left))
+        comparison = comparison.of(rows)
     contradicted = np.ones(len(rays.photo), dtype=bool)
     contradicted[left] = False
     return contradicted

@@ -27,6 +27,7 @@ class PartialBlock(Struct, frozen=True):
         Photo to system.
     centres : array (p, 3)
     points : array (q,) of int
+        Ascending.
     coordinates : array (q, 3)
     deviations : array (q, 3)
         Standard deviations of the coordinates: of the intersection in a model, of what bridging and connection found.

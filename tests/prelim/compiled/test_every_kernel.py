@@ -13,14 +13,16 @@ import pytest
 from compiled_cases import common_pairs, common_points, scene
 from msgspec import Struct
 from msgspec.structs import astuple
+from scipy.spatial.transform import Rotation
 
+from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.intersection.consensus import with_consensus
 from orip.prelim.intersection.intersection import intersect
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.refinement import refine
-from orip.prelim.relative.given_scale import at_scale
+from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.best_orientations import best_orientations
@@ -109,12 +111,26 @@ def oriented_at_scale() -> object:
     return at_scale(solution, pairs, 1.0)
 
 
+def adjusted_pair() -> object:
+    pairs = common_pairs(scene()[0], 1)
+    solution = solve(pairs)
+    assert solution is not None
+    found = adjusted_at_scale(turned_by_a_tenth_of_a_degree(solution.photos), pairs, 1.2)
+    assert found is not None
+    return found
+
+
+def turned_by_a_tenth_of_a_degree(photos: TwoPhotos) -> TwoPhotos:
+    return TwoPhotos(photos.base, photos.rotation @ Rotation.from_rotvec([0.001, -0.001, 0.001]).as_matrix())
+
+
 def adjusted_similarity() -> object:
     common, rotation = common_points(25)
     return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
 
 
 CASES: dict[str, Callable[[], object]] = {
+    "adjust_at_scale": adjusted_pair,
     "adjust_similarity": adjusted_similarity,
     "band_order": refined,
     "best_orientations": chosen_orientations,
