@@ -15,7 +15,7 @@
 #include "../relative/pair_loops.h"
 #include "../resection/fitting_points.h"
 #include "../similarity/adjustment.h"
-#include "../similarity/start.h"
+#include "../similarity/joining.h"
 
 static const PairLoops *pairs = &plain_pairs;
 
@@ -433,11 +433,68 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
     }
     const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
     prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
-    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, (int64_t)n[0], n[1], n[2], n[3], space + 3 * count,
+    const Judgement judgement = {(int64_t)n[0], n[1], n[2], n[3]};
+    const double most = best_triple(&judges, &judgement, a.views[TRIPLES].buf, triples, space + 3 * count,
                                     a.views[START].buf);
     PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(most);
+}
+
+/* The arrays of one of two partial blocks, of which four follow one another and the two of places stand apart. */
+static int part_from(const Arguments *a, int first, int places, PartOfTwo *p)
+{
+    const PartOfTwo part = {a->views[first].buf,     a->views[first + 1].buf,  a->views[first + 2].buf,
+                            a->views[first + 3].buf, a->views[places].buf,     a->views[places + 1].buf,
+                            length_of(a, first) / 3};
+    const int64_t photos = length_of(a, first + 3) / 3;
+    *p = part;
+    return has(a, first, 3 * part.count) && has(a, first + 1, 3 * part.count) && has(a, first + 2, 9 * photos)
+        && has(a, first + 3, 3 * photos) && are_rows(a, places, part.count) && are_rows(a, places + 1, photos);
+}
+
+static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SOURCE, TARGET = 4, AT_SOURCE = 8, PHOTOS, AT_TARGET, PHOTOS_OF_TARGET, PLACES, START = 16 };
+    Arguments a;
+    PartOfTwo source, target;
+    if (!take_arguments(&a, arguments, given, "dddd" "dddd" "llll" "DDDDD", 5))
+        return NULL;
+    const double *n = a.numbers;
+    const int64_t points = length_of(&a, AT_SOURCE), photos = length_of(&a, PHOTOS), count = points + photos;
+    int sound = part_from(&a, SOURCE, AT_SOURCE, &source) && part_from(&a, TARGET, AT_TARGET, &target)
+        && has(&a, AT_TARGET, points) && has(&a, PHOTOS_OF_TARGET, photos) && has(&a, START, sizeof(At) / sizeof(double))
+        && photos <= MOST_TRIPLES && is_whole(n[1], 1.0, (double)count);
+    for (int k = 0; k < 4; k++)
+        sound = sound && has(&a, PLACES + k, 3 * count);
+    if (!sound)
+        return refused(&a);
+    const int64_t larger_part = source.count > target.count ? source.count : target.count;
+    double *space = PyMem_Malloc((size_t)(larger_part + (8 + photos) * count) * sizeof(double)
+                                 + (size_t)photos * sizeof(At));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    double *from = a.views[PLACES].buf, *to = a.views[PLACES + 1].buf;
+    double *source_deviations = a.views[PLACES + 2].buf, *target_deviations = a.views[PLACES + 3].buf;
+    common_places(&source, points, photos, n[0], from, source_deviations, space);
+    common_places(&target, points, photos, n[0], to, target_deviations, space);
+    At *starts = (At *)(space + (5 + photos) * count);
+    for (int64_t photo = 0; photo < photos; photo++)
+        start_from_photo(&source, &target, photo, from, to, count, space, starts + photo);
+    if (photos == 1)
+        memcpy(a.views[START].buf, starts, sizeof(At));
+    if (photos > 1) {
+        const Judges judges = {from, to, space, space + count, space + 2 * count, count};
+        const Judgement judgement = {(int64_t)n[1], n[2], n[3], n[4]};
+        prepare_judges(&judges, source_deviations, target_deviations);
+        best_of_starts(&judges, &judgement, starts, photos, space + 3 * count, a.views[START].buf);
+    }
+    const double extent = extent_of(to, count);
+    PyMem_Free(space);
+    release(&a);
+    return PyFloat_FromDouble(extent);
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}
@@ -453,6 +510,7 @@ static PyMethodDef methods[] = {
     METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
+    METHOD(common_places, "What two partial blocks have in common, and a start from their common photos."),
     METHOD(adjust_at_scale, "The relative orientation of two photos at a scale from one that is nearly right."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),

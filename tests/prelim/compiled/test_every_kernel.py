@@ -13,6 +13,7 @@ import pytest
 from compiled_cases import common_pairs, common_points, scene
 from msgspec import Struct
 from msgspec.structs import astuple
+from partial_block_samples import pair
 from scipy.spatial.transform import Rotation
 
 from orip.geometry.essential import TwoPhotos
@@ -34,6 +35,8 @@ from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
+from orip.prelim.similarity.in_common import common_places, in_common
+from orip.prelim.similarity.partial_blocks import transformed
 from orip.prelim.similarity.start import start_from_triples
 
 pytestmark = pytest.mark.skipif(not is_compiled(), reason="the extension was not built: no compiler here")
@@ -144,11 +147,20 @@ def adjusted_similarity() -> object:
     return adjust_similarity(common, Similarity(2.01, rotation, np.full(3, 3.01)))
 
 
+def joined_blocks() -> object:
+    """Two common photos, and of one point no deviation."""
+    made = pair(3)
+    made.source.deviations[2, 1] = np.nan
+    target = transformed(pair(3, noise=1e-3).source, made.truth)
+    return common_places(made.source, target, in_common(made.source, target))
+
+
 CASES: dict[str, Callable[[], object]] = {
     "adjust_at_scale": adjusted_pair,
     "adjust_similarity": adjusted_similarity,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
+    "common_places": joined_blocks,
     "common_points": lambda: common_point_counts(scene()[0]),
     "consensus": placed_by_consensus,
     "fitting_points": fitted_photos,
