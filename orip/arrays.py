@@ -14,6 +14,7 @@ let_wait(np, "char", "ctypeslib", "f2py", "polynomial", "testing")  # SciPy take
 let_wait(np, "ma", stand_in=WaitingMaskedArrays)
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 

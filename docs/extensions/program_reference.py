@@ -107,7 +107,7 @@ def _parameters(command: Any, context: Any, is_wanted: Callable[[Any], bool]) ->
     for parameter in filter(is_wanted, command.params):
         if record := parameter.get_help_record(context):
             spelling, meaning = record
-            is_argument = parameter.param_type_name == "argument"
+            is_argument = parameter.param_type_name == "argument"  # with the allowed words behind it, if these are few
             rows.append((f"`{_plain(spelling.partition(' <')[0]) if is_argument else spelling}`", meaning))
     if rows:
         yield from _table(("", "meaning"), rows)
@@ -115,7 +115,7 @@ def _parameters(command: Any, context: Any, is_wanted: Callable[[Any], bool]) ->
 
 def _plain(piece: str) -> str:
     """Return an argument as books write it: brackets once, and no braces."""
-    return piece.strip("{}").replace("[[", "[").replace("]]", "]").replace("......", "...").replace("...]...", "...]")
+    return piece.replace("{", "").replace("}", "").replace("[[", "[").replace("]]", "]")
 
 
 def _table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:

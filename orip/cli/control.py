@@ -31,10 +31,10 @@ Name = Annotated[
     ),
 ]
 NewName = Annotated[str, typer.Argument(metavar="NAME", help="Its first field.")]
-Names = Annotated[list[str], typer.Argument(metavar="NAME...", autocompletion=lines_of_control)]
-SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME...", autocompletion=lines_of_control)]
+Names = Annotated[list[str], typer.Argument(metavar="NAME", autocompletion=lines_of_control)]
+SomeNames = Annotated[list[str] | None, typer.Argument(metavar="NAME", autocompletion=lines_of_control)]
 Values = Annotated[
-    list[str] | None, typer.Argument(metavar="KEY=VALUE...", help="Keys as in the head of 'list'; KEY= removes it.")
+    list[str] | None, typer.Argument(metavar="KEY=VALUE", help="Keys as in the head of 'list'; KEY= removes it.")
 ]
 BeforeOption = Annotated[
     str, typer.Option("--before", metavar="NAME", autocompletion=lines_of_control, help="Before this one.")
@@ -79,7 +79,7 @@ def _register(group: typer.Typer, kind: ControlKind) -> None:
 
 
 def _register_list(group: typer.Typer, kind: ControlKind) -> None:
-    @command(group, "list")
+    @command(group, "list", reads_only=True)
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the lines of the file."""
         from orip.files.text.table import Column, table_lines

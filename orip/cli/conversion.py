@@ -1,22 +1,30 @@
-"""Values of the command line that need no conversion: texts, paths that can be read, and whatever is not given.
+"""Values of the command line: texts, paths and numbers, converted without a library and refused in orip's words.
 
 typer converts and checks the others with pydantic, which takes longer to load than `orip status` takes to answer.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin
 
+import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 Parameter = TyperArgument | TyperOption
 
-_OF_TYPER = ("get_runtime_param", "type_descriptor")
-"""What typer converts by. It is not documented, and another version may have other names."""
+_OF_TYPER = ("get_runtime_param", "type_descriptor", "display_type")
+"""What typer converts and describes by. It is not documented, and another version may have other names."""
+
+_NUMBERS: dict[Any, str] = {int: "a whole number", float: "a number"}
+"""Kinds of numbers, as they are named where a value is none."""
+
+_PLACEHOLDERS: dict[Any, str] = {int: "N", float: "NUMBER", str: "TEXT", Path: "PATH"}
+"""What stands for the value of an option in the help, unless the option has a word of its own."""
 
 
 class Conversion:
@@ -34,21 +42,56 @@ class Conversion:
         self._typers, self._kind = typers, kind
 
     def coerce(self, value: Any, param: Parameter, ctx: Any) -> Any:
-        """Return the value; typer raises what is wrong with it."""
+        """Return the value.
+
+        Raises
+        ------
+        typer.BadParameter
+            With what was found, and what is allowed.
+        """
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
-        if self._kind is str and isinstance(value, str):
-            return value
-        if self._kind is Path and isinstance(value, str | Path) and _can_be_read(value):
-            return Path(value)
-        if self._kind == list[str] and all(isinstance(item, str) for item in value):
-            return list(value)
-        return self._typers().coerce(value, param=param, ctx=ctx)
+        is_list = get_origin(self._kind) is list
+        (kind,) = get_args(self._kind) if is_list else (self._kind,)
+        values = value if is_list else [value]
+        if not all(_is_simple(kind, one) for one in values):
+            return self._typers().coerce(value, param=param, ctx=ctx)
+        converted = [_number(kind, one, param, ctx) if kind in _NUMBERS else kind(one) for one in values]
+        return converted if is_list else converted[0]
+
+
+def _is_simple(kind: Any, value: Any) -> bool:
+    """Tell whether a value is converted here."""
+    if kind is Path:
+        return isinstance(value, str | Path) and _can_be_read(value)
+    return (kind is str and isinstance(value, str)) or (kind in _NUMBERS and isinstance(value, str | int | float))
 
 
 def _can_be_read(path: str | Path) -> bool:
     """Tell whether a path is one of those of which typer finds nothing wrong: none of orip's has to exist."""
     return os.access(path, os.R_OK) or not os.path.exists(path)  # noqa: PTH110  # as typer asks
+
+
+def _number(kind: type[int | float], value: str | float, param: Parameter, ctx: Any) -> float:
+    """Return a number that is finite and within the limits of its parameter."""
+    limits = param.type_descriptor.parameter_info
+    low = -math.inf if limits.min is None else limits.min
+    high = math.inf if limits.max is None else limits.max
+    try:
+        number = kind(value)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and low <= number <= high):
+        message = f"'{value}' is not {_NUMBERS[kind]}{_within(low, high)}"
+        raise typer.BadParameter(message, ctx=ctx, param=param)
+    return number
+
+
+def _within(low: float, high: float) -> str:
+    """Return the limits of a number in words; nothing, where there are none."""
+    if math.isinf(low):
+        return "" if math.isinf(high) else f" of {high:g} or less"
+    return f" of {low:g} or more" if math.isinf(high) else f" from {low:g} to {high:g}"
 
 
 def convert_at_once(parameters: Any) -> Any:
@@ -57,6 +100,8 @@ def convert_at_once(parameters: Any) -> Any:
         if isinstance(parameter, Parameter) and _is_converted_by_typer(parameter):
             conversion = Conversion(parameter.get_runtime_param, parameter.type_descriptor.annotation)
             parameter.get_runtime_param = partial(_itself, conversion)  # type: ignore[method-assign]
+            if not parameter.type_descriptor.is_choice:
+                parameter.display_type = partial(_placeholder, parameter)  # type: ignore[method-assign]
     return parameters
 
 
@@ -68,6 +113,15 @@ def _is_converted_by_typer(parameter: Parameter) -> bool:
 def _itself(conversion: Conversion) -> Any:
     """Return what stands for typer's own conversion."""
     return conversion
+
+
+def _placeholder(parameter: Parameter, ctx: Any) -> str:  # noqa: ARG001  # typer passes it by name
+    """Return the word for a value in the help; none after the name of an argument, which is such a word itself."""
+    if isinstance(parameter, TyperArgument):
+        return ""
+    kind: Any = parameter.type_descriptor.annotation
+    (kind,) = get_args(kind) if get_origin(kind) is list else (kind,)
+    return _PLACEHOLDERS.get(kind, "VALUE")
 
 
 class Command(TyperCommand):

@@ -15,6 +15,9 @@ from orip.errors import INTERRUPTED, InputError, NoFolderError, NoProjectError, 
 
 _TRACEBACK_VARIABLE = "ORIP_TRACEBACK"
 
+NOTHING_WRITTEN = "; nothing was written"
+"""Said after the number of errors, except by commands that only read and could not have written anything."""
+
 _ADVICE: dict[type[OripError], str] = {
     NoFolderError: "name a project's folder with -C DIR",
     NoProjectError: "go to the project's folder, name it with -C DIR, or begin with a sample: orip init --sample",
@@ -23,15 +26,15 @@ _ADVICE: dict[type[OripError], str] = {
 
 
 @contextmanager
-def exit_on_error(terminal: Terminal) -> Iterator[None]:
-    """Print what went wrong and leave with its exit code."""
+def exit_on_error(terminal: Terminal, closing: str = NOTHING_WRITTEN) -> Iterator[None]:
+    """Print what went wrong, with its closing words after several errors, and leave with its exit code."""
     try:
         try:
             yield
         finally:
             terminal.flush()
     except OripError as error:
-        report(terminal, error)
+        report(terminal, error, closing=closing)
         raise typer.Exit(error.exit_code) from None
     except KeyboardInterrupt:
         message = "interrupted; stores and outputs are consistent; 'orip status' shows what remains to be done"
@@ -83,7 +86,7 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
     return UsageError.exit_code
 
 
-def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -> int:
+def report(terminal: Terminal, error: OripError, exit_code: int | None = None, closing: str = NOTHING_WRITTEN) -> int:
     """Print an error with all its complaints, as JSON too if that is wanted, and return the exit code."""
     complaints = error.told if isinstance(error, InputError) else ()
     advice = f"; {_ADVICE[type(error)]}" if type(error) in _ADVICE else ""
@@ -103,7 +106,7 @@ def report(terminal: Terminal, error: OripError, exit_code: int | None = None) -
     for text in [str(complaint) for complaint in complaints] or [str(error)]:
         terminal.error(f"{text}{advice}")
     if isinstance(error, InputError) and len(error.complaints) > 1:
-        terminal.say(f"{len(error.complaints)} errors; nothing was written")
+        terminal.say(f"{len(error.complaints)} errors{closing}")
     return exit_code or error.exit_code
 
 

@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from orip.cli.completion import bundles
 from orip.cli.conversion import Command, Group
-from orip.cli.exits import exit_on_error
+from orip.cli.exits import NOTHING_WRITTEN, exit_on_error
 from orip.cli.terminal import ColorChoice, Terminal
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
@@ -75,12 +75,16 @@ class Invocation(Struct, frozen=True):
     terminal: Terminal
 
 
-def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+def command(
+    app: typer.Typer, name: str, *, reads_only: bool = False, **settings: Any
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function ``f(invocation, ...)`` as a command that also takes the shared options.
 
     A parameter that is a named tuple stands for the options that are its fields. Errors of orip end the command with
-    their message and exit code. Settings are those of typer's commands.
+    their message and exit code; one that only reads does not claim that nothing was written. Settings are those of
+    typer's commands.
     """
+    closing = "" if reads_only else NOTHING_WRITTEN
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(function, eval_str=True)
@@ -92,7 +96,7 @@ def command(app: typer.Typer, name: str, **settings: Any) -> Callable[[Callable[
             invocation = Invocation(before.folder, options, options.terminal())
             for name, group in _groups(own):
                 given[name] = _taken(group, given)
-            with exit_on_error(invocation.terminal), invocation.terminal.progress():
+            with exit_on_error(invocation.terminal, closing), invocation.terminal.progress():
                 function(invocation, **given)
 
         _give_signature(run, own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from orip.errors import UsageError
@@ -204,8 +205,18 @@ FORMATS: tuple[Format, ...] = (
 )
 
 
-def format_named(name: str) -> Format:
+FORMATS_READ = tuple(one for one in FORMATS if one.read is not None)
+FORMATS_WRITTEN = tuple(one for one in FORMATS if one.write is not None)
+
+
+def format_named(name: str, known: Sequence[Format]) -> Format:
     """Return the format of a name; case does not count.
+
+    Parameters
+    ----------
+    name : str
+    known : sequence of Format
+        Those that are named where there is none of that name.
 
     Raises
     ------
@@ -215,7 +226,7 @@ def format_named(name: str) -> Format:
     for found in FORMATS:
         if found.name == name.lower():
             return found
-    message = f"there is no format '{name}'; known are: {', '.join(one.name for one in FORMATS)}"
+    message = f"there is no format '{name}'; known are: {', '.join(one.name for one in known)}"
     raise UsageError(message)
 
 
@@ -230,10 +241,10 @@ def guessed_format(path: Path) -> Format:
     if not path.exists():
         message = f"there is no {path}; name the file or folder of the other program"
         raise UsageError(message)
-    found = [one for one in FORMATS if one.read is not None and one.recognises(path)]
+    found = [one for one in FORMATS_READ if one.recognises(path)]
     if len(found) == 1:
         return found[0]
-    names = ", ".join(one.name for one in found or FORMATS if one.read is not None)
+    names = ", ".join(one.name for one in found or FORMATS_READ)
     what = "may be of several formats" if found else "looks like none of the formats"
-    message = f"{path} {what}; name the format first: 'orip import FORMAT {path}', one of {names}"
+    message = f"{path} {what}; name the format before it: FORMAT {path}, with one of {names}"
     raise UsageError(message)

@@ -19,8 +19,8 @@ from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.joint.by_parts import by_parts
-from orip.prelim.joint.by_photos import by_photos
-from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, supported_photos
+from orip.prelim.joint.by_photos import by_level_photos, by_photos
+from orip.prelim.joint.single_photos import supported_photos
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.resection.direct_linear import POINTS_NEEDED
@@ -59,6 +59,9 @@ _FAR_OFF = 15.0
 _LEAST_COORDINATES = 7
 """Ground coordinates that an absolute orientation needs."""
 
+_RAYS_OF_TIES, _TIES_FOR_RESECTION, _WEAK_PART = 3, 8, 0.1
+"""A photo is resected well from eight points of two others; a block hangs together weakly if more photos have fewer."""
+
 _MANY_UNFIT, _UNFIT_PART = 3, 0.1
 """Control points, and part of them, that an absolute orientation down-weights where the block may be bent instead."""
 
@@ -83,7 +86,7 @@ def preliminary_values(block: Block) -> PreliminaryValues:
 def preliminary_values_from_all_rays(block: Block) -> PreliminaryValues:
     """Find the same without comparing rays: for a block that differs from one whose rays were compared in little."""
     measured = measured_block(block)
-    return _values(_ended(_searches(measured, _routes(measured))))
+    return _values(_search_by_level_photos(measured) or _ended(_searches(measured, _routes(measured))))
 
 
 def preliminary_values_soon(block: Block) -> PreliminaryValues:
@@ -109,6 +112,7 @@ class _Search(NamedTuple):
     is_enough : bool
     tried : int
         Number of routes.
+    is_weakly_joined : bool
     """
 
     measured: MeasuredBlock
@@ -117,6 +121,7 @@ class _Search(NamedTuple):
     by_models: Route | None
     is_enough: bool
     tried: int
+    is_weakly_joined: bool = False
 
 
 class _End(NamedTuple):
@@ -132,15 +137,17 @@ class _End(NamedTuple):
 
 
 def _values(found: _Search) -> PreliminaryValues:
-    at_once = found.is_enough and found.tried == 1
+    at_once = found.is_enough and found.tried == 1 and not found.is_weakly_joined
     return found_values(found.measured, found.best, found.lengths, found.by_models, name_weak_connections=not at_once)
 
 
 def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
     """Try routes; if the first is not good enough and others contradict many rays, begin again without these.
 
-    Where many rays of a few pairs miss each other, that is looked at before the first route.
+    Where many rays of a few pairs miss each other, that is looked at before the first route that grows.
     """
+    if (together := _search_by_level_photos(measured)) is not None:
+        return together
     searches = _searches(measured, _routes(measured))
     if not has_many_misses(measured):
         first = next(searches)
@@ -151,6 +158,15 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
         return _ended(searches)
     confirmed = confirmed_by_parts(confirmed)
     return _ended(_searches(confirmed, _routes(confirmed)))
+
+
+def _search_by_level_photos(measured: MeasuredBlock) -> _Search | None:
+    """Place the photos of a weakly joined block together; None where another block is, or where they do not fit."""
+    if not _hangs_together_weakly(measured):
+        return None
+    route = by_level_photos(measured.grower(measured.full_control()), measured.known_control())
+    found = _ended(_searches(measured, iter([[route]])))
+    return found._replace(is_weakly_joined=True) if found.is_enough else None
 
 
 def _ended(searches: Iterator[_Search]) -> _Search:
@@ -193,10 +209,11 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
     placed together first.
     """
     free, with_control = measured.grower(), measured.grower(measured.full_control())
+    together = _may_be_placed_together(measured)
     yield from _first_routes(measured, free, with_control)
-    together = not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES
-    falls_apart = together and not any(system.oriented.all() for system in by_pairs(free, 0).systems)
-    parts = (by_parts(free, with_control, measured.known_control(), axis) for axis in (LOOKING_DOWN, UPRIGHT))
+    start = by_pairs(free, 0)
+    falls_apart = together and not any(system.oriented.all() for system in start.systems)
+    parts = by_parts(free, with_control, measured.known_control(), start)
     if falls_apart:
         yield list(parts)
     yield from _other_pairs(free)
@@ -210,6 +227,20 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
         rotations = np.full((len(given), 3, 3), np.nan)
         rotations[given] = rotation_from_angles(orientation[given, 3:])
         yield [by_given(free, rotations, orientation[:, :3])]
+
+
+def _may_be_placed_together(measured: MeasuredBlock) -> bool:
+    return not measured.is_free and measured.known_coordinates >= _LEAST_COORDINATES
+
+
+def _hangs_together_weakly(measured: MeasuredBlock) -> bool:
+    """Tell whether many photos see few points of two others, from which they could be resected: growing takes long."""
+    rays = measured.rays
+    if not _may_be_placed_together(measured) or measured.block.definition.models:
+        return False
+    shown = np.bincount(rays.point, minlength=len(rays.points)) >= _RAYS_OF_TIES
+    ties = np.bincount(rays.photo[shown[rays.point]], minlength=len(rays.photos))
+    return bool(np.mean(ties < _TIES_FOR_RESECTION) > _WEAK_PART)
 
 
 def _short_routes(measured: MeasuredBlock, free: BlockGrower, with_control: BlockGrower) -> Iterator[Sequence[Route]]:

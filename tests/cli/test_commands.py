@@ -127,7 +127,7 @@ def test_measure_of_named_files_is_on_top_and_relative_to_the_folder(project: Pa
     said = orip(project, "measure", "more.txt")
     assert said.code == 0
     assert "11 photo points of MAIN, 1 measured again" in said.err
-    assert "warning: more.txt: is not among the project's measurement_files" in said.err
+    assert "warning: more.txt is not among the project's measurement_files" in said.err
     assert "orip measure  out of date  changed since: more.txt" in orip(project, "status").out
     assert "10 photo points" in orip(project, "measure").err
 

@@ -295,11 +295,11 @@ def test_control_that_nothing_uses_is_named(project: Path) -> None:
     said = orip(project, "run")
     assert said.code == 0
     for words in (
-        "distance D1: is not used: Z9 is neither measured nor given coordinates; correct the name",
-        "distance D2: is not used: Y8 and Z9 are neither measured",
-        "element PHOTO MIDDLE X0: is not used: the bundle has no photo MIDDLE; correct the name",
-        "element CAMERA C36 C: is not used: the bundle has no camera C36",
-        "direction S1 2 Z9: is not used: Z9 is neither measured",
+        "distance D1 is not used: Z9 is neither measured nor given coordinates; correct the name",
+        "distance D2 is not used: Y8 and Z9 are neither measured",
+        "element PHOTO MIDDLE X0 is not used: the bundle has no photo MIDDLE; correct the name",
+        "element CAMERA C36 C is not used: the bundle has no camera C36",
+        "direction S1 2 Z9 is not used: Z9 is neither measured",
     ):
         assert f"warning: {words}" in said.err
 

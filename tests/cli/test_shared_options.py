@@ -213,6 +213,12 @@ def test_threads_find_all_of_a_package_that_one_of_them_loads(tmp_path: Path) ->
         (Path, Path()),
         (list[str], ("a", "b")),
         (int, "2"),
+        (int, "-3"),
+        (int, 4),
+        (float, "1e-3"),
+        (float, 2.5),
+        (list[int], ("1", "2")),
+        (list[Path], ("x", "y/z")),
     ],
 )
 def test_values_are_converted_as_typer_converts_them(kind: Any, value: object) -> None:
@@ -228,6 +234,33 @@ def test_values_are_converted_as_typer_converts_them(kind: Any, value: object) -
     expected = parameter.process_value(context, value)
     convert_at_once([parameter])
     assert parameter.process_value(context, value) == expected
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("--threads 0 status", "'0' is not a whole number of 1 or more"),
+        ("--threads 1.5 status", "'1.5' is not a whole number of 1 or more"),
+        ("solve --alpha 2", "'2' is not a number from 1e-09 to 0.5"),
+        ("solve --alpha 0,01", "'0,01' is not a number from 1e-09 to 0.5"),
+        ("drive goto 1 nan 3", "'nan' is not a number;"),
+        ("prelim connect 1 b", "'b' is not a whole number;"),
+    ],
+)
+def test_a_number_that_is_none_or_beyond_its_limits_is_refused(project: Path, words: str, found: str) -> None:
+    said = orip(project, *words.split())
+    assert said.code == 2
+    assert said.err.startswith("error: Invalid value for ")
+    assert found in said.err
+
+
+def test_help_names_values_in_words_of_users() -> None:
+    context = typer.Context(typer.main.get_command(app))
+    of_python = re.compile(r"\b(str|int|float|list|path)\b( range)?[>\]]")
+    for words, command in every_command(typer.main.get_command(app)):
+        for parameter in command.get_params(context):
+            shown, _ = parameter.get_help_record(context)
+            assert not of_python.search(shown), f"orip {' '.join(words)}: {shown}"
 
 
 def test_typer_converts_where_it_does_so_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
+from orip.prelim.growing import misplaced_photos
 from orip.prelim.intersection import consensus, intersection
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
-from orip.prelim.refinement import band_order, refinement
+from orip.prelim.refinement import refinement
 from orip.prelim.relative import given_scale, pair_selection
 from orip.prelim.relative import solution as relative_solution
 from orip.prelim.relative.parallax import Pairs
@@ -17,13 +18,14 @@ from orip.prelim.resection import best_orientations as resection_choice
 from orip.prelim.resection import fitting_points, resection
 from orip.prelim.resection import start as resection_start
 from orip.prelim.similarity import adjustment as similarity_adjustment
+from orip.prelim.similarity import in_common
 from orip.prelim.similarity import start as similarity_start
 from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    band_order, consensus, fitting_points, given_scale, intersection, pair_selection, refinement, relative_solution,
-    resection_choice, resection, resection_start, similarity_adjustment, similarity_start,
+    consensus, fitting_points, given_scale, in_common, intersection, misplaced_photos, pair_selection, refinement,
+    relative_solution, resection_choice, resection, resection_start, similarity_adjustment, similarity_start,
 )  # fmt: skip
 
 

@@ -15,6 +15,8 @@ from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim import chain
 from orip.prelim.chain import preliminary_values
 from orip.prelim.ground.project_coordinates import orientations_in_project, points_in_project
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.routes import Route
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.observations.control import Control
 from orip.records.project.definition import StereoModel
@@ -254,11 +256,19 @@ def test_a_single_photo_of_an_unknown_camera_is_oriented_by_control_in_space(off
     assert values.cameras[0].parameters[0] == pytest.approx(camera.parameters[0], rel=0.15)
 
 
+def test_nothing_grows_in_a_weakly_joined_block_whose_photos_look_down(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = gathered(weakly_joined_records(1, "small overlaps"))
+    monkeypatch.setattr(BlockGrower, "grow", lambda *_: pytest.fail("grew"))
+    values = preliminary_values(block)
+    assert {photo.how for photo in values.photos} == {"placed on the ground together with all 6 photos of the block"}
+
+
 def test_parts_of_a_block_that_falls_apart_are_placed_before_other_pairs_are_tried(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # pairs of photos join three of the six, and two others
+    # pairs of photos join three of the six, and two others; that the photos look down is not known
     block = gathered(weakly_joined_records(1, "small overlaps"))
+    monkeypatch.setattr(chain, "by_level_photos", lambda *_: Route(()))
     choices: list[int] = []
     by_pairs = chain.by_pairs
     monkeypatch.setattr(chain, "by_pairs", lambda grower, choice: choices.append(choice) or by_pairs(grower, choice))

@@ -8,11 +8,18 @@ from monte_carlo.preliminary_records import gathered
 from monte_carlo.weakly_joined_blocks import weakly_joined_records
 from scipy import stats
 
+from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.fit import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
-from orip.prelim.joint.placing import levelled, place_parts, tilted
+from orip.prelim.growing.misplaced_photos import residual_lengths
+from orip.prelim.joint import placing
+from orip.prelim.joint.by_photos import by_level_photos
+from orip.prelim.joint.placing import levelling, place_parts, tilts
 from orip.prelim.joint.single_photos import LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
+from orip.prelim.joint.ties import assembled_at, ties_between
+from orip.prelim.measured_block import measured_block
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
 
 C = 0.15
 AZIMUTHS = np.radians([3.0, 182.0, -5.0, 95.0])
@@ -20,6 +27,7 @@ HEIGHTS = np.array([900.0, 1000.0, 1100.0, 950.0])
 CENTRES = np.column_stack([[0.0, 400.0, 800.0, 400.0], [0.0, 50.0, 0.0, 500.0], HEIGHTS])
 GROUND = np.array([[x, y, 20.0] for x in range(-200, 1001, 200) for y in range(-200, 701, 150)], dtype=float)
 CONTROL = (0, 6, 40)
+LEVEL = np.stack([np.eye(3)] * 4)
 
 
 def about_up(azimuth: float) -> np.ndarray:
@@ -49,14 +57,29 @@ def control() -> np.ndarray:
     return known
 
 
-def test_vertical_photos_of_flat_ground_are_placed_where_they_were_taken() -> None:
-    placed = place_parts(vertical_photos(), control())
+@pytest.mark.parametrize("rounds", [1, 3])
+def test_vertical_photos_of_flat_ground_are_placed_where_they_were_taken(rounds: int) -> None:
+    parts = vertical_photos()
+    placed = place_parts(ties_between(parts, control()), LEVEL, rounds)
     assert placed is not None
-    for part, centre, azimuth in zip(placed, CENTRES, AZIMUTHS, strict=True):
-        # linear equations, except for the 1e-10 that keep them regular: a millionth of the flying height
-        np.testing.assert_allclose(part.centres[0], centre, atol=1e-3)
-        np.testing.assert_allclose(part.rotations[0], about_up(azimuth), atol=1e-6)
-        np.testing.assert_allclose(part.coordinates, GROUND[part.points], atol=1e-3)
+    # linear equations, except for the 1e-10 that keep them regular: a millionth of the flying height
+    assert placed.misfit < 1e-3
+    block = assembled_at(parts, placed.movements)
+    np.testing.assert_allclose(block.centres, CENTRES, atol=1e-3)
+    np.testing.assert_allclose(block.rotations, [about_up(azimuth) for azimuth in AZIMUTHS], atol=1e-6)
+    np.testing.assert_allclose(block.coordinates, GROUND[block.points], atol=1e-3)
+
+
+def test_many_parts_are_placed_where_few_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    ties = ties_between(vertical_photos(), control())
+    full = place_parts(ties, LEVEL, 2)
+    monkeypatch.setattr(placing, "_DENSE", 0)
+    sparse = place_parts(ties, LEVEL, 2)
+    assert full is not None
+    assert sparse is not None
+    # the same equations, whose condition is some 1e6
+    np.testing.assert_allclose(sparse.movements.shift, full.movements.shift, atol=1e-6)
+    np.testing.assert_allclose(sparse.movements.scale, full.movements.scale, rtol=1e-9)
 
 
 def test_a_photo_tied_by_one_point_gets_the_usual_scale() -> None:
@@ -66,18 +89,52 @@ def test_a_photo_tied_by_one_point_gets_the_usual_scale() -> None:
     arrays = first.points, first.coordinates, first.deviations
     of_one_point = [np.repeat(array[[shared]], 2, axis=0) for array in arrays]
     parts.append(PartialBlock("P4", np.array([4]), np.eye(3)[None], np.zeros((1, 3)), *of_one_point))
-    placed = place_parts(parts, control())
+    placed = place_parts(ties_between(parts, control()), np.stack([np.eye(3)] * 5), 3)
     assert placed is not None
-    heights = np.array([part.centres[0, 2] - 20.0 for part in placed])
+    heights = placed.movements.shift[:, 2] - 20.0
     assert 0.5 * np.median(heights) < heights[4] < 2.0 * np.median(heights)
+
+
+def test_models_with_a_common_photo_get_its_azimuth() -> None:
+    """Two models of two photos each, turned against each other by half a circle, with nothing else to tell it."""
+    parts = vertical_photos()
+    models = [joined(parts[:2], CENTRES[:2], AZIMUTHS[:2], 0.0), joined(parts[1:3], CENTRES[1:3], AZIMUTHS[1:3], 3.0)]
+    placed = place_parts(ties_between(models, control()), np.stack([np.eye(3)] * 2), 1)
+    assert placed is not None
+    block = assembled_at(models, placed.movements)
+    np.testing.assert_allclose(block.centres, CENTRES[:3], atol=1e-3)
+    np.testing.assert_allclose(block.coordinates, GROUND[block.points], atol=1e-3)
+
+
+def joined(parts: list[PartialBlock], centres: np.ndarray, azimuths: np.ndarray, turn: float) -> PartialBlock:
+    """Return vertical photos as one part, in a system of its own that is turned about the vertical."""
+    system = about_up(turn)
+    points = np.unique(np.concatenate([part.points for part in parts]))
+    rotations = np.stack([system.T @ about_up(azimuth) for azimuth in azimuths])
+    return PartialBlock(
+        parts[0].name, np.concatenate([part.photos for part in parts]), rotations, 1e-3 * centres @ system, points,
+        1e-3 * GROUND[points] @ system, np.full((len(points), 3), 0.01),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("axis", [LOOKING_DOWN, UPRIGHT])
 def test_a_levelled_photo_has_its_axis_upwards(axis: int) -> None:
-    turned = tilted(vertical_photos()[0], 0.3, -0.2)
-    level = levelled(turned, axis)
+    photo = vertical_photos()[0]
+    turned = replace(photo, rotations=tilts(np.array([[0.3, -0.2]])))
+    level = levelling(turned, axis)
     assert level is not None
-    np.testing.assert_allclose(level.rotations[0][:, axis], [0.0, 0.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose((level @ turned.rotations[0])[:, axis], [0.0, 0.0, 1.0], atol=1e-15)
+
+
+def test_tilts_give_the_horizontal_plane_its_slopes_and_are_the_smallest_that_do() -> None:
+    slopes = np.array([[0.0, 0.0], [0.3, -0.2], [-2.0, 1.0]])
+    for rotation, (x, y) in zip(tilts(slopes), slopes, strict=True):
+        normal = rotation @ [0.0, 0.0, 1.0]
+        np.testing.assert_allclose(-normal[:2] / normal[2], [x, y], atol=1e-14)
+        # the smallest rotation turns about a horizontal axis, by the angle of the slope
+        angle = np.arctan(np.hypot(x, y))
+        axis = np.array([y, -x, 0.0]) / (np.hypot(x, y) or 1.0)
+        np.testing.assert_allclose(rotation, rotation_about_axes(angle * axis), atol=1e-14)
 
 
 def test_photos_that_look_in_opposite_directions_have_no_level() -> None:
@@ -86,7 +143,7 @@ def test_photos_that_look_in_opposite_directions_have_no_level() -> None:
         "P0", np.array([0, 1]), np.array([np.eye(3), np.diag([1.0, -1.0, -1.0])]), np.zeros((2, 3)), part.points,
         part.coordinates, part.deviations,
     )  # fmt: skip
-    assert levelled(both, LOOKING_DOWN) is None
+    assert levelling(both, LOOKING_DOWN) is None
 
 
 def weak_rays() -> tuple[ImageRays, np.ndarray]:
@@ -141,4 +198,16 @@ def test_redundancy_counts_what_takes_part() -> None:
 
 
 def test_no_parts_are_no_block() -> None:
-    assert place_parts([], np.zeros((3, 3))) is None
+    assert place_parts(ties_between([], np.zeros((3, 3))), np.zeros((0, 3, 3)), 1) is None
+
+
+def test_level_photos_lead_to_a_block_only_where_they_fit() -> None:
+    measured = measured_block(gathered(weakly_joined_records(4)))
+    held, known = measured.grower(measured.full_control()), measured.known_control()
+    (system,) = by_level_photos(held, known).systems
+    assert system.oriented.all()
+    assert np.median(residual_lengths(held.seen(system), system)) < 1.0
+    # control that is the mirror image of the ground: no place of the photos fits
+    mirrored = known[:, [1, 0, 2]]
+    held = measured.grower(measured.full_control()[:, [1, 0, 2]])
+    assert not by_level_photos(held, mirrored).systems

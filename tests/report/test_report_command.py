@@ -82,7 +82,7 @@ def test_a_report_of_an_older_adjustment_is_named(project: Path) -> None:
     replace_in(project / "FIRST.PNT", "1012.40", "1012.41")
     assert orip(project, "solve", "--no-report").code == 0
     (warning,) = project_status(project).warnings
-    assert str(warning) == "report.html: is older than the last adjustment; 'orip report' writes it again"
+    assert str(warning) == "report.html is older than the last adjustment; 'orip report' writes it again"
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
@@ -97,7 +97,7 @@ def test_a_folder_that_refuses_is_named(project: Path, tmp_path: Path) -> None:
 def test_a_missing_folder_is_named(project: Path, tmp_path: Path) -> None:
     said = orip(project, "report", "--output", str(tmp_path / "nowhere" / "report.html"))
     assert said.code == 1
-    assert "report.html cannot be written: No such file or directory; the page alone is missing" in said.err
+    assert "report.html cannot be written: there is no such folder; the page alone is missing" in said.err
 
 
 def test_measurement_files_are_among_the_inputs(project: Path) -> None:

@@ -63,7 +63,7 @@ def register(app: typer.Typer) -> None:
     width = max(map(len, GATE_FIGURES))
     figures = (f"{name:{width}}  {meaning}" for name, meaning in GATE_FIGURES.items())
     check_command.__doc__ = _HELP + "\n".join(figures)
-    command(app, "check")(check_command)
+    command(app, "check", reads_only=True)(check_command)
 
 
 _ENDED = {"not_converged": "did not converge", "stopped": "was stopped"}

@@ -18,18 +18,23 @@ if TYPE_CHECKING:
 
 A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, or a project folder with one.")]
 B = Annotated[Path, typer.Argument(metavar="B", help="The one to compare it with.")]
-ToleranceOption = Annotated[float, typer.Option("--tolerance", help="Allowed difference, in each figure's own unit.")]
+ToleranceOption = Annotated[
+    float, typer.Option("--tolerance", min=0.0, help="Allowed difference, in each figure's own unit.")
+]
 RelativeOption = Annotated[
     float,
     typer.Option(
         "--relative",
+        min=0.0,
         help="Relative part of the allowed difference: times the block's extent for ground coordinates, times one "
         "radian for angles.",
     ),
 ]
 SigmaOption = Annotated[
     float | None,
-    typer.Option("--sigma", help="Allow so many standard deviations instead, and compare only adjusted values."),
+    typer.Option(
+        "--sigma", min=0.0, help="Allow so many standard deviations instead, and compare only adjusted values."
+    ),
 ]
 
 _SHOWN = 20
@@ -38,7 +43,7 @@ _SHOWN = 20
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
-    @command(app, "compare")
+    @command(app, "compare", reads_only=True)
     def compare_command(
         invocation: Invocation,
         a: A,

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from orip.workflow.adjust.prelim_steps import PrelimInput, SimilaritySteps
     from orip.workflow.project.bundle_state import BundleState
 
-Model = Annotated[str | None, typer.Argument(metavar="[MODEL]", help="Only this one, point by point; default: all.")]
-Rows = Annotated[list[int] | None, typer.Argument(metavar="[ROW ROW]", help="Only these two; default: all.")]
+Model = Annotated[str | None, typer.Argument(metavar="MODEL", help="Only this one, point by point; default: all.")]
+Rows = Annotated[list[int] | None, typer.Argument(metavar="ROW", help="Only these two; default: all.")]
 After = Annotated[
     Literal["relative", "bridged", "connected", "absolute"],
     typer.Option("--after", help="Show the values after this step."),
@@ -63,7 +63,7 @@ def update_command(invocation: Invocation, bundle: BundleOption = None) -> None:
     _chain(invocation, bundle)
 
 
-@command(prelim_group, "relative")
+@command(prelim_group, "relative", reads_only=True)
 def relative_command(invocation: Invocation, model: Model = None, bundle: BundleOption = None) -> None:
     """Show the relative orientation of each model, or of one with its points.
 
@@ -83,7 +83,7 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     raise_failures(found.failures)
 
 
-@command(prelim_group, "bridge")
+@command(prelim_group, "bridge", reads_only=True)
 def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOption = None) -> None:
     """Show the bridging of all models along the rows, or of one to the next with its points.
 
@@ -96,7 +96,7 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOp
     _show_similarities(invocation, found, alone=model is not None, nothing="bridge: no row has two models")
 
 
-@command(prelim_group, "connect")
+@command(prelim_group, "connect", reads_only=True)
 def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOption = None) -> None:
     """Show the connection of all rows, or of two of them with their points.
 
@@ -113,7 +113,7 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOpt
     _show_similarities(invocation, found, alone=pair is not None, nothing="connect: there is one row of models")
 
 
-@command(prelim_group, "absolute")
+@command(prelim_group, "absolute", reads_only=True)
 def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> None:
     """Show the absolute orientation of the block: its control points with their residuals.
 
@@ -137,7 +137,7 @@ def absolute_command(invocation: Invocation, bundle: BundleOption = None) -> Non
         raise NotSolvableError(complaint)
 
 
-@command(prelim_group, "show")
+@command(prelim_group, "show", reads_only=True)
 def show_command(invocation: Invocation, after: After = "absolute", bundle: BundleOption = None) -> None:
     """Show the model coordinates of photos and points after a step.
 

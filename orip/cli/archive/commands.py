@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 RESULTS = Path("archive_results")
 """The folder of results where none is named."""
 
-_Results = Annotated[Path, typer.Argument(metavar="[RESULTS]", help="The folder of results.", show_default=True)]
+_Results = Annotated[Path, typer.Argument(metavar="RESULTS", help="The folder of results.", show_default=True)]
 _Roots = Annotated[
-    list[Path] | None, typer.Argument(metavar="[ROOT]...", help="Folders below which projects are; default: this one.")
+    list[Path] | None, typer.Argument(metavar="ROOT", help="Folders below which projects are; default: this one.")
 ]
 
 
@@ -103,7 +103,7 @@ def _register_run(group: typer.Typer) -> None:
 
 
 def _register_reading(group: typer.Typer) -> None:
-    @command(group, "status")
+    @command(group, "status", reads_only=True)
     def status_command(invocation: Invocation, results: _Results = RESULTS) -> None:
         """Tell how far a run is, also while it runs elsewhere.
 
@@ -134,7 +134,7 @@ def _register_reading(group: typer.Typer) -> None:
             invocation.terminal.document("archive-report", report_document(collected))
         tell_collected(invocation.terminal, collected)
 
-    @command(group, "diff")
+    @command(group, "diff", reads_only=True)
     def diff_command(
         invocation: Invocation,
         before: Annotated[Path, typer.Argument(metavar="BEFORE", help="The folder of results of a run.")],

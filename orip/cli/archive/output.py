@@ -83,7 +83,9 @@ def tell_run(terminal: Terminal, done: ArchiveRun) -> None:
 
 def tell_collected(terminal: Terminal, collected: Collected) -> None:
     """Say what was written."""
-    rows = ", ".join(f"{count} {table}" for table, count in collected.rows.items() if table != "runs")
+    rows = ", ".join(
+        counted(count, table.removesuffix("s")) for table, count in collected.rows.items() if table != "runs"
+    )
     terminal.point("wrote", f"{collected.tables} ({rows})")
     terminal.point("wrote", f"{collected.overview}; open it in a browser")
 

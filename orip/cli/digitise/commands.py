@@ -50,7 +50,7 @@ NewOption = Annotated[
 ]
 FirstOption = Annotated[str, typer.Option("--first", metavar="NAME", help="With --new: number points from here.")]
 ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
-NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME...", help="Default: 1, 2, 3 ...")]
+NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Default: 1, 2, 3 ...")]
 
 
 class Instrument(NamedTuple):
@@ -154,7 +154,7 @@ def photo_command(
     invocation: Invocation,
     instrument: Instrument,
     orienting: Orienting,
-    photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO...", autocompletion=photos)] = None,
+    photos: Annotated[list[str] | None, typer.Argument(metavar="PHOTO", autocompletion=photos)] = None,
     template: Annotated[str | None, typer.Option("--template", help="All photos on that template.")] = None,
     start: Annotated[str | None, typer.Option("--from", metavar="PHOTO", help="Begin with this one.")] = None,
     dry_run: DryRunOption = False,
@@ -294,7 +294,7 @@ def ground_command(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="NAME...",
+            metavar="NAME",
             autocompletion=points,
             help="Points to set the mark on.",
         ),

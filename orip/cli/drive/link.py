@@ -21,7 +21,9 @@ Link = Annotated[
 Bundle = Annotated[
     str | None, typer.Option("--bundle", help="With a crs and several bundles: the one that is driven in.")
 ]
-Coordinate = Annotated[float, typer.Argument(show_default=False)]
+X = Annotated[float, typer.Argument(metavar="X", help="Ground coordinates, ground units.", show_default=False)]
+Y = Annotated[float, typer.Argument(metavar="Y", show_default=False)]
+Z = Annotated[float, typer.Argument(metavar="Z", show_default=False)]
 
 NEGATIVE_NUMBERS: dict[str, Any] = {"context_settings": {"ignore_unknown_options": True}}
 """-12.5 is a coordinate, not an option."""
@@ -31,7 +33,7 @@ def register(drive: typer.Typer) -> None:
     """Add the commands to the group."""
     command(drive, "download")(download_command)
     command(drive, "goto", **NEGATIVE_NUMBERS)(goto_command)
-    command(drive, "where")(where_command)
+    command(drive, "where", reads_only=True)(where_command)
     command(drive, "profile", **NEGATIVE_NUMBERS)(profile_command)
     command(drive, "forward")(forward_command)
     command(drive, "model")(model_command)
@@ -61,9 +63,9 @@ def download_command(invocation: Invocation, bundle: BundleArgument = None, link
 
 def goto_command(
     invocation: Invocation,
-    x: Coordinate,
-    y: Coordinate,
-    z: Coordinate,
+    x: X,
+    y: Y,
+    z: Z,
     bundle: Bundle = None,
     link: Link = DEFAULT_LINK,
 ) -> None:
@@ -94,13 +96,13 @@ def where_command(invocation: Invocation, bundle: Bundle = None, link: Link = DE
 
 def profile_command(
     invocation: Invocation,
-    x1: Coordinate,
-    y1: Coordinate,
-    z1: Coordinate,
-    x2: Coordinate,
-    y2: Coordinate,
-    z2: Coordinate,
-    step: Coordinate,
+    x1: Annotated[float, typer.Argument(metavar="X1", help="Where the line begins, ground units.", show_default=False)],
+    y1: Annotated[float, typer.Argument(metavar="Y1", show_default=False)],
+    z1: Annotated[float, typer.Argument(metavar="Z1", show_default=False)],
+    x2: Annotated[float, typer.Argument(metavar="X2", help="Where it ends.", show_default=False)],
+    y2: Annotated[float, typer.Argument(metavar="Y2", show_default=False)],
+    z2: Annotated[float, typer.Argument(metavar="Z2", show_default=False)],
+    step: Annotated[float, typer.Argument(metavar="STEP", help="Length of a step.", show_default=False)],
     bundle: Bundle = None,
     link: Link = DEFAULT_LINK,
 ) -> None:

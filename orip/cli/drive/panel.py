@@ -18,11 +18,20 @@ if TYPE_CHECKING:
 System = Annotated[
     str, typer.Argument(metavar="SYSTEM", help="upper, lower, both, model or object; the first letter, or 1 to 5.")
 ]
-Increments = Annotated[list[float], typer.Argument(metavar="D1 D2 [D3]", show_default=False)]
-LockedSide = Annotated[Literal["left", "right", "none"], typer.Argument(case_sensitive=False)]
-Degrees = Annotated[Literal["0", "90"], typer.Argument()]
-PrismSide = Annotated[Literal["left", "right"] | None, typer.Argument(case_sensitive=False, help="Default: both.")]
-Foot = Annotated[Literal["left", "right"], typer.Argument(case_sensitive=False)]
+Increments = Annotated[
+    list[float], typer.Argument(metavar="D1 D2 [D3]", help="Increments, mm or ground units.", show_default=False)
+]
+LockedSide = Annotated[
+    Literal["left", "right", "none"],
+    typer.Argument(metavar="SIDE", case_sensitive=False, help="The plate that stays; none: both move."),
+]
+Degrees = Annotated[Literal["0", "90"], typer.Argument(metavar="DEGREES", help="90, and 0 back.")]
+PrismSide = Annotated[
+    Literal["left", "right"] | None, typer.Argument(metavar="SIDE", case_sensitive=False, help="Default: both.")
+]
+Foot = Annotated[
+    Literal["left", "right"], typer.Argument(metavar="SIDE", case_sensitive=False, help="The foot switch.")
+]
 Key = Annotated[str, typer.Argument(metavar="KEY", help="0 to 15, ENTER or ZERO.")]
 
 

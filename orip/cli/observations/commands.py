@@ -52,7 +52,7 @@ def register(app: typer.Typer) -> None:
 
 
 def _register_list(group: typer.Typer) -> None:
-    @command(group, "list")
+    @command(group, "list", reads_only=True)
     def list_command(
         invocation: Invocation,
         bundle: BundleOption = None,

@@ -18,7 +18,7 @@ LinkOption = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
-    @command(app, "status")
+    @command(app, "status", reads_only=True)
     def status(invocation: Invocation, link: LinkOption = None) -> None:
         """Show what the project has, what is out of date, and what comes next. Reads only.
 

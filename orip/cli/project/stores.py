@@ -18,7 +18,7 @@ TextArgument = Annotated[Path | None, typer.Argument(metavar="TEXT", help="A dum
 def register(app: typer.Typer) -> None:
     """Add the commands."""
 
-    @command(app, "dump")
+    @command(app, "dump", reads_only=True)
     def dump_command(invocation: Invocation, store: StoreArgument) -> None:
         """Print a record store as canonical text: equal data give equal text.
 

@@ -27,7 +27,7 @@ Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=of_group)]
 NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
 Values = Annotated[
     list[str] | None,
-    typer.Argument(metavar="KEY=VALUE...", help="Keys and values as in orip.toml; KEY= removes a value."),
+    typer.Argument(metavar="KEY=VALUE", help="Keys and values as in orip.toml; KEY= removes a value."),
 ]
 BeforeOption = Annotated[
     str | None, typer.Option("--before", metavar="NAME", help="Insert before this record; else at the end.")
@@ -62,7 +62,7 @@ def _register(group: typer.Typer, kind: RecordKind) -> None:
 
 
 def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
-    @command(group, "list")
+    @command(group, "list", reads_only=True)
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the records of the store, and where each came from."""
         from orip.workflow.project.state import read_project
@@ -74,7 +74,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         ]
         invocation.terminal.answer("records", {"command": f"{kind} list", "records": rows}, found.text)
 
-    @command(group, "show")
+    @command(group, "show", reads_only=True)
     def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
         """Show all values of a record under the keys with which they are edited."""
         from orip.workflow.project.state import read_project

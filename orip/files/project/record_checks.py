@@ -9,7 +9,7 @@ from orip.errors import ProjectWarning
 from orip.files.project.file_names import file_name_fault, fit_file_name, pattern_fault, store_path_fault
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable
-from orip.files.project.toml_faults import Fault
+from orip.files.project.toml_faults import Fault, instead
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.names import look_alikes, name_fault, record_key
@@ -32,19 +32,7 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
         if not text.isprintable() or (text and not text.strip()):
             message = f"{key} '{shown_token(text)}' cannot be printed on the listings; write a text on one line"
             yield ("project", key), message
-    for key, given in (("project_files", table.project_files), ("control_files", table.control_files)):
-        fault = file_name_fault(table.name if given is None else given)
-        if fault is None:
-            continue
-        if given is None:
-            message = (
-                f"the project's name '{shown_token(table.name)}' {fault}, so it cannot be used in file names; "
-                f'set {key} to a base name without blanks, for example {key} = "{fit_file_name(table.name)}"'
-            )
-            yield ("project", "name"), message
-        else:
-            message = f"{key} '{shown_token(given)}' {fault}; write a base name without folder and extension"
-            yield ("project", key), message
+    yield from _check_base_names(table)
     yield from _check_output_folder(table.output_folder)
     for key, path, extension in (
         ("camera_file", table.camera_file, ".CAM"),
@@ -57,6 +45,23 @@ def check_project(table: ProjectTable) -> Iterator[Fault]:
         fault = pattern_fault(pattern)
         if fault is not None:
             yield ("project", "measurement_files", index), f"'{shown_token(pattern)}' of measurement_files {fault}"
+
+
+def _check_base_names(table: ProjectTable) -> Iterator[Fault]:
+    """Check the base names of files, which are the project's name unless they are given."""
+    base_names = {"project_files": table.project_files, "control_files": table.control_files}
+    for key, given in base_names.items():
+        if given is not None and (fault := file_name_fault(given)):
+            message = f"{key} '{shown_token(given)}' {fault}; write a base name without folder and extension"
+            yield ("project", key), message
+    unset = [key for key, given in base_names.items() if given is None]
+    if unset and (fault := file_name_fault(table.name)):
+        other = fit_file_name(table.name)
+        message = (
+            f"the project's name '{shown_token(table.name)}' {fault}, so it cannot be used in file names; "
+            f'choose another name such as {other}, or set {" and ".join(unset)} to "{other}" in orip.toml'
+        )
+        yield ("project", "name"), message
 
 
 def _check_output_folder(name: str | None) -> Iterator[Fault]:
@@ -119,11 +124,8 @@ def parameter_names(place: KeyPath, given: Sequence[str], known: Sequence[str], 
     for index, name in enumerate(given):
         if name not in known:
             near = difflib.get_close_matches(name.upper()[:100], known, 1)
-            guess = f"did you mean '{near[0]}'? " if near else ""
-            yield (
-                (*place, index),
-                f"{where}: '{shown_token(name)}' is not a parameter; {guess}Allowed: {', '.join(known)}",
-            )
+            remedy = instead(near[0] if near else None, known)
+            yield (*place, index), f"{where}: '{shown_token(name)}' is not a parameter; {remedy}"
         elif name in given[:index]:
             yield (*place, index), f"{where}: '{name}' comes twice; name it once"
 

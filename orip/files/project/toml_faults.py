@@ -38,8 +38,13 @@ def unknown_key(key: str, title: str, allowed: Sequence[str]) -> str:
     """Return what to say of a key that does not exist; the nearest known one is named."""
     shown = shown_token(key)
     near = _nearest(key, allowed)
-    guess = f"did you mean '{near}'? " if near else ""
-    return f"{title} has the unknown key '{shown}'; {guess}Allowed: {', '.join(allowed)}"
+    return f"{title} has the unknown key '{shown}'; {instead(near, allowed)}"
+
+
+def instead(near: str | None, allowed: Sequence[str]) -> str:
+    """Return what to write instead of a word that is not known: the nearest known one, if there is one, and all."""
+    words = ", ".join(allowed)
+    return f"did you mean '{near}'? Allowed: {words}" if near else f"allowed: {words}"
 
 
 def unknown_name(name: str, kind: str, where: str, known: Sequence[str]) -> str:

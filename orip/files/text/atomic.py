@@ -37,7 +37,8 @@ def reporting_failure(shown: str | Path, consequence: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        message = f"{shown} cannot be written: {error.strerror or error}; {consequence}"
+        reason = "there is no such folder" if error.errno == errno.ENOENT else error.strerror or error
+        message = f"{shown} cannot be written: {reason}; {consequence}"
         raise OripError(message) from error
 
 

@@ -9,6 +9,9 @@ from typing import cast
 from orip.files.text.shown import shown_token
 from orip.records.results.gate import OPERATORS, Gate, GateOperator
 
+GATE_FORM = "name operator number, for example 'sigma0<=1.5'; operators are < <= > >= == !="
+"""How a gate is written, for messages."""
+
 _OPERATOR = "|".join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
 _GATE = re.compile(
     rf"""
@@ -30,7 +33,6 @@ def parse_gate(text: str) -> Gate:
     """
     match = _GATE.fullmatch(text)
     if match is None or not math.isfinite(limit := float(match["limit"])):
-        allowed = "name operator number, for example 'sigma0<=1.5'; operators are < <= > >= == !="
-        message = f"'{shown_token(text)}' is not a gate; write {allowed}"
+        message = f"'{shown_token(text)}' is not a gate; write {GATE_FORM}"
         raise ValueError(message)
     return Gate(match["name"], cast("GateOperator", match["operator"]), limit)

@@ -7,15 +7,15 @@
 
 #include "../../array_arguments.h"
 
+#include "../growing/residual_lengths.h"
 #include "../intersection/intersection.h"
 #include "../intersection/consensus.h"
-#include "../refinement/band_order.h"
-#include "../refinement/refinement.h"
+#include "../refinement/robust_iterations.h"
 #include "../relative/common_counts.h"
 #include "../relative/pair_loops.h"
 #include "../resection/fitting_points.h"
 #include "../similarity/adjustment.h"
-#include "../similarity/start.h"
+#include "../similarity/joining.h"
 
 static const PairLoops *pairs = &plain_pairs;
 
@@ -165,61 +165,35 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
     return done(&a);
 }
 
-/* The photo points of all points, one after the other, and what they are computed with. */
-enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT, GROUND, PROBLEM_END };
-#define PROBLEM "lldd" "ddd"
-
-static int problem_from(const Arguments *a, RefinementProblem *n)
-{
-    memset(n, 0, sizeof *n);
-    n->photo = a->views[PHOTO].buf, n->start = a->views[OF_POINT].buf, n->vectors = a->views[VECTORS].buf;
-    n->error = a->views[ERROR].buf, n->rotations = a->views[TURNED].buf, n->centres = a->views[AT].buf;
-    n->points = a->views[GROUND].buf;
-    n->count = length_of(a, ERROR), n->point_count = length_of(a, OF_POINT) - 1;
-    const int64_t photos = length_of(a, AT) / 3;
-    return n->point_count >= 0 && has(a, PHOTO, n->count) && has(a, VECTORS, 3 * n->count)
-        && has(a, GROUND, 3 * n->point_count) && has(a, AT, 3 * photos) && has(a, TURNED, 9 * photos)
-        && are_rows(a, PHOTO, photos) && are_starts64(n->start, n->point_count, n->count);
-}
-
-/* Whether all photos of each point that is eliminated have places near enough to one another for the band. */
-static int are_places_in_band(const RefinementProblem *n)
-{
-    for (int64_t point = 0; point < n->point_count; point++) {
-        int64_t low = INT64_MAX, high = -1;
-        for (int64_t row = n->start[point]; n->is_free[point] && row < n->start[point + 1]; row++) {
-            const int64_t place = n->place[n->photo[row]];
-            low = place >= 0 && place < low ? place : low;
-            high = place > high ? place : high;
-        }
-        if (high >= 0 && 6 * (high - low + 1) > n->width)
-            return 0;
-    }
-    return 1;
-}
+/* Photo points, and the orientations of their photos. */
+enum { PHOTO, OF_POINT, VECTORS, ERROR, TURNED, AT };
 
 static PyObject *py_intersect(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES, SPACE, INDICES };
+    enum { ORIENTED = 6, POINTS, DEVIATIONS, FACTORS, ANGLES };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDDDL", 9))
+    if (!take_arguments(&a, arguments, given, "lldd" "ddb" "DDDD", 9))
         return NULL;
-    const AllRays rays = {a.views[PHOTO].buf,     a.views[OF_POINT].buf, a.views[VECTORS].buf,
-                          a.views[ERROR].buf,     a.views[TURNED].buf,   a.views[AT].buf,
-                          a.views[ORIENTED].buf,  length_of(&a, ERROR),  length_of(&a, OF_POINT) - 1};
+    const RaysToMeet rays = {a.views[PHOTO].buf,    a.views[OF_POINT].buf, a.views[VECTORS].buf,
+                             a.views[ERROR].buf,    a.views[TURNED].buf,   a.views[AT].buf,
+                             a.views[ORIENTED].buf, length_of(&a, ERROR),  length_of(&a, ANGLES)};
     const int64_t photos = length_of(&a, ORIENTED);
     const double *n = a.numbers;
-    if (rays.points < 0 || !has(&a, PHOTO, rays.count) || !has(&a, VECTORS, 3 * rays.count)
-        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !are_rows(&a, PHOTO, photos)
-        || !are_starts64(rays.start, rays.points, rays.count) || !has(&a, POINTS, 3 * rays.points)
-        || !has(&a, DEVIATIONS, 3 * rays.points) || !has(&a, FACTORS, rays.count) || !has(&a, ANGLES, rays.points)
-        || !has(&a, SPACE, NUMBERS_OF_A_RAY * rays.count) || !has(&a, INDICES, rays.count + rays.points + 1)
-        || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
+    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
+        || !are_rows(&a, OF_POINT, rays.points) || !has(&a, VECTORS, 3 * rays.count) || !has(&a, TURNED, 9 * photos)
+        || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.points) || !has(&a, DEVIATIONS, 3 * rays.points)
+        || !has(&a, FACTORS, rays.count) || !(n[0] >= 0.0 && n[0] <= 1.0) || !is_whole(n[6], 0.0, MOST_ITERATIONS)
         || !is_whole(n[7], 0.0, MOST_ITERATIONS) || !is_whole(n[8], 0.0, MOST_ITERATIONS))
         return refused(&a);
+    void *space = PyMem_Malloc(bundle_space(rays.count, rays.points));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
     Intersecting how = {n[0], n[1], n[2], {1.0, 0.0, n[3], n[4], n[5], (int64_t)n[6], (int64_t)n[7], (int64_t)n[8]}};
     const double s0 = intersect_all(&rays, &how, a.views[POINTS].buf, a.views[DEVIATIONS].buf, a.views[FACTORS].buf,
-                                    a.views[ANGLES].buf, a.views[SPACE].buf, a.views[INDICES].buf);
+                                    a.views[ANGLES].buf, space);
+    PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(s0);
 }
@@ -243,6 +217,31 @@ static PyObject *py_consensus(PyObject *Py_UNUSED(module), PyObject *const *argu
     return done(&a);
 }
 
+static PyObject *py_residual_lengths(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { POINTS = 6, LENGTHS };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "lldd" "ddd" "D", 0))
+        return NULL;
+    const RaysOfBlock rays = {a.views[PHOTO].buf, a.views[OF_POINT].buf, a.views[VECTORS].buf,  a.views[ERROR].buf,
+                              a.views[TURNED].buf, a.views[AT].buf,      a.views[POINTS].buf,   length_of(&a, ERROR),
+                              length_of(&a, POINTS) / 3};
+    const int64_t photos = length_of(&a, AT) / 3;
+    if (!has(&a, PHOTO, rays.count) || !are_rows(&a, PHOTO, photos) || !has(&a, OF_POINT, rays.count)
+        || !are_rows(&a, OF_POINT, rays.point_count) || !has(&a, VECTORS, 3 * rays.count)
+        || !has(&a, TURNED, 9 * photos) || !has(&a, AT, 3 * photos) || !has(&a, POINTS, 3 * rays.point_count)
+        || !has(&a, LENGTHS, rays.count))
+        return refused(&a);
+    int64_t *together = PyMem_Malloc((size_t)rays.point_count * sizeof(int64_t));
+    if (!together) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    residual_lengths(&rays, together, a.views[LENGTHS].buf);
+    PyMem_Free(together);
+    return done(&a);
+}
+
 static PyObject *py_common_points(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
     enum { PHOTO_OF, POINT_OF, COUNTS };
@@ -257,125 +256,39 @@ static PyObject *py_common_points(PyObject *Py_UNUSED(module), PyObject *const *
     return done(&a);
 }
 
-static PyObject *py_band_order(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+static PyObject *py_refine(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { PHOTO_OF, POINT_OF, PHOTO_FREE, POINT_FREE, ORDER, PLACE };
+    enum { POINT = 1, CAMERA = 4, UNKNOWN, ORIENTED, HELD, RULES, ROTATIONS, CENTRES, POINTS, CORRECTIONS, WEIGHTS, SCALE };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "llbb" "LL", 0))
+    if (!take_arguments(&a, arguments, given, "lldd" "lbbbd" "DDDDDD", 0))
         return NULL;
-    PhotoGraph g = {.photo = a.views[PHOTO_OF].buf, .start = a.views[POINT_OF].buf,
-                    .photo_free = a.views[PHOTO_FREE].buf, .point_free = a.views[POINT_FREE].buf,
-                    .count = length_of(&a, PHOTO_OF), .photos = length_of(&a, PHOTO_FREE),
-                    .points = length_of(&a, POINT_FREE)};
-    int64_t free_photos = 0;
-    for (int64_t photo = 0; photo < g.photos; photo++)
-        free_photos += g.photo_free[photo] != 0;
-    if (!has(&a, POINT_OF, g.points + 1) || !are_starts64(g.start, g.points, g.count) || !are_rows(&a, PHOTO_OF, g.photos)
-        || !has(&a, ORDER, free_photos) || !has(&a, PLACE, g.photos))
+    const RefinementRules *rules = a.views[RULES].buf;
+    const BlockRays all = {a.views[PHOTO].buf,       a.views[POINT].buf,   a.views[CAMERA].buf,
+                           a.views[VECTORS].buf,     a.views[ERROR].buf,   a.views[ORIENTED].buf,
+                           a.views[HELD].buf,        a.views[UNKNOWN].buf, length_of(&a, ERROR),
+                           length_of(&a, ORIENTED),  length_of(&a, HELD),  length_of(&a, CORRECTIONS) / OF_CAMERA};
+    if (!has(&a, PHOTO, all.count) || !are_rows(&a, PHOTO, all.photos) || !has(&a, POINT, all.count)
+        || !are_rows(&a, POINT, all.points) || !has(&a, VECTORS, 3 * all.count)
+        || !has(&a, CAMERA, all.cameras ? all.photos : 0)
+        || !are_within64(all.camera_of_photo, length_of(&a, CAMERA), INT64_MIN, all.cameras)
+        || !has(&a, CORRECTIONS, OF_CAMERA * all.cameras) || !has(&a, UNKNOWN, OF_CAMERA * all.cameras)
+        || !has(&a, RULES, sizeof(RefinementRules) / sizeof(double)) || !is_whole(rules->most_steps, 0.0, MOST_ITERATIONS)
+        || !has(&a, ROTATIONS, 9 * all.photos) || !has(&a, CENTRES, 3 * all.photos) || !has(&a, POINTS, 3 * all.points)
+        || !has(&a, WEIGHTS, all.count) || !has(&a, SCALE, 1))
         return refused(&a);
-    int64_t *space = PyMem_Malloc((size_t)photo_graph_space(g.count, g.photos) * sizeof(int64_t));
-    if (!space) {
+    if (!find_lapack()) {
         release(&a);
-        return PyErr_NoMemory();
+        return NULL;
     }
-    place_lists(&g, space);
-    order_photos(&g, a.views[ORDER].buf, a.views[PLACE].buf);
-    const int64_t places = places_of_a_point(&g, a.views[PLACE].buf);
-    PyMem_Free(space);
+    BlockState block = {.rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
+                        .points = a.views[POINTS].buf, .corrections = a.views[CORRECTIONS].buf,
+                        .weights = a.views[WEIGHTS].buf};
+    const int64_t iterations = refine_block(&all, rules, &block);
+    *(double *)a.views[SCALE].buf = block.scale;
     release(&a);
-    return PyLong_FromLongLong(places);
-}
-
-static PyObject *py_refinement_residuals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { SQUARES = PROBLEM_END, LENGTHS };
-    Arguments a;
-    RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, PROBLEM "DD", 0))
-        return NULL;
-    if (!problem_from(&a, &n) || !has(&a, SQUARES, n.count) || !has(&a, LENGTHS, n.count))
-        return refused(&a);
-    block_residuals(&n, a.views[SQUARES].buf, a.views[LENGTHS].buf);
-    return done(&a);
-}
-
-static PyObject *py_refinement_weights(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { LENGTHS, WEIGHTS };
-    Arguments a;
-    if (!take_arguments(&a, arguments, given, "d" "D", 3))
-        return NULL;
-    const int64_t count = length_of(&a, LENGTHS);
-    if (!has(&a, WEIGHTS, count))
-        return refused(&a);
-    const double scale = weights_by_median(a.views[LENGTHS].buf, count, a.numbers[0], a.numbers[1], a.numbers[2],
-                                           a.views[WEIGHTS].buf);
-    release(&a);
-    return PyFloat_FromDouble(scale);
-}
-
-static PyObject *py_refinement_normals(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum {
-        PLACE = PROBLEM_END, FREE, FACTORS, CAMERA, BY_CAMERA,
-        PHOTO_NORMALS, COUPLING, INVERSE, POINT_RIGHT, BAND, RIGHT,
-        BORDER, POINT_BORDER, CAMERA_NORMALS, CAMERA_RIGHT, SEEN
-    };
-    Arguments a;
-    RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, PROBLEM "lbdld" "DDDDDDDDDDL", 1))
-        return NULL;
-    const int64_t cameras = length_of(&a, CAMERA_RIGHT) / OF_CAMERA, width = OF_CAMERA * cameras;
-    const int64_t size = length_of(&a, RIGHT);
-    if (!problem_from(&a, &n) || size % 6 || !has(&a, PLACE, length_of(&a, AT) / 3) || !has(&a, FREE, n.point_count)
-        || !are_within64(a.views[PLACE].buf, length_of(&a, PLACE), INT64_MIN, size / 6) || !has(&a, FACTORS, n.count)
-        || !has(&a, CAMERA, cameras ? n.count : 0)
-        || !are_within64(a.views[CAMERA].buf, length_of(&a, CAMERA), INT64_MIN, cameras)
-        || !has(&a, BY_CAMERA, cameras ? 2 * OF_CAMERA * n.count : 0) || !has(&a, COUPLING, 18 * n.count)
-        || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, POINT_RIGHT, 3 * n.point_count)
-        || !has(&a, PHOTO_NORMALS, 6 * size) || !has(&a, BAND, size ? length_of(&a, BAND) / size * size : 0)
-        || (size && length_of(&a, BAND) / size < 6) || !has(&a, BORDER, width * size)
-        || !has(&a, POINT_BORDER, 3 * width * n.point_count) || !has(&a, CAMERA_NORMALS, width * width)
-        || !has(&a, CAMERA_RIGHT, width) || !has(&a, SEEN, cameras))
-        return refused(&a);
-    n.place = a.views[PLACE].buf, n.is_free = a.views[FREE].buf, n.factors = a.views[FACTORS].buf;
-    n.size = size, n.width = size ? length_of(&a, BAND) / size : 0;
-    n.damping = a.numbers[0];
-    n.photo_normals = a.views[PHOTO_NORMALS].buf, n.coupling = a.views[COUPLING].buf;
-    n.inverse = a.views[INVERSE].buf, n.point_right = a.views[POINT_RIGHT].buf;
-    n.band = a.views[BAND].buf, n.right = a.views[RIGHT].buf;
-    n.cameras = cameras, n.camera = a.views[CAMERA].buf, n.by_camera = a.views[BY_CAMERA].buf;
-    n.border = a.views[BORDER].buf, n.point_border = a.views[POINT_BORDER].buf;
-    n.camera_normals = a.views[CAMERA_NORMALS].buf, n.camera_right = a.views[CAMERA_RIGHT].buf;
-    n.seen = a.views[SEEN].buf;
-    if (!are_places_in_band(&n))
-        return refused(&a);
-    block_normals(&n);
-    return done(&a);
-}
-
-static PyObject *py_refinement_step(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
-{
-    enum { PLACE = PROBLEM_END, COUPLING, INVERSE, RIGHT, POINT_BORDER, SOLUTION, OF_CAMERAS, ROTATIONS, CENTRES, POINTS };
-    Arguments a;
-    RefinementProblem n;
-    if (!take_arguments(&a, arguments, given, PROBLEM "ldddddd" "DDD", 1))
-        return NULL;
-    const int64_t photos = length_of(&a, AT) / 3;
-    if (!problem_from(&a, &n) || length_of(&a, SOLUTION) % 6 || !has(&a, PLACE, photos)
-        || !are_within64(a.views[PLACE].buf, photos, INT64_MIN, length_of(&a, SOLUTION) / 6)
-        || length_of(&a, OF_CAMERAS) % OF_CAMERA || !has(&a, COUPLING, 18 * n.count)
-        || !has(&a, INVERSE, 9 * n.point_count) || !has(&a, RIGHT, 3 * n.point_count)
-        || !has(&a, POINT_BORDER, 3 * length_of(&a, OF_CAMERAS) * n.point_count) || !has(&a, ROTATIONS, 9 * photos)
-        || !has(&a, CENTRES, 3 * photos) || !has(&a, POINTS, 3 * n.point_count))
-        return refused(&a);
-    n.place = a.views[PLACE].buf, n.size = length_of(&a, SOLUTION), n.cameras = length_of(&a, OF_CAMERAS) / OF_CAMERA;
-    n.coupling = a.views[COUPLING].buf, n.inverse = a.views[INVERSE].buf, n.point_right = a.views[RIGHT].buf;
-    n.point_border = a.views[POINT_BORDER].buf;
-    const double factor = move_block(&n, a.views[SOLUTION].buf, a.views[OF_CAMERAS].buf, a.numbers[0], photos,
-                                     a.views[ROTATIONS].buf, a.views[CENTRES].buf, a.views[POINTS].buf);
-    release(&a);
-    return PyFloat_FromDouble(factor);
+    if (iterations == REFINEMENT_WITHOUT_ROOM)
+        return PyErr_NoMemory();
+    return iterations == REFINEMENT_INTERRUPTED ? NULL : PyLong_FromLongLong(iterations);
 }
 
 /* Whether what these rules keep and repeat are numbers that there is room and time for. */
@@ -520,11 +433,68 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
     }
     const Judges judges = {a.views[SOURCE].buf, a.views[TARGET].buf, space, space + count, space + 2 * count, count};
     prepare_judges(&judges, a.views[SOURCE_DEVIATION].buf, a.views[TARGET_DEVIATION].buf);
-    const double most = best_triple(&judges, a.views[TRIPLES].buf, triples, (int64_t)n[0], n[1], n[2], n[3], space + 3 * count,
+    const Judgement judgement = {(int64_t)n[0], n[1], n[2], n[3]};
+    const double most = best_triple(&judges, &judgement, a.views[TRIPLES].buf, triples, space + 3 * count,
                                     a.views[START].buf);
     PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(most);
+}
+
+/* The arrays of one of two partial blocks, of which four follow one another and the two of places stand apart. */
+static int part_from(const Arguments *a, int first, int places, PartOfTwo *p)
+{
+    const PartOfTwo part = {a->views[first].buf,     a->views[first + 1].buf,  a->views[first + 2].buf,
+                            a->views[first + 3].buf, a->views[places].buf,     a->views[places + 1].buf,
+                            length_of(a, first) / 3};
+    const int64_t photos = length_of(a, first + 3) / 3;
+    *p = part;
+    return has(a, first, 3 * part.count) && has(a, first + 1, 3 * part.count) && has(a, first + 2, 9 * photos)
+        && has(a, first + 3, 3 * photos) && are_rows(a, places, part.count) && are_rows(a, places + 1, photos);
+}
+
+static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SOURCE, TARGET = 4, AT_SOURCE = 8, PHOTOS, AT_TARGET, PHOTOS_OF_TARGET, PLACES, START = 16 };
+    Arguments a;
+    PartOfTwo source, target;
+    if (!take_arguments(&a, arguments, given, "dddd" "dddd" "llll" "DDDDD", 5))
+        return NULL;
+    const double *n = a.numbers;
+    const int64_t points = length_of(&a, AT_SOURCE), photos = length_of(&a, PHOTOS), count = points + photos;
+    int sound = part_from(&a, SOURCE, AT_SOURCE, &source) && part_from(&a, TARGET, AT_TARGET, &target)
+        && has(&a, AT_TARGET, points) && has(&a, PHOTOS_OF_TARGET, photos) && has(&a, START, sizeof(At) / sizeof(double))
+        && photos <= MOST_TRIPLES && is_whole(n[1], 1.0, (double)count);
+    for (int k = 0; k < 4; k++)
+        sound = sound && has(&a, PLACES + k, 3 * count);
+    if (!sound)
+        return refused(&a);
+    const int64_t larger_part = source.count > target.count ? source.count : target.count;
+    double *space = PyMem_Malloc((size_t)(larger_part + (8 + photos) * count) * sizeof(double)
+                                 + (size_t)photos * sizeof(At));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    double *from = a.views[PLACES].buf, *to = a.views[PLACES + 1].buf;
+    double *source_deviations = a.views[PLACES + 2].buf, *target_deviations = a.views[PLACES + 3].buf;
+    common_places(&source, points, photos, n[0], from, source_deviations, space);
+    common_places(&target, points, photos, n[0], to, target_deviations, space);
+    At *starts = (At *)(space + (5 + photos) * count);
+    for (int64_t photo = 0; photo < photos; photo++)
+        start_from_photo(&source, &target, photo, from, to, count, space, starts + photo);
+    if (photos == 1)
+        memcpy(a.views[START].buf, starts, sizeof(At));
+    if (photos > 1) {
+        const Judges judges = {from, to, space, space + count, space + 2 * count, count};
+        const Judgement judgement = {(int64_t)n[1], n[2], n[3], n[4]};
+        prepare_judges(&judges, source_deviations, target_deviations);
+        best_of_starts(&judges, &judgement, starts, photos, space + 3 * count, a.views[START].buf);
+    }
+    const double extent = extent_of(to, count);
+    PyMem_Free(space);
+    release(&a);
+    return PyFloat_FromDouble(extent);
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}
@@ -532,6 +502,7 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
 static PyMethodDef methods[] = {
     METHOD(intersect, "Positions of points, wrong rays down-weighted."),
     METHOD(consensus, "Positions of points where most of their rays meet."),
+    METHOD(residual_lengths, "Lengths of the residuals of rays."),
     METHOD(common_points, "How many points each two photos share."),
     METHOD(rank_triples, "The orientations of triples that fit all points best."),
     METHOD(best_orientations, "Orientations improved, and the likeliest adjusted."),
@@ -539,14 +510,11 @@ static PyMethodDef methods[] = {
     METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
+    METHOD(common_places, "What two partial blocks have in common, and a start from their common photos."),
     METHOD(adjust_at_scale, "The relative orientation of two photos at a scale from one that is nearly right."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),
-    METHOD(band_order, "The order of photos that keeps a band narrow."),
-    METHOD(refinement_residuals, "Residuals of a refinement."),
-    METHOD(refinement_normals, "Reduced normal equations of a refinement."),
-    METHOD(refinement_step, "Photos and points after a step of a refinement."),
-    METHOD(refinement_weights, "Weights of a refinement from the lengths of its residuals."),
+    METHOD(refine, "Photos and points of a block adjusted together with Danish weights."),
     {NULL, NULL, 0, NULL},
 };
 

@@ -6,7 +6,9 @@ from all points of the two photos, and one known point gives the scale.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -30,7 +32,6 @@ from orip.prelim.similarity.rotation_starts import upright
 from orip.progress import stage
 from orip.records.results.preliminary import NotOriented
 from orip.structs import replace
-from orip.wording import counted
 
 _WELL, _BARELY = 8, 4
 """Known points in a photo: eight reveal one or two blunders; four give only a check."""
@@ -72,7 +73,7 @@ class _Refused(Struct, frozen=True):
     models: dict[tuple[int, int], int] = field(default_factory=dict)
 
 
-class BlockGrower(Struct, frozen=True):
+class BlockGrower(Struct, frozen=True, dict=True):
     """The rays from which a block grows, and what does not change while it grows.
 
     Parameters
@@ -105,10 +106,24 @@ class BlockGrower(Struct, frozen=True):
     held_errors: FloatArray | None = None
     blunders: float = FEW_BLUNDERS
 
-    @property
+    @cached_property
     def held_points(self) -> BoolArray:
         """Return which points do not change, array (number of points,)."""
         return np.isfinite(self.held[:, 0])
+
+    @cached_property
+    def _inexact_rows(self) -> IntArray:
+        """Return the rays of points that do not change and have errors."""
+        if self.held_errors is None:
+            return np.empty(0, dtype=np.int64)
+        return np.flatnonzero((self.held_points & (self.held_errors > 0.0))[self.rays.point])
+
+    @cached_property
+    def _pairs(self) -> tuple[IntArray, IntArray]:
+        """Return both photos of the pairs that share points enough for a model, those with most points first."""
+        first, second = np.nonzero(self.common >= _FEWEST_FOR_MODEL)
+        order = np.argsort(-self.common[first, second], kind="stable")
+        return first[order], second[order]
 
     def seen(self, current: GrowingBlock) -> ImageRays:
         """Return the rays with the cameras corrected and the a-priori errors of points that do not change included."""
@@ -116,10 +131,10 @@ class BlockGrower(Struct, frozen=True):
 
     def _with_errors_of_held(self, current: GrowingBlock) -> ImageRays:
         """Return the rays with the errors of points that are held counted as errors of their photo points."""
-        rays = self.rays
-        if self.held_errors is None or not self.held_errors.any():
+        rays, rows = self.rays, self._inexact_rows
+        if self.held_errors is None or not len(rows):
             return rays
-        rows = np.flatnonzero((self.held_points & (self.held_errors > 0.0))[rays.point] & current.oriented[rays.photo])
+        rows = rows[current.oriented[rays.photo[rows]]]
         photo, point = rays.photo[rows], rays.point[rows]
         distance = np.linalg.norm(self.held[point] - current.centres[photo], axis=1)
         error = rays.error.copy()
@@ -167,21 +182,18 @@ class BlockGrower(Struct, frozen=True):
     def intersected(self, current: GrowingBlock) -> GrowingBlock:
         """Return the system with all points that its photos determine."""
         found = intersect(current.rotations, current.centres, current.oriented, current.corrected(self.rays))
-        return self._with_held(replace(current, coordinates=found.coordinates, deviations=found.deviations))
+        return self._with_points(current, found.coordinates, found.deviations)
 
     def _intersected_again(self, current: GrowingBlock, photos: BoolArray) -> GrowingBlock:
         """Return the block after a new intersection of the points that some of its photos see."""
         concerned = np.zeros(len(self.rays.points), dtype=bool)
         for photo in np.flatnonzero(photos):
             concerned[self.index.points[photo]] = True
-        points, place = np.flatnonzero(concerned), np.cumsum(concerned) - 1
         part = self.rays.of(np.flatnonzero(concerned[self.rays.point]))
-        names = tuple(map(self.rays.points.__getitem__, points.tolist()))
-        part = replace(part, points=names, point=place[part.point])
         found = intersect(current.rotations, current.centres, current.oriented, current.corrected(part))
-        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
-        coordinates[points], deviations[points] = found.coordinates, found.deviations
-        return self._with_held(replace(current, coordinates=coordinates, deviations=deviations))
+        coordinates = np.where(concerned[:, None], found.coordinates, current.coordinates)
+        deviations = np.where(concerned[:, None], found.deviations, current.deviations)
+        return self._with_points(current, coordinates, deviations)
 
     def refined(self, current: GrowingBlock, enough: float) -> GrowingBlock:
         """Return the system after an adjustment of all its photos and points, which ends at a gain (see `refine`)."""
@@ -198,34 +210,38 @@ class BlockGrower(Struct, frozen=True):
         moved = replace(current, rotations=found.rotations, centres=found.centres, corrections=found.corrections)
         return self.intersected(moved)
 
-    def _with_held(self, current: GrowingBlock) -> GrowingBlock:
+    def _with_points(self, current: GrowingBlock, coordinates: FloatArray, deviations: FloatArray) -> GrowingBlock:
+        """Return the system with points newly computed, which are overwritten where they are held."""
         rows = self.held_points
-        if not rows.any():
-            return current
-        coordinates, deviations = current.coordinates.copy(), current.deviations.copy()
-        coordinates[rows] = self.held[rows]
-        deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
+        if rows.any():
+            coordinates[rows] = self.held[rows]
+            deviations[rows] = 0.0 if self.held_errors is None else self.held_errors[rows, None]
         return replace(current, coordinates=coordinates, deviations=deviations)
 
     def _with_more_photos(self, current: GrowingBlock, refused: _Refused) -> GrowingBlock | None:
         """Return the block with the photos that can be added in the safest possible way; None if there are none."""
+        counts = np.bincount(self.rays.photo[current.known[self.rays.point]], minlength=len(self.rays.photos))
+        counts[current.oriented | ~self.allowed] = 0
         return (
-            self._resected(current, _WELL, refused)
+            self._resected(current, counts, _WELL, refused)
             or self._with_model(current, refused)
-            or self._resected(current, _BARELY, refused)
+            or self._resected(current, counts, _BARELY, refused)
             or (self._with_block(current) if self.branching else None)
             or (self._by_three_points(current) if self.held_points.any() else None)
         )
 
-    def _resected(self, current: GrowingBlock, fewest: int, refused: _Refused) -> GrowingBlock | None:
-        """Return the block with the photos that see most of its points, and at least `fewest`."""
-        known = current.known
-        counts = np.bincount(self.rays.photo[known[self.rays.point]], minlength=len(self.rays.photos))
-        counts[current.oriented | ~self.allowed] = 0
+    def _resected(self, current: GrowingBlock, counts: IntArray, fewest: int, refused: _Refused) -> GrowingBlock | None:
+        """Return the block with the photos that see most of its points, and at least `fewest`.
+
+        Of photos that may be added `counts` (photos,) says how many known points they see.
+        """
         # what failed is tried again when more points are known
         counts[[photo for photo, count in refused.photos.items() if count >= counts[photo]]] = 0
-        result, seen = None, current.corrected(self.rays)
-        for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * int(counts.max(initial=0)))):
+        most = int(counts.max(initial=0))
+        if most < fewest:
+            return None
+        result, seen, known = None, current.corrected(self.rays), current.known
+        for photo in np.flatnonzero(counts >= max(fewest, _NEARLY_MOST * most)):
             found = self.resection(current, seen, int(photo), known)
             if found is None:
                 refused.photos[int(photo)] = int(counts[photo])
@@ -340,7 +356,7 @@ class BlockGrower(Struct, frozen=True):
             if not isinstance(joined, Joined) or _fitting_points(joined) < 1:
                 continue
             # the photos that the partial block began with may have been removed from it as wrong
-            more = _with_photos_of(current, joined, block)
+            more = current.with_photos_of(block, joined)
             if more is not current:
                 return more
         return None
@@ -367,25 +383,14 @@ class BlockGrower(Struct, frozen=True):
 
     def _models_to_try(self, current: GrowingBlock) -> Iterator[tuple[int, int]]:
         """Yield pairs of an oriented photo and one that is not, those with most common points first."""
-        oriented = current.oriented
-        counts = np.where(oriented[:, None] & ~oriented & self.allowed, self.common, 0)
-        tried = np.zeros(len(oriented), dtype=int)
-        first_of, photo_of = np.nonzero(counts >= _FEWEST_FOR_MODEL)
-        order = np.argsort(-counts[first_of, photo_of], kind="stable")
-        for first, photo in zip(first_of[order].tolist(), photo_of[order].tolist(), strict=True):
+        first_of, photo_of = self._pairs
+        waiting = ~current.oriented
+        rows = np.flatnonzero((waiting & self.allowed)[photo_of] & ~waiting[first_of])
+        tried: Counter[int] = Counter()
+        for first, photo in zip(first_of[rows].tolist(), photo_of[rows].tolist(), strict=True):
             if tried[photo] < _MODELS_TRIED:
                 tried[photo] += 1
                 yield first, photo
-
-
-def _with_photos_of(current: GrowingBlock, joined: Joined, block: GrowingBlock) -> GrowingBlock:
-    """Return a system with the photos of a partial block that was connected."""
-    points = counted(len(joined.step.points), "known point")
-    for photo, rotation, centre in zip(joined.block.photos, joined.block.rotations, joined.block.centres, strict=True):
-        if not current.oriented[photo]:
-            how = f"{block.how[photo]}; connected by {points}"
-            current = current.with_photo(int(photo), rotation, centre, how)
-    return current
 
 
 def _fitting_points(joined: Joined) -> int:

@@ -9,8 +9,10 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import corrected, no_corrections
+from orip.prelim.similarity.joining import Joined
 from orip.records.results.preliminary import PartialBlock
 from orip.structs import replace
+from orip.wording import counted
 
 
 class GrowingBlock(Struct, frozen=True):
@@ -59,6 +61,16 @@ class GrowingBlock(Struct, frozen=True):
         rotations[photo], centres[photo], sentences[photo] = rotation, centre, how
         return replace(self, rotations=rotations, centres=centres, how=tuple(sentences))
 
+    def with_photos_of(self, other: GrowingBlock, joined: Joined) -> GrowingBlock:
+        """Return the system with more photos of another one, which was joined to it."""
+        block, current = joined.block, self
+        points = counted(len(joined.step.points), "known point")
+        for photo, rotation, centre in zip(block.photos, block.rotations, block.centres, strict=True):
+            if not current.oriented[photo]:
+                how = f"{other.how[photo]}; connected by {points}"
+                current = current.with_photo(int(photo), rotation, centre, how)
+        return current
+
     def without_photos(self, photos: BoolArray) -> GrowingBlock:
         """Return the system without some of its photos."""
         rotations, centres = self.rotations.copy(), self.centres.copy()
@@ -86,7 +98,7 @@ class GrowingBlock(Struct, frozen=True):
             self.centres[photos],
             points,
             self.coordinates[points],
-            np.nan_to_num(self.deviations[points]),
+            _without_nan(self.deviations[points]),
         )
 
     def part(self, photo: int, points: IntArray) -> PartialBlock:
@@ -99,8 +111,12 @@ class GrowingBlock(Struct, frozen=True):
             self.centres[[photo]],
             known,
             self.coordinates[known],
-            np.nan_to_num(self.deviations[known]),
+            _without_nan(self.deviations[known]),
         )
+
+
+def _without_nan(deviations: FloatArray) -> FloatArray:
+    return np.where(np.isnan(deviations), 0.0, deviations)
 
 
 def empty_growing_block(rays: ImageRays, name: str = "") -> GrowingBlock:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing.growing_block import GrowingBlock
 from orip.prelim.medians import median
 from orip.prelim.rays.image_rays import ImageRays
@@ -25,6 +26,18 @@ def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     Infinite for a point behind the photo, and for one that is in several oriented photos but not determined; NaN where
     the photo is not oriented, or is the only one with the point.
     """
+    return (_in_compiled_loop if is_compiled() else _with_arrays)(rays, grown)
+
+
+def _in_compiled_loop(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
+    """Do what `_with_arrays` does in the compiled loop."""
+    lengths = np.empty(len(rays.photo))
+    of_rays = rays.photo, rays.point, rays.vectors, rays.error, grown.rotations, grown.centres, grown.coordinates
+    kernels.residual_lengths(*map(np.ascontiguousarray, of_rays), lengths)
+    return lengths
+
+
+def _with_arrays(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     offset = grown.coordinates[rays.point] - grown.centres[rays.photo]
     u = np.einsum("ni,nij->nj", offset, grown.rotations[rays.photo])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -40,7 +53,7 @@ def unfit(lengths: FloatArray) -> BoolArray:
     """Return which of `residual_lengths` (n,) are far larger than usual; NaN is not among them."""
     judged = ~np.isnan(lengths)
     overall = median(lengths[judged]) if judged.any() else np.inf
-    return judged & ~(lengths <= MISFIT * max(overall, 1.0))
+    return np.asarray(lengths > MISFIT * max(overall, 1.0))
 
 
 def misplaced_photos(rays: ImageRays, grown: GrowingBlock, lengths: FloatArray, blunders: float) -> BoolArray:

@@ -2,6 +2,14 @@
 
 #include "../compiled/linear.h"
 
+/* All rays of a block, point by point, and which photos are oriented. */
+typedef struct {
+    const int64_t *photo, *start;
+    const double *vectors, *error, *rotations, *centres;
+    const uint8_t *oriented;
+    int64_t count, points;
+} AllRays;
+
 /* As in orip/geometry/ray_consensus.py: rays of a point that are compared, and where two rays do not meet. */
 enum { FEWEST_COMPARED = 3, MOST_COMPARED = 10 };
 #define PARALLEL 5e-11

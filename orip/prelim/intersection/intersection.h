@@ -1,6 +1,7 @@
 /* Points from rays, one point after the other; robust_intersection.py does the same for all side by side. */
 
 #include "../compiled/linear.h"
+#include <string.h>
 
 typedef struct {
     const double *origins, *directions, *error;
@@ -22,19 +23,15 @@ static void inverse3(const double *N, double *inverse)
 
 static void meet(const Rays *rays, const double *weights, double *point, double *inverse)
 {
-    double N[9] = {0.0}, right[3] = {0.0};
+    double xx = 0.0, xy = 0.0, xz = 0.0, yy = 0.0, yz = 0.0, zz = 0.0, x = 0.0, y = 0.0, z = 0.0;
     for (int64_t row = 0; row < rays->count; row++) {
         const double *d = rays->directions + 3 * row, *o = rays->origins + 3 * row, w = weights[row];
-        for (int i = 0; i < 3; i++) {
-            double sum = 0.0;
-            for (int j = 0; j < 3; j++) {
-                const double projector = w * ((i == j) - d[i] * d[j]);
-                N[3 * i + j] += projector;
-                sum += projector * o[j];
-            }
-            right[i] += sum;
-        }
+        const double wd[3] = {w * d[0], w * d[1], w * d[2]}, along = dot3(d, o);
+        xx += w - wd[0] * d[0], yy += w - wd[1] * d[1], zz += w - wd[2] * d[2];
+        xy -= wd[0] * d[1], xz -= wd[0] * d[2], yz -= wd[1] * d[2];
+        x += w * o[0] - wd[0] * along, y += w * o[1] - wd[1] * along, z += w * o[2] - wd[2] * along;
     }
+    const double N[9] = {xx, xy, xz, xy, yy, yz, xz, yz, zz}, right[3] = {x, y, z};
     inverse3(N, inverse);
     for (int i = 0; i < 3; i++)
         point[i] = dot3(inverse + 3 * i, right);
@@ -51,11 +48,9 @@ static void ahead(const Rays *rays, int64_t row, const double *point, double *al
 
 static double angular_weight(const Rays *rays, int64_t row, const double *point)
 {
-    double along, across;
-    ahead(rays, row, point, &along, &across);
-    const double distance = hypot(along, across);
-    const double error = rays->error[row] * (isfinite(distance) && distance > 0.0 ? distance : 1.0);
-    return 1.0 / (error * error);
+    const double *o = rays->origins + 3 * row, offset[3] = {point[0] - o[0], point[1] - o[1], point[2] - o[2]};
+    const double square = dot3(offset, offset), error = rays->error[row];
+    return 1.0 / (error * error * (isfinite(square) && square > 0.0 ? square : 1.0));
 }
 
 static double residual_at(const Rays *rays, int64_t row, const double *point)
@@ -186,13 +181,13 @@ static void robust_meeting(const Rays *rays, const Robust *r, double *point, dou
         variance[i] = inverse[4 * i];
 }
 
-/* All rays of a block, point by point, and which photos are oriented. */
+/* All rays of a block, in any order, and which photos are oriented. */
 typedef struct {
-    const int64_t *photo, *start;
+    const int64_t *photo, *point;
     const double *vectors, *error, *rotations, *centres;
     const uint8_t *oriented;
     int64_t count, points;
-} AllRays;
+} RaysToMeet;
 
 /* The rays of oriented photos, from an origin in their middle: the row of each ray, and where those of a point begin. */
 typedef struct {
@@ -200,35 +195,56 @@ typedef struct {
     int64_t *row, *start;
 } Bundle;
 
+/* Numbers of a ray, and bytes of all rays, that a bundle needs. */
 #define NUMBERS_OF_A_RAY 9
 
-static Bundle bundle_in(const AllRays *a, double *space, int64_t *indices)
+static size_t bundle_space(int64_t count, int64_t points)
+{
+    return (size_t)(NUMBERS_OF_A_RAY * count) * sizeof(double) + (size_t)(count + points + 1) * sizeof(int64_t);
+}
+
+/* Sort the rays of oriented photos by point, and return how many they are. */
+static int64_t sort_by_point(const RaysToMeet *a, int64_t *row, int64_t *start)
+{
+    memset(start, 0, (size_t)(a->points + 1) * sizeof(int64_t));
+    for (int64_t k = 0; k < a->count; k++)
+        start[a->point[k]] += a->oriented[a->photo[k]] != 0;
+    int64_t used = 0;
+    for (int64_t point = 0; point <= a->points; point++) {
+        const int64_t number = start[point];
+        start[point] = used, used += number;
+    }
+    for (int64_t k = 0; k < a->count; k++)
+        if (a->oriented[a->photo[k]])
+            row[start[a->point[k]]++] = k;
+    /* each has moved on to where the next one begins */
+    for (int64_t point = a->points; point > 0; point--)
+        start[point] = start[point - 1];
+    start[0] = 0;
+    return used;
+}
+
+static Bundle bundle_in(const RaysToMeet *a, void *space)
 {
     const int64_t n = a->count;
-    Bundle b = {{0.0}, space, space + 3 * n, space + 6 * n, space + 7 * n, space + 8 * n, indices, indices + n};
-    int64_t used = 0;
-    for (int64_t row = 0; row < n; row++)
-        for (int i = 0; i < 3 && a->oriented[a->photo[row]]; i++)
-            b.base[i] += a->centres[3 * a->photo[row] + i], used += i == 0;
+    double *numbers = space;
+    int64_t *indices = (int64_t *)(numbers + NUMBERS_OF_A_RAY * n);
+    Bundle b = {{0.0}, numbers, numbers + 3 * n, numbers + 6 * n, numbers + 7 * n, numbers + 8 * n, indices, indices + n};
+    const int64_t used = sort_by_point(a, b.row, b.start);
+    for (int64_t k = 0; k < used; k++)
+        for (int i = 0; i < 3; i++)
+            b.base[i] += a->centres[3 * a->photo[b.row[k]] + i];
     for (int i = 0; i < 3 && used > 0; i++)
         b.base[i] /= (double)used;
-    used = 0;
-    for (int64_t point = 0; point < a->points; point++) {
-        b.start[point] = used;
-        for (int64_t row = a->start[point]; row < a->start[point + 1]; row++) {
-            const int64_t photo = a->photo[row];
-            if (!a->oriented[photo])
-                continue;
-            const double *R = a->rotations + 9 * photo, *v = a->vectors + 3 * row, length = sqrt(dot3(v, v));
-            for (int i = 0; i < 3; i++) {
-                b.origins[3 * used + i] = a->centres[3 * photo + i] - b.base[i];
-                b.directions[3 * used + i] = dot3(R + 3 * i, v) / length;
-            }
-            b.error[used] = a->error[row] / length;
-            b.row[used++] = row;
+    for (int64_t k = 0; k < used; k++) {
+        const int64_t row = b.row[k], photo = a->photo[row];
+        const double *R = a->rotations + 9 * photo, *v = a->vectors + 3 * row, length = sqrt(dot3(v, v));
+        for (int i = 0; i < 3; i++) {
+            b.origins[3 * k + i] = a->centres[3 * photo + i] - b.base[i];
+            b.directions[3 * k + i] = dot3(R + 3 * i, v) / length;
         }
+        b.error[k] = a->error[row] / length;
     }
-    b.start[a->points] = used;
     return b;
 }
 
@@ -269,23 +285,26 @@ static double scale_of(const Bundle *b, int64_t points, const Intersecting *how)
 }
 
 /* Intersect all points; what is not determined is NaN, and its rays have no weight. Returns the scale. */
-static double intersect_all(const AllRays *a, Intersecting *how, double *points, double *deviations, double *factors,
-                            double *angles, double *space, int64_t *indices)
+static double intersect_all(const RaysToMeet *a, Intersecting *how, double *points, double *deviations, double *factors,
+                            double *angles, void *space)
 {
-    const Bundle b = bundle_in(a, space, indices);
+    const Bundle b = bundle_in(a, space);
     for (int64_t row = 0; row < a->count; row++)
         factors[row] = 0.0;
     for (int64_t point = 0; point < a->points; point++) {
         const Rays rays = rays_of(&b, point);
-        first_meeting(&rays, points + 3 * point, b.residual + b.start[point], b.scratch);
+        if (rays.count)
+            first_meeting(&rays, points + 3 * point, b.residual + b.start[point], b.scratch);
     }
     const double s0 = scale_of(&b, a->points, how);
     how->robust.s0 = s0, how->robust.limit = s0 * how->robust.danish_limit;
     for (int64_t point = 0; point < a->points; point++) {
         const Rays rays = rays_of(&b, point);
-        double *X = points + 3 * point, *of_rays = b.residual + b.start[point], variance[3];
+        double *X = points + 3 * point, *of_rays = b.residual + b.start[point], variance[3] = {0.0};
         int64_t kept = 0;
-        robust_meeting(&rays, &how->robust, X, of_rays, variance, angles + point, b.scratch);
+        angles[point] = 0.0;
+        if (rays.count)
+            robust_meeting(&rays, &how->robust, X, of_rays, variance, angles + point, b.scratch);
         for (int64_t row = 0; row < rays.count; row++)
             kept += of_rays[row] >= how->robust.kept;
         const int determined = kept >= 2 && angles[point] >= how->smallest_angle && isfinite(X[0]) && isfinite(X[1])

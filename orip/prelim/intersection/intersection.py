@@ -21,9 +21,6 @@ from orip.prelim.intersection.robust_intersection import (
 )
 from orip.prelim.rays.image_rays import ImageRays
 
-_NUMBERS_OF_A_RAY = 9
-"""Room of the compiled loop: origin, direction, error, residual and one more."""
-
 
 class Intersected(Struct, frozen=True):
     """q points from n rays.
@@ -77,18 +74,15 @@ def intersect(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, r
 
 def _point_by_point(rotations: FloatArray, centres: FloatArray, oriented: BoolArray, rays: ImageRays) -> Intersected:
     """Do what `_all_at_once` does in the compiled loop."""
-    count, points = len(rays.photo), len(rays.points)
-    order, start = rays.order_by_point(), rays.point_starts()
+    points = len(rays.points)
     coordinates, deviations, angles = np.empty((points, 3)), np.empty((points, 3)), np.empty(points)
-    factors, factors_in_order = np.empty(count), np.empty(count)
-    of_rays = map(np.ascontiguousarray, (rays.vectors[order], rays.error[order], rotations, centres, oriented))
+    factors = np.empty(len(rays.photo))
+    of_rays = rays.photo, rays.point, rays.vectors, rays.error, rotations, centres, oriented
     s0 = kernels.intersect(
-        np.ascontiguousarray(rays.photo[order]), start, *of_rays, coordinates, deviations, factors_in_order, angles,
-        np.empty((_NUMBERS_OF_A_RAY, count)), np.empty(count + points + 1, dtype=np.int64),
+        *map(np.ascontiguousarray, of_rays), coordinates, deviations, factors, angles,
         QUANTILE, LENGTH_AT_QUANTILE, SMALLEST_ANGLE, LIMIT_OF_TWO_COMPONENTS, LEAST_WEIGHT, KEPT, MANY,
         ABSOLUTE_ITERATIONS, DANISH_ITERATIONS,
     )  # fmt: skip
-    factors[order] = factors_in_order
     return Intersected(coordinates, deviations, factors, angles, s0)
 
 

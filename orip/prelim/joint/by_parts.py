@@ -5,29 +5,33 @@ For blocks whose parts share too few points to be joined one after the other, or
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from operator import attrgetter
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.prelim.growing.block_grower import FITTING, BlockGrower
-from orip.prelim.joint.annealing import placed_together
-from orip.prelim.joint.placing import levelled
-from orip.prelim.joint.single_photos import FLAT, single_photo, supported_photos
+from orip.prelim.joint.annealing import annealed
+from orip.prelim.joint.placing import Placement, levelling, place_parts
+from orip.prelim.joint.single_photos import FLAT, LOOKING_DOWN, UPRIGHT, single_photo, supported_photos
+from orip.prelim.joint.ties import assembled_at, ties_between
 from orip.prelim.relative.pair_selection import pairs_by_common_points
-from orip.prelim.routes import POINTS_FOR_A_PAIR, Route, by_pairs
+from orip.prelim.routes import POINTS_FOR_A_PAIR, Route
 from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 
 _POINTS = 3
 """Points that a part needs."""
 
-_EQUATIONS = 6
-"""Equations that a photo needs, which has as many unknowns."""
+_ROUNDS = 3
+"""Number of adjustments of plan and height."""
 
 
-def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int) -> Route:
-    """Go by all parts of a block together, which are levelled by the attitude of their photos.
+def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, start: Route) -> Iterator[Route]:
+    """Yield routes by all parts of a block together, levelled as if their photos looked down, or stood upright.
+
+    The attitude in which the parts fit better is the first.
 
     Parameters
     ----------
@@ -35,10 +39,10 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
         Without control, and with the control that holds the block.
     known : array (number of points, 3)
         Control, also that known in part; NaN where not known.
-    axis : {LOOKING_DOWN, UPRIGHT}
-        How the photos were taken.
+    start : Route
+        By pairs: its systems are parts, beside models of photos that are in two of them.
     """
-    start, rays = by_pairs(free, 0), free.rays
+    rays = free.rays
     # the points of a system may all have turned out wrong
     parts = [part for part in (system.partial_block() for system in start.systems) if len(part.points) >= _POINTS]
     parts += _models_between(free, parts)
@@ -48,14 +52,22 @@ def by_parts(free: BlockGrower, held: BlockGrower, known: FloatArray, axis: int)
         alone[part.photos] = False
     parts = [_with_single_rays(part, free) for part in parts]
     parts += [single_photo(rays, int(photo), free.index.rows[photo]) for photo in np.flatnonzero(alone)]
-    level = [turned for turned in (levelled(part, axis) for part in parts) if turned is not None]
-    if len(level) < len(parts):
-        return Route(())
     how = f"placed on the ground together with all {len(parts)} parts of the block"
-    block = placed_together(held, level, known, supported, how)
-    if block is None:
-        return Route(())
-    return Route((held.grow(block),), on_ground=True, relative=start.relative)
+    for placement in _placements(parts, known):
+        block = annealed(held, assembled_at(parts, placement.movements), supported, how)
+        yield Route((held.grow(block),), on_ground=True, relative=start.relative)
+
+
+def _placements(parts: Sequence[PartialBlock], known: FloatArray) -> list[Placement]:
+    """Return where parts are on the ground, by the attitudes of their photos that are possible; the best first."""
+    ties, found = ties_between(parts, known), []
+    for axis in (LOOKING_DOWN, UPRIGHT):
+        turns = [levelling(part, axis) for part in parts]
+        level = [turn for turn in turns if turn is not None]
+        placement = place_parts(ties, np.stack(level), _ROUNDS) if level and len(level) == len(turns) else None
+        if placement is not None:
+            found.append(placement)
+    return sorted(found, key=attrgetter("misfit"))
 
 
 def _models_between(grower: BlockGrower, parts: list[PartialBlock]) -> Iterator[PartialBlock]:

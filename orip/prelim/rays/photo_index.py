@@ -25,10 +25,15 @@ class PhotoIndex(Struct, frozen=True):
 
     def common_points(self, left: int, right: int) -> tuple[IntArray, IntArray]:
         """Return the rows of the points common to two photos: those of the left and those of the right photo."""
-        _, in_left, in_right = np.intersect1d(
-            self.points[left], self.points[right], assume_unique=True, return_indices=True
-        )
+        in_left, in_right = in_both(self.points[left], self.points[right])
         return self.rows[left][in_left], self.rows[right][in_right]
+
+
+def in_both(one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the places, in each of two ascending lists of indices, of those that occur in both."""
+    place = other.searchsorted(one)
+    in_one = (place < other.searchsorted(one, side="right")).nonzero()[0]
+    return in_one, place[in_one]
 
 
 def photo_index(rays: ImageRays) -> PhotoIndex:

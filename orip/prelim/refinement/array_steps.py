@@ -1,4 +1,4 @@
-"""Steps of a refinement with arrays, where `orip.prelim.refinement.compiled_steps` was not built."""
+"""Steps of a refinement with arrays, where the compiled loop (`robust_iterations.h`) was not built."""
 
 from __future__ import annotations
 

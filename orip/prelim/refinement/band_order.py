@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.refinement.problem import RefinementProblem
 
 
@@ -35,19 +34,6 @@ def band_order(problem: RefinementProblem) -> BandOrder:
     Photos that see a common free point are neighbours. Each part of the block begins with a photo that has fewest
     neighbours; neighbours follow by their numbers of neighbours, equal ones by their indices.
     """
-    return (_compiled_order if is_compiled() else _order)(problem)
-
-
-def _compiled_order(problem: RefinementProblem) -> BandOrder:
-    """Do what `_order` does in the compiled loop."""
-    order = np.empty(np.count_nonzero(problem.photo_free), dtype=np.int64)
-    place = np.empty(len(problem.photo_free), dtype=np.int64)
-    rays, starts = problem.rays.photo, problem.point_starts
-    places = kernels.band_order(rays, starts, problem.photo_free, problem.point_free, order, place)
-    return BandOrder(order, place, places)
-
-
-def _order(problem: RefinementProblem) -> BandOrder:
     neighbours = _neighbours(problem)
     waiting = sorted(np.flatnonzero(problem.photo_free).tolist(), key=lambda photo: len(neighbours[photo]))
     found: dict[int, None] = {}

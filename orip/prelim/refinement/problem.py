@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import EXPECTED
 
-_MEDIAN = math.sqrt(2.0 * math.log(2.0))
+MEDIAN_LENGTH = math.sqrt(2.0 * math.log(2.0))
 """Median length of a residual with two normal components of standard deviation 1."""
 
 SQUARE_BEHIND = 1e6
@@ -74,11 +74,6 @@ class RefinementProblem(Struct, frozen=True, dict=True):
     point_free: BoolArray
 
     @cached_property
-    def point_starts(self) -> IntArray:
-        """Return where the rays of each point begin, and where the last ones end, array (q + 1,)."""
-        return self.rays.point_starts()
-
-    @cached_property
     def redundancy(self) -> int:
         """Return twice the number of rays minus the number of unknowns."""
         return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
@@ -87,4 +82,4 @@ class RefinementProblem(Struct, frozen=True, dict=True):
     def median_length(self) -> float:
         """Return the median of the lengths of residuals that are as large as expected; 0 without redundancy."""
         share = self.redundancy / (2 * len(self.rays.photo)) if len(self.rays.photo) else 0.0
-        return _MEDIAN * math.sqrt(share) if share > 0.0 else 0.0
+        return MEDIAN_LENGTH * math.sqrt(share) if share > 0.0 else 0.0

@@ -1,11 +1,19 @@
-/* Reduced normal equations of a block's photos and points; the arrays are described in compiled_steps.py. */
+/* Reduced normal equations of a block's photos and points, and where a step leads; array_steps.py does the same. */
 
 #include "../compiled/linear.h"
-#include <stdlib.h>
+#include "band_solution.h"
+#include <string.h>
+
+/* Where the iterations stand: photos, points, corrections of the cameras, and what follows for the rays. */
+typedef struct {
+    double *rotations, *centres, *points, *corrections, *vectors, *squares, *lengths, *weights;
+    double of_cameras, scale;
+} BlockState;
 
 typedef struct {
     const int64_t *photo, *start, *place;
-    const double *vectors, *error, *rotations, *centres, *points, *factors;
+    const double *error;
+    const BlockState *at;
     const uint8_t *is_free;
     int64_t count, point_count, size, width;
     double damping;
@@ -15,6 +23,7 @@ typedef struct {
     const double *by_camera;
     int64_t cameras;
     double *border, *point_border, *camera_normals, *camera_right;
+    const double *expected;
     /* the cameras of a point, one at a time */
     int64_t *seen, seen_count;
 } RefinementProblem;
@@ -24,33 +33,19 @@ enum { OF_CAMERA = 4 };
 /* As in problem.py: what the square of a ray counts whose point lies behind the photo. */
 #define SQUARE_BEHIND 1e6
 
-/* Squares and lengths of the residuals over their a-priori errors; infinite lengths behind the photo. */
-static void block_residuals(const RefinementProblem *n, double *squares, double *lengths)
+/* Squares and lengths of the residuals of a state over their a-priori errors; infinite lengths behind the photo. */
+static void block_residuals(const RefinementProblem *n, BlockState *at)
 {
     for (int64_t point = 0; point < n->point_count; point++)
         for (int64_t row = n->start[point]; row < n->start[point + 1]; row++) {
             const int64_t photo = n->photo[row];
             double residual[2];
-            const int in_front = project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
-                                         n->vectors + 3 * row, residual, NULL);
+            const int in_front = project(at->rotations + 9 * photo, at->centres + 3 * photo, at->points + 3 * point,
+                                         at->vectors + 3 * row, residual, NULL);
             const double x = residual[0] / n->error[row], y = residual[1] / n->error[row];
-            squares[row] = in_front ? x * x + y * y : SQUARE_BEHIND;
-            lengths[row] = in_front ? sqrt(squares[row]) : INFINITY;
+            at->squares[row] = in_front ? x * x + y * y : SQUARE_BEHIND;
+            at->lengths[row] = in_front ? sqrt(at->squares[row]) : INFINITY;
         }
-}
-
-/* Danish weights of residuals of some lengths, whose scale is their median over `unit`, at least 1; returns it. */
-static double weights_by_median(const double *lengths, int64_t count, double unit, double limit, double floor,
-                                double *weights)
-{
-    double scale = 0.0;
-    if (count > 0 && unit > 0.0) {
-        memcpy(weights, lengths, (size_t)count * sizeof(double));
-        scale = median_of(weights, count) / unit;
-    }
-    for (int64_t row = 0; row < count; row++)
-        weights[row] = danish_weight(lengths[row] / larger(scale, 1.0), limit, floor);
-    return scale;
 }
 
 /* Enlarge the diagonal, so that even unknowns without any equation are regular. */
@@ -93,7 +88,7 @@ static void add_camera(RefinementProblem *n, int64_t point, int64_t row, double 
     memcpy(by_x, n->by_camera + 2 * OF_CAMERA * row, sizeof(by_x));
     memcpy(by_y, n->by_camera + 2 * OF_CAMERA * row + OF_CAMERA, sizeof(by_y));
     /* the partials by the first correction are the computed coordinates */
-    by_x[0] *= residual[0] + n->vectors[3 * row], by_y[0] *= residual[1] + n->vectors[3 * row + 1];
+    by_x[0] *= residual[0] + n->at->vectors[3 * row], by_y[0] *= residual[1] + n->at->vectors[3 * row + 1];
     for (int k = 0; k < OF_CAMERA; k++) {
         x[k] = weight * by_x[k], y[k] = weight * by_y[k];
         n->camera_right[OF_CAMERA * camera + k] += x[k] * residual[0] + y[k] * residual[1];
@@ -112,12 +107,13 @@ static void add_camera(RefinementProblem *n, int64_t point, int64_t row, double 
 
 static void add_ray(RefinementProblem *n, int64_t point, int64_t row, double V[9], double g[3])
 {
+    const BlockState *at = n->at;
     const int64_t photo = n->photo[row], place = n->place[photo];
     double residual[2], partials[2][6], *W = n->coupling + 18 * row;
     memset(W, 0, 18 * sizeof(double));
-    const int in_front = project(n->rotations + 9 * photo, n->centres + 3 * photo, n->points + 3 * point,
-                                 n->vectors + 3 * row, residual, partials);
-    const double weight = in_front ? n->factors[row] / (n->error[row] * n->error[row]) : 0.0;
+    const int in_front = project(at->rotations + 9 * photo, at->centres + 3 * photo, at->points + 3 * point,
+                                 at->vectors + 3 * row, residual, partials);
+    const double weight = in_front ? at->weights[row] / (n->error[row] * n->error[row]) : 0.0;
     if (weight == 0.0)
         return;
     /* the partials by the point are those by the projection centre with the other sign */
@@ -235,8 +231,14 @@ static void eliminate_point(RefinementProblem *n, int64_t point)
     }
 }
 
+static void clear(double *numbers, int64_t count) { memset(numbers, 0, (size_t)count * sizeof(double)); }
+
 static void block_normals(RefinementProblem *n)
 {
+    const int64_t width = OF_CAMERA * n->cameras;
+    clear(n->photo_normals, 6 * n->size), clear(n->band, n->size * n->width), clear(n->right, n->size);
+    clear(n->border, width * n->size), clear(n->point_border, 3 * width * n->point_count);
+    clear(n->camera_normals, width * width), clear(n->camera_right, width);
     for (int64_t point = 0; point < n->point_count; point++)
         eliminate_point(n, point);
     for (int64_t place = 0; place < n->size / 6; place++) {
@@ -248,10 +250,47 @@ static void block_normals(RefinementProblem *n)
     }
 }
 
-/* Corrections of the points from those of photos and cameras; the solution has the sign of the right-hand side. */
-static void point_corrections(const RefinementProblem *n, const double *solution, const double *of_cameras,
-                              double *corrections)
+/* Solve the normal equations: `right` becomes the solution for the photos, `camera_right` that for the cameras, whose
+ * corrections so far are observed to be 0 with weights. 0 where the equations are not positive definite.
+ */
+static int solve_block(RefinementProblem *n, const double *corrections)
 {
+    const int64_t width = OF_CAMERA * n->cameras;
+    if (!factorise_band(n->band, n->size, n->width))
+        return 0;
+    reduce_by_band(n->band, n->size, n->width, n->right, 1);
+    reduce_by_band(n->band, n->size, n->width, n->border, width);
+    for (int64_t k = 0; k < width; k++) {
+        const double weight = 1.0 / (n->expected[k % OF_CAMERA] * n->expected[k % OF_CAMERA]);
+        n->camera_normals[width * k + k] += weight, n->camera_right[k] += weight * corrections[k];
+    }
+    for (int64_t row = 0; row < n->size; row++) {
+        const double *border = n->border + width * row;
+        for (int64_t k = 0; k < width; k++)
+            subtract_column(n->camera_normals + width * k, border, border[k], width);
+        subtract_column(n->camera_right, border, n->right[row], width);
+    }
+    /* as a band: columns of the lower half from the diagonal on, which are the rows of the upper half */
+    for (int64_t k = 0; k < width; k++) {
+        double *row = n->camera_normals + width * k;
+        memmove(row, row + k, (size_t)(width - k) * sizeof(double));
+        clear(row + width - k, k);
+    }
+    if (!factorise_band(n->camera_normals, width, width))
+        return 0;
+    reduce_by_band(n->camera_normals, width, width, n->camera_right, 1);
+    substitute_by_band(n->camera_normals, width, width, n->camera_right);
+    for (int64_t row = 0; row < n->size; row++)
+        for (int64_t k = 0; k < width; k++)
+            n->right[row] -= n->border[width * row + k] * n->camera_right[k];
+    substitute_by_band(n->band, n->size, n->width, n->right);
+    return 1;
+}
+
+/* Corrections of the points from those of photos and cameras; the solution has the sign of the right-hand side. */
+static void point_corrections(const RefinementProblem *n, double *corrections)
+{
+    const double *solution = n->right, *of_cameras = n->camera_right;
     const int64_t width = OF_CAMERA * n->cameras;
     for (int64_t point = 0; point < n->point_count; point++) {
         double g[3];
@@ -270,28 +309,30 @@ static void point_corrections(const RefinementProblem *n, const double *solution
     }
 }
 
-/* Photos and points after a step; no photo is turned by more than `largest_turn`, and all corrections are shortened
- * alike. Returns by how much. */
-static double move_block(const RefinementProblem *n, const double *solution, const double *of_cameras,
-                         double largest_turn, int64_t photos, double *rotations, double *centres, double *points)
+/* Photos, points and corrections of cameras after a step from `from`; no photo is turned by more than `largest_turn`, and
+ * all corrections are shortened alike.
+ */
+static void move_block(const RefinementProblem *n, const BlockState *from, double largest_turn, int64_t photos,
+                       BlockState *to)
 {
     double largest = 0.0;
     for (int64_t k = 0; k < n->size; k += 6)
-        largest = larger(largest, dot3(solution + k, solution + k));
+        largest = larger(largest, dot3(n->right + k, n->right + k));
     const double factor = smaller(1.0, largest_turn / larger(sqrt(largest), 1e-300));
-    point_corrections(n, solution, of_cameras, points);
+    point_corrections(n, to->points);
     for (int64_t k = 0; k < 3 * n->point_count; k++)
-        points[k] = n->points[k] + factor * points[k];
+        to->points[k] = from->points[k] + factor * to->points[k];
     for (int64_t photo = 0; photo < photos; photo++) {
         const int64_t place = n->place[photo];
-        const double none[6] = {0.0}, *s = place < 0 ? none : solution + 6 * place;
+        const double none[6] = {0.0}, *s = place < 0 ? none : n->right + 6 * place;
         const double turn[3] = {-factor * s[0], -factor * s[1], -factor * s[2]};
         if (place < 0)
-            memcpy(rotations + 9 * photo, n->rotations + 9 * photo, 9 * sizeof(double));
+            memcpy(to->rotations + 9 * photo, from->rotations + 9 * photo, 9 * sizeof(double));
         else
-            turn3(turn, n->rotations + 9 * photo, rotations + 9 * photo);
+            turn3(turn, from->rotations + 9 * photo, to->rotations + 9 * photo);
         for (int i = 0; i < 3; i++)
-            centres[3 * photo + i] = n->centres[3 * photo + i] - factor * s[3 + i];
+            to->centres[3 * photo + i] = from->centres[3 * photo + i] - factor * s[3 + i];
     }
-    return factor;
+    for (int64_t k = 0; k < OF_CAMERA * n->cameras; k++)
+        to->corrections[k] = from->corrections[k] - factor * n->camera_right[k];
 }

@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.compiled import is_compiled
-from orip.prelim.least_squares import E, PrelimProblem, least_squares
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.least_squares import LARGEST_TURN, E, PrelimProblem, least_squares
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.array_steps import ArraySolver
-from orip.prelim.refinement.camera_corrections import no_corrections
-from orip.prelim.refinement.compiled_steps import CompiledSolver
-from orip.prelim.refinement.problem import RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.camera_corrections import EXPECTED, no_corrections
+from orip.prelim.refinement.problem import MEDIAN_LENGTH, RayResiduals, RefinementProblem, RefinementState
 
 ROUGH = 1e-2
 """Relative gain in the weighted square sum below which a system is good enough to grow further."""
@@ -111,6 +111,37 @@ def refine(
     """
     held_points = np.zeros(len(rays.points), dtype=bool) if held_points is None else held_points
     corrections = no_corrections(rays) if corrections is None else corrections
+    do = _in_compiled_loop if is_compiled() else _with_arrays
+    return do(rays, RefinementState(rotations, centres, coordinates, corrections), oriented, held_points, enough)
+
+
+def _in_compiled_loop(
+    rays: ImageRays, block: RefinementState, oriented: BoolArray, held_points: BoolArray, enough: float
+) -> Refined:
+    """Do what `_with_arrays` does in the compiled loop."""
+    found = block.rotations.copy(), block.centres.copy(), block.points.copy(), block.corrections.copy()
+    weights, scale, cameras = np.empty(len(rays.photo)), np.empty(1), rays.cameras
+    of_rays = map(np.ascontiguousarray, (rays.photo, rays.point, rays.vectors, rays.error))
+    iterations = kernels.refine(
+        *of_rays, cameras.of_photo, cameras.unknown, oriented, held_points, _rules(enough), *found, weights, scale
+    )
+    return Refined(*found, weights, float(scale[0]), iterations)
+
+
+def _rules(enough: float) -> FloatArray:
+    """Return the numbers of `RefinementRules` in robust_iterations.h."""
+    return np.array(
+        [
+            MEDIAN_LENGTH, LIMIT_OF_TWO_COMPONENTS, LEAST_WEIGHT, LARGEST_TURN, _UPHILL, _UPHILL_STEPS, _MOST_STEPS,
+            _FIRST_DAMPING, _LEAST_DAMPING, _ENOUGH, enough, *EXPECTED.tolist(),
+        ]
+    )  # fmt: skip
+
+
+def _with_arrays(
+    rays: ImageRays, block: RefinementState, oriented: BoolArray, held_points: BoolArray, enough: float
+) -> Refined:
+    rotations, centres, coordinates, corrections = block.rotations, block.centres, block.points, block.corrections
     problem, used = _problem(rays, oriented, coordinates, held_points)
     weight_factors = np.zeros(len(rays.photo))
     if not len(problem.rays.photo):
@@ -170,7 +201,7 @@ class _RobustRefinement:
 
     def __init__(self, problem: RefinementProblem, enough: float) -> None:
         self._problem, self._enough = problem, enough
-        self._solver = (CompiledSolver if is_compiled() else ArraySolver)(problem)
+        self._solver = ArraySolver(problem)
 
     def start(self, state: RefinementState) -> _Estimate:
         return self.reweighted(_Estimate(state, self._solver.residuals(state), 0.0, np.empty(0)))

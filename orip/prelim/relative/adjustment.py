@@ -34,7 +34,7 @@ _REGULAR = 1e-13
 """Part of the trace added to the diagonal, so that the equations can be solved where five points determine nothing."""
 
 DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
-"""The constants as the compiled loop takes them: `RelativeDanish` in adjustment.h."""
+"""The constants as the compiled loop takes them: `RelativeDanish` in pair_loops.h."""
 
 
 class AdjustedPairs(NamedTuple):

@@ -66,6 +66,8 @@ def _on_blunders(
     points: Sequence[str], parallax: FloatArray, deviation: FloatArray, weight_factor: FloatArray
 ) -> Iterator[str]:
     reduced = np.flatnonzero(weight_factor < 1.0)
+    if not len(reduced):
+        return
     standard = np.abs(parallax) / deviation
     worst = reduced[np.argsort(-standard[reduced], kind="stable")]
     for row in worst[:_NAMED]:

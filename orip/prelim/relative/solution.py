@@ -48,7 +48,7 @@ _ROTATION_STEPS = 8
 
 CHOICE = (_ITERATIONS_TO_COMPARE, _MAX_ITERATIONS, _EQUALLY_GOOD, _SAME, _SURE, _PLAIN_BASE, _ROTATION_STEPS)
 _RULES = np.array([*SAMPLING, *DANISH, *CHOICE])
-"""The constants as the compiled loop takes them: `RelativeRules` in solution.h."""
+"""The constants as the compiled loop takes them: `RelativeRules` in pair_loops.h."""
 
 
 class PairSolution(Struct, frozen=True):

@@ -11,12 +11,14 @@ typedef struct {
     double log_chance, scale, share;
 } Agreement;
 
-/* What matrices are judged with; `unit` is the square of the chance that a point has a parallax up to its error. */
+/* What matrices are judged with; `unit` is the square of the chance that a point has a parallax up to its error. In `by_element`
+ * and `costs` there is room for whole lanes.
+ */
 typedef struct {
     const Pairs *pairs;
     const Sampling *rules;
     const double *log_of_sets;
-    double unit, *columns, *sorted, *bars, *essential, *squares, *costs, *chosen;
+    double unit, *columns, *sorted, *bars, *essential, *by_element, *squares, *costs, *chosen;
 } Judgement;
 
 static int64_t most_matrices(const Sampling *rules)
@@ -26,7 +28,7 @@ static int64_t most_matrices(const Sampling *rules)
 
 static int64_t judgement_space(const Sampling *rules, int64_t count)
 {
-    return 9 * count + most_matrices(rules) * (count + 10) + 9 * (int64_t)rules->kept;
+    return 9 * count + most_matrices(rules) * (count + 19) + 9 * (int64_t)rules->kept + 10 * LANES;
 }
 
 /* The probability that a point placed at random has a parallax up to its a-priori error. */
@@ -52,9 +54,10 @@ static Judgement judgement_of(const Pairs *p, const Sampling *rules, const doubl
 {
     const int64_t most = most_matrices(rules);
     const double chance = chance_of_unit(p);
-    Judgement j = {p, rules, log_of_sets, chance * chance, space, NULL, NULL, NULL, NULL, NULL, NULL};
+    Judgement j = {p, rules, log_of_sets, chance * chance, space, NULL, NULL, NULL, NULL, NULL, NULL, NULL};
     j.sorted = j.columns + 7 * p->count, j.bars = j.sorted + p->count, j.essential = j.bars + p->count;
-    j.costs = j.essential + 9 * most, j.chosen = j.costs + most, j.squares = j.chosen + 9 * (int64_t)rules->kept;
+    j.by_element = j.essential + 9 * most, j.costs = j.by_element + 9 * (most + LANES);
+    j.chosen = j.costs + most + LANES, j.squares = j.chosen + 9 * (int64_t)rules->kept;
     for (int64_t row = 0; row < p->count; row++) {
         for (int i = 0; i < 3; i++) {
             j.columns[i * p->count + row] = p->left[3 * row + i];
@@ -174,10 +177,24 @@ static Agreement best_agreement(const Judgement *j, int64_t number)
     return best;
 }
 
+/* Exclude the matrices that are like another one, four at once: their costs become infinite. */
+static void exclude_alike(const Judgement *j, int64_t number, const double *e)
+{
+    for (int64_t first = 0; first < number; first += LANES) {
+        Lanes product = ALL(0.0), *costs = &AT(j->costs + first);
+        for (int i = 0; i < 9; i++)
+            product += AT(j->by_element + 9 * first + LANES * i) * ALL(e[i]);
+        *costs = either(size_of_each(product) < ALL(j->rules->alike), *costs, ALL(INFINITY));
+    }
+}
+
 /* Move the best matrices that are not alike to the front, the best first; returns how many. Costs are overwritten. */
 static int64_t best_unlike(const Judgement *j, int64_t number)
 {
     int64_t found = 0;
+    for (int64_t k = 0; k < number; k++)
+        for (int i = 0; i < 9; i++)
+            j->by_element[9 * (k - k % LANES) + LANES * i + k % LANES] = j->essential[9 * k + i];
     for (; found < (int64_t)j->rules->kept; found++) {
         int64_t best = 0;
         for (int64_t k = 1; k < number; k++)
@@ -187,15 +204,8 @@ static int64_t best_unlike(const Judgement *j, int64_t number)
             break;
         double *e = j->chosen + 9 * found;
         memcpy(e, j->essential + 9 * best, 9 * sizeof(double));
-        for (int64_t k = 0; k < number; k++) {
-            if (!isfinite(j->costs[k]))
-                continue;
-            double product = 0.0;
-            for (int i = 0; i < 9; i++)
-                product += j->essential[9 * k + i] * e[i];
-            if (!(fabs(product) < j->rules->alike) || k == best)
-                j->costs[k] = INFINITY;
-        }
+        exclude_alike(j, number, e);
+        j->costs[best] = INFINITY;
     }
     memcpy(j->essential, j->chosen, (size_t)found * 9 * sizeof(double));
     return found;
@@ -224,14 +234,20 @@ static int64_t solve_samples(const Judgement *j, const int64_t *drawn, int64_t s
     return number;
 }
 
-/* Keep the best matrices at a scale; returns how many. */
+/* Keep the best matrices at a scale; returns how many. The sums of as many matrices as there are lanes are formed at once. */
 static int64_t keep_best(const Judgement *j, int64_t number, double scale)
 {
     const double largest = scale * scale * j->rules->limit * j->rules->limit;
-    for (int64_t k = 0; k < number; k++) {
-        j->costs[k] = 0.0;
+    for (int64_t first = 0; first < number; first += LANES) {
+        const double *squares[LANES];
+        double sums[LANES] = {0.0};
+        for (int lane = 0; lane < LANES; lane++)
+            squares[lane] = j->squares + j->pairs->count * (first + lane < number ? first + lane : first);
         for (int64_t row = 0; row < j->pairs->count; row++)
-            j->costs[k] += smaller(j->squares[j->pairs->count * k + row], largest);
+            for (int lane = 0; lane < LANES; lane++)
+                sums[lane] += smaller(squares[lane][row], largest);
+        for (int lane = 0; lane < LANES && first + lane < number; lane++)
+            j->costs[first + lane] = sums[lane];
     }
     return best_unlike(j, number);
 }

@@ -50,7 +50,7 @@ solution that fits as well, and its samples must not crowd out those of the firs
 SAMPLING = (
     _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, FIT_LIMIT, _ALIKE, _KEPT, _STARTS,
 )  # fmt: skip
-"""The constants as the compiled loop takes them: `Sampling` in start.h."""
+"""The constants as the compiled loop takes them: `Sampling` in pair_loops.h."""
 
 
 def starting_orientations(pairs: Pairs) -> TwoPhotos:

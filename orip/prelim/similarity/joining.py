@@ -13,7 +13,7 @@ from typing import Literal, Protocol
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.medians import median
 from orip.prelim.similarity.adjustment import (
@@ -23,13 +23,17 @@ from orip.prelim.similarity.adjustment import (
     adjust_similarity,
 )
 from orip.prelim.similarity.common_points import CommonPoints
-from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
-from orip.prelim.similarity.start import best_start, start_from_triples
+from orip.prelim.similarity.in_common import CommonPlaces, common_places, in_common
+from orip.prelim.similarity.partial_blocks import transformed
+from orip.prelim.similarity.start import start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted
 
 Step = Literal["bridge", "connect", "absolute"]
+
+POINTS_WITHOUT_PHOTO = 3
+"""Common points that are needed where no photo is common."""
 
 _AGREEMENT = 0.05
 """Median residual, as a part of the extent of the points, above which two systems are not of the same object:
@@ -98,31 +102,28 @@ class _Joint:
 
     def __init__(self, source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> None:
         self.source, self.target, self.names, self.step = source, target, names, step
-        self.at_source, self.at_target = _common_points(source.points, target.points)
-        self.photo_source, self.photo_target = np.nonzero(source.photos[:, None] == target.photos)
-        self.point_count, self.photo_count = len(self.at_source), len(self.photo_source)
+        self.found = in_common(source, target)
+        self.point_count, self.photo_count = self.found.points, self.found.photos
 
     @cached_property
     def points(self) -> list[str]:
         """The names of the common points."""
-        return [self.names.points[k] for k in self.source.points[self.at_source].tolist()]
+        return [self.names.points[k] for k in self.source.points[self.found.at_source].tolist()]
 
     @cached_property
     def photos(self) -> list[str]:
         """The names of the common photos."""
-        return [self.names.photos[k] for k in self.source.photos[self.photo_source].tolist()]
+        return [self.names.photos[k] for k in self.source.photos[self.found.photo_source].tolist()]
 
     @cached_property
+    def places(self) -> CommonPlaces:
+        """The common points and projection centres, and the start that the common photos give."""
+        return common_places(self.source, self.target, self.found)
+
+    @property
     def common(self) -> CommonPoints:
         """The common points, and below them the projection centres."""
-        source, target, centres = self.source, self.target, self.photo_count
-        return CommonPoints(
-            np.concatenate([source.coordinates[self.at_source], source.centres[self.photo_source]]),
-            np.concatenate([target.coordinates[self.at_target], target.centres[self.photo_target]]),
-            _with_centres(steady_deviations(source)[self.at_source], centres),
-            _with_centres(steady_deviations(target)[self.at_target], centres),
-            np.arange(self.point_count + centres) >= self.point_count,
-        )
+        return self.places.places
 
     def joined(self) -> Joined | NotOriented:
         missing = self._missing()
@@ -130,15 +131,12 @@ class _Joint:
             return self._failed(missing)
         remarks: list[str] = []
         try:
-            found = (
-                self._by_photos(remarks)
-                if self.photo_count
-                else adjust_similarity(self.common, start_from_triples(self.common))
-            )
+            start = self.places.start
+            found = self._by_triples() if start is None else self._by_photos(start, remarks)
             reason = self._disagreement(found)
-            if reason and self.photo_count and self.point_count >= 3:
+            if reason and self.photo_count and self.point_count >= POINTS_WITHOUT_PHOTO:
                 remarks.append("the rotations of the common photo do not agree; joined by the points")
-                found = adjust_similarity(self.common, start_from_triples(self.common))
+                found = self._by_triples()
                 reason = self._disagreement(found)
         except ValueError as error:
             return self._failed(f"{error}; {self._shared()}")
@@ -153,17 +151,20 @@ class _Joint:
             return (
                 f"photo {self.photos[0]} is common, but no point is: the scale is not determined; measure common points"
             )
-        if not photos and points < 3:
-            return f"{counted(points, 'common point')} and no common photo, 3 points are needed; measure more of them"
+        if not photos and points < POINTS_WITHOUT_PHOTO:
+            needed = f"no common photo, {POINTS_WITHOUT_PHOTO} points are needed"
+            return f"{counted(points, 'common point')} and {needed}; measure more of them"
         return ""
 
     def _shared(self) -> str:
         photos = f" and photo {', '.join(self.photos)}" if self.photo_count else ""
         return f"in common: {counted(self.point_count, 'point')}{photos}"
 
-    def _by_photos(self, remarks: list[str]) -> SimilarityAdjustment:
+    def _by_triples(self) -> SimilarityAdjustment:
+        return adjust_similarity(self.common, start_from_triples(self.common))
+
+    def _by_photos(self, start: Similarity, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
-        start = best_start(self.common, [self._start(k) for k in range(self.photo_count)])
         if len(self.common.source) >= 4:
             try:
                 return adjust_similarity(self.common, start, ALL_UNKNOWNS)
@@ -174,21 +175,10 @@ class _Joint:
         )
         return adjust_similarity(self.common, start, NO_ROTATION)
 
-    def _start(self, photo: int) -> Similarity:
-        """Return the similarity that one common photo gives: only its scale comes from the points."""
-        at_source, at_target = self.photo_source[photo], self.photo_target[photo]
-        rotation = self.target.rotations[at_target] @ self.source.rotations[at_source].T
-        own, other = self.source.centres[at_source], self.target.centres[at_target]
-        lengths = np.linalg.norm(self.common.source - own, axis=1)
-        images = np.linalg.norm(self.common.target - other, axis=1)
-        far = lengths > 1e-9 * lengths.max()
-        scale = median(images[far] / lengths[far]) if far.any() else 1.0
-        return Similarity(scale, rotation, other - scale * (rotation @ own))
-
     def _disagreement(self, found: SimilarityAdjustment) -> str:
         """Return why the common points cannot be those of the same object; empty if they can."""
-        extent = self.common.extent
         typical = median(found.lengths[: self.point_count]) if self.point_count else 0.0
+        extent = self.places.extent
         if typical <= _LARGE * extent:
             return ""
         if typical > _AGREEMENT * extent:
@@ -211,7 +201,7 @@ class _Joint:
         off = np.flatnonzero(~own.fits)
         if len(off):
             deviations = block.deviations.copy()
-            rows = self.at_source[off]
+            rows = self.found.at_source[off]
             deviations[rows] = np.maximum(deviations[rows], np.abs(own.residuals[off]))
             block = replace(block, deviations=deviations)
         step = similarity_step(
@@ -227,19 +217,6 @@ class _Joint:
 
     def _failed(self, reason: str) -> NotOriented:
         return NotOriented(self.source.name, self.target.name, reason)
-
-
-def _common_points(source: IntArray, target: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the places in both of the indices that occur in both; both ascend."""
-    place = target.searchsorted(source)
-    at_source = np.flatnonzero(place < target.searchsorted(source, side="right"))
-    return at_source, place[at_source]
-
-
-def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
-    """Return deviations of points and, below them, of projection centres, which get the median of the points."""
-    middle = median(deviations) if deviations.size else 0.0
-    return np.concatenate([deviations, np.full((centres, 3), middle)])
 
 
 def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:

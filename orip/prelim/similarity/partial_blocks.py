@@ -12,7 +12,7 @@ from orip.prelim.medians import median, medians
 from orip.records.results.preliminary import PartialBlock
 from orip.structs import replace
 
-_STEADY = 0.3
+STEADY = 0.3
 """Least deviation, as a part of the median: the spread of two determinations that agree by chance is no precision."""
 
 
@@ -86,8 +86,8 @@ def steady_deviations(block: PartialBlock) -> FloatArray:
     """
     known = np.isfinite(block.deviations)
     if known.all() and known.size:
-        return np.maximum(block.deviations, _STEADY * medians(block.deviations))
+        return np.maximum(block.deviations, STEADY * medians(block.deviations))
     middle = np.array(
         [median(column[has]) if has.any() else 0.0 for column, has in zip(block.deviations.T, known.T, strict=True)]
     )
-    return np.maximum(np.where(known, block.deviations, middle), _STEADY * middle)
+    return np.maximum(np.where(known, block.deviations, middle), STEADY * middle)

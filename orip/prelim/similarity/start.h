@@ -101,32 +101,44 @@ static void squares_of(const Judges *j, const At *s, double least, double *squar
     }
 }
 
-/* Fit triples and leave the start with the least truncated sum of squares in `best`; returns the least d²/s² that
- * `rank` points stay below at one of them, negative where all triples lie on lines. `space` has room for
- * two numbers for each point, all squares and all starts.
+/* How starts are judged: by the truncated sum of squares, in units in which `rank` points of the best start stay below
+ * the median of chi square.
  */
-static double best_triple(const Judges *j, const int64_t *triples, int64_t number, int64_t rank, double least,
-                          double median_of_chi2, double limit, double *space, At *best)
+typedef struct {
+    int64_t rank;
+    double least, median_of_chi2, limit;
+} Judgement;
+
+/* Leave the best of several starts in `best`; returns the least d²/s² that `rank` points stay below at one of them,
+ * negative where there is none. `space` has room for two numbers for each point, and for all squares.
+ */
+static double best_of_starts(const Judges *j, const Judgement *by, const At *starts, int64_t number, double *space,
+                             At *best)
 {
     double *scratch = space, *squares = space + 2 * j->count, most = INFINITY, cheapest = INFINITY;
-    At *starts = (At *)(squares + number * j->count);
-    int64_t found = 0;
     for (int64_t k = 0; k < number; k++) {
-        double *square = squares + found * j->count;
-        if (!fit_triangle(j->source, j->target, triples + 3 * k, starts + found))
-            continue;
-        squares_of(j, starts + found, least, square, scratch);
-        memcpy(scratch, square, (size_t)j->count * sizeof(double));
-        most = smaller(most, select_smallest(scratch, j->count, rank - 1));
-        found++;
+        squares_of(j, starts + k, by->least, squares + k * j->count, scratch);
+        memcpy(scratch, squares + k * j->count, (size_t)j->count * sizeof(double));
+        most = smaller(most, select_smallest(scratch, j->count, by->rank - 1));
     }
-    const double factor = larger(1.0, most / median_of_chi2);
-    for (int64_t k = 0; k < found; k++) {
+    const double factor = larger(1.0, most / by->median_of_chi2);
+    for (int64_t k = 0; k < number; k++) {
         double cost = 0.0;
         for (int64_t point = 0; point < j->count; point++)
-            cost += smaller(squares[k * j->count + point] / factor, limit);
+            cost += smaller(squares[k * j->count + point] / factor, by->limit);
         if (cost < cheapest)
             cheapest = cost, *best = starts[k];
     }
-    return found ? most : -1.0;
+    return number ? most : -1.0;
+}
+
+/* Fit triples and leave the best start in `best`, as above; `space` has room for all starts, too. */
+static double best_triple(const Judges *j, const Judgement *by, const int64_t *triples, int64_t number, double *space,
+                          At *best)
+{
+    At *starts = (At *)(space + (2 + number) * j->count);
+    int64_t found = 0;
+    for (int64_t k = 0; k < number; k++)
+        found += fit_triangle(j->source, j->target, triples + 3 * k, starts + found);
+    return best_of_starts(j, by, starts, found, space, best);
 }

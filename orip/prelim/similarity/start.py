@@ -17,10 +17,10 @@ TRIPLES = 40, 500
 """Numbers of triples: tried first, and tried if none of those fits; the second is all triples of up to 15 points. With
 half of the points wrong one triple in eight is good; 500 practically never miss it."""
 
-_FITTING = 9.0
+FITTING = 9.0
 """d²/s² below which most points stay at a start that fits."""
 
-_MEDIAN_OF_CHI2 = 2.37
+MEDIAN_OF_CHI2 = 2.37
 """Median of the square sum of three standard normal residuals."""
 
 
@@ -47,7 +47,7 @@ def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> 
     best_of = _compiled_best_of if is_compiled() else _best_of
     for number in tried:
         found = best_of(common, full[subsets(len(full), 3, number)])
-        if found is not None and (found.most <= _FITTING or number == tried[-1]):
+        if found is not None and (found.most <= FITTING or number == tried[-1]):
             return found.start
     message = "the common points lie on one line"
     raise ValueError(message)
@@ -73,12 +73,12 @@ def _compiled_best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
     """Do what `_best_of` does in the compiled loop."""
     start = np.empty(13)
     most = kernels.best_triple(
-        *common.arrays, triples, start, _most_points(len(common.source)), LEAST_ERROR, _MEDIAN_OF_CHI2, _FITTING
+        *common.arrays, triples, start, most_points(len(common.source)), LEAST_ERROR, MEDIAN_OF_CHI2, FITTING
     )
     return _Best(Similarity(float(start[0]), start[1:10].reshape(3, 3), start[10:]), most) if most >= 0.0 else None
 
 
-def _most_points(count: int) -> int:
+def most_points(count: int) -> int:
     """Return how many points make most of them.
 
     Least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm.
@@ -101,10 +101,10 @@ def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
 def _compared(common: CommonPoints, starts: Similarities) -> tuple[FloatArray, float]:
     """Return the truncated costs (s,) of starts, and the least d²/s² that most points stay below at one of them."""
     squares = _squares(common, starts)
-    rank = _most_points(squares.shape[1])
+    rank = most_points(squares.shape[1])
     most = float(np.partition(squares, rank - 1, axis=1)[:, rank - 1].min())
-    factor = max(1.0, most / _MEDIAN_OF_CHI2)
-    return np.asarray(np.minimum(squares / factor, _FITTING).sum(axis=1)), most
+    factor = max(1.0, most / MEDIAN_OF_CHI2)
+    return np.asarray(np.minimum(squares / factor, FITTING).sum(axis=1)), most
 
 
 def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:

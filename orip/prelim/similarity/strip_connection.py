@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from orip.prelim.similarity.bridging import JoinedSystems
-from orip.prelim.similarity.joining import Joined, Names, join
+from orip.prelim.similarity.joining import POINTS_WITHOUT_PHOTO, Joined, Names, join
 from orip.prelim.similarity.partial_blocks import assembled
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 
@@ -38,25 +40,52 @@ def connect_strips(strips: Sequence[PartialBlock], names: Names) -> JoinedSystem
         members = [waiting.pop(0)]
         failed = _connect_all(members, waiting, steps, names)
         systems.append(assembled(members))
-        failures.extend(failed[:1])
+        failures.extend(failed)
     return JoinedSystems(tuple(systems), tuple(steps), tuple(failures))
 
 
 def _connect_all(
     members: list[PartialBlock], waiting: list[PartialBlock], steps: list[SimilarityStep], names: Names
 ) -> list[NotOriented]:
-    """Move strips from the waiting ones to the members of a block; return why the remaining ones do not connect."""
-    while True:
-        failed: list[NotOriented] = []
-        before, block = len(waiting), assembled(members)
-        for strip in tuple(waiting):
-            found = connect(strip, block, names)
-            if isinstance(found, Joined):
-                members.append(found.block)
-                block = assembled(members)
-                steps.append(found.step)
-                waiting.remove(strip)
-            else:
-                failed.append(found)
-        if not waiting or len(waiting) == before:
-            return failed
+    """Move strips from the waiting ones to the members of a block; return why the first of the others does not connect.
+
+    They are tried in turn, until all that wait have been tried with the same block.
+    """
+    block, seen = members[0], _Seen(names)
+    seen.add(block)
+    failed: list[NotOriented] = []
+    turn = failures = 0
+    while failures < len(waiting):
+        turn %= len(waiting)
+        strip = waiting[turn]
+        if turn > 0 and not seen.can_join(strip):
+            turn, failures = turn + 1, failures + 1
+            continue
+        found = connect(strip, block, names)
+        if isinstance(found, Joined):
+            members.append(found.block)
+            block = assembled(members)
+            seen.add(strip)
+            steps.append(found.step)
+            del waiting[turn]
+            failures = 0
+        else:
+            failed = [found] if turn == 0 else failed
+            turn, failures = turn + 1, failures + 1
+    return failed if waiting else []
+
+
+class _Seen:
+    """The points and photos of a block, by which most strips of a large one are known not to touch it."""
+
+    def __init__(self, names: Names) -> None:
+        self._points = np.zeros(len(names.points), dtype=bool)
+        self._photos = np.zeros(len(names.photos), dtype=bool)
+
+    def add(self, strip: PartialBlock) -> None:
+        self._points[strip.points] = self._photos[strip.photos] = True
+
+    def can_join(self, strip: PartialBlock) -> bool:
+        """Tell whether a strip has points or photos enough in common with the block."""
+        points = int(np.count_nonzero(self._points[strip.points]))
+        return points >= POINTS_WITHOUT_PHOTO or bool(self._photos[strip.photos].any())

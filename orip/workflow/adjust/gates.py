@@ -9,10 +9,12 @@ from collections.abc import Iterable, Sequence
 from orip.bundle.results.figures import figure
 from orip.errors import Complaint, UsageError
 from orip.files.project.toml_lines import TomlLines
-from orip.files.text.gate import parse_gate
+from orip.files.text.gate import GATE_FORM, parse_gate
 from orip.files.text.lines import read_lines
+from orip.files.text.shown import shown_token
 from orip.records.results.gate import GATE_FIGURES, Gate, GateResult
 from orip.records.results.solution import Solution
+from orip.wording import joined
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints
 
@@ -48,13 +50,19 @@ def gates_from(expressions: Iterable[str]) -> tuple[Gate, ...]:
     Raises
     ------
     UsageError
-        If one is malformed.
+        With all that are malformed.
     """
-    try:
-        return tuple(map(parse_gate, expressions))
-    except ValueError as error:
-        message = f"{error}; the shell needs the quotes"
-        raise UsageError(message) from None
+    gates, malformed = [], []
+    for text in expressions:
+        try:
+            gates.append(parse_gate(text))
+        except ValueError:
+            malformed.append(f"'{shown_token(text)}'")
+    if malformed:
+        what = "is not a gate" if len(malformed) == 1 else "are not gates"
+        message = f"{joined(malformed)} {what}; write {GATE_FORM}; the shell needs the quotes"
+        raise UsageError(message)
+    return tuple(gates)
 
 
 def check_solution(solution: Solution, gates: Iterable[Gate | str]) -> tuple[GateResult, ...]:

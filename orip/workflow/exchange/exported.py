@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.exchange.format import Format
-from orip.exchange.formats import FORMATS, format_named
+from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.files.text.new_folder import write_new_folder
@@ -79,7 +79,8 @@ def export(
     """
     folder = bundle.project.folder
     imported = read_original(folder)
-    found = format_named(_named(format_name, None if imported is None else imported.format))
+    name = _named(format_name, None if imported is None else imported.format)
+    found = format_named(name, FORMATS_WRITTEN)
     if found.write is None or found.conventions is None:
         message = f"the format '{found.name}' is read, not written; 'orip export --list' shows those that are written"
         raise UsageError(message)
@@ -135,6 +136,6 @@ def _named(name: str | None, imported: str | None) -> str:
         return name
     if imported is not None:
         return imported
-    written = ", ".join(one.name for one in FORMATS if one.write is not None)
+    written = ", ".join(one.name for one in FORMATS_WRITTEN)
     message = f"name the format: 'orip export FORMAT', one of {written}"
     raise UsageError(message)

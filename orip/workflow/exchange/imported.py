@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
-from orip.exchange.formats import FORMATS, format_named, guessed_format
+from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.toml_text import toml_table
@@ -66,7 +66,7 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
     InputError
         With everything that is wrong in the files, or if poses, points and measurements do not fit one another.
     """
-    found = guessed_format(source) if format_name is None else format_named(format_name)
+    found = guessed_format(source) if format_name is None else format_named(format_name, FORMATS_READ)
     if found.read is None:
         message = f"the format '{found.name}' is written, not read; 'orip import --list' shows those that are read"
         raise UsageError(message)

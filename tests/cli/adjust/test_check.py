@@ -79,6 +79,7 @@ def test_a_malformed_expression_is_wrong_usage(project: Path) -> None:
     assert said.code == 2
     assert "error: 'sigma0=1' is not a gate; write name operator number, for example 'sigma0<=1.5'" in said.err
     assert said.out == ""
+    assert "error: 'rms' and 'enp<<3' are not gates; write name" in orip(project, "check", "rms", "enp>1", "enp<<3").err
     assert orip(project, "check", "sigma0", "--json").document["exit_code"] == 2
 
 

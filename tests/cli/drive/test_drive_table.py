@@ -132,7 +132,7 @@ def test_a_photo_that_was_not_adjusted_takes_its_models_out(folder):
     run(folder)
     said = orip(folder, "drive", "table")
     assert said.code == 0
-    assert "model M2: is not in the drive table: photo third is not in the solution" in said.err
+    assert "model M2 is not in the drive table: photo third is not in the solution" in said.err
     assert "1 model" in said.err
 
 

@@ -150,7 +150,7 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f"{PROJECT}measurement_files = \"*.MEA\"\n", 3, "a list in brackets is required"),
         (f'{PROJECT}project_files = "a/b"\n', 3, "project_files 'a/b' has /, which file names cannot have"),
         (f'{PROJECT}temtick_file = "CAMERAS.CAM"\n', 3, "does not end in .TIK, as this store does"),
-        ('[project]\nname = "MY BLOCK"\ncontrol_files = "C"\n', 2, 'for example project_files = "MY_BLOCK"'),
+        ('[project]\nname = "MY BLOCK"\ncontrol_files = "C"\n', 2, 'or set project_files to "MY_BLOCK"'),
         (f"{PROJECT}[cameras]\n", 3, "the project has the unknown key 'cameras'; did you mean 'camera'?"),
         (f'{PROJECT}[camera]\nname = "O"\nc = 1\n', 3, "write each as [[camera]]"),
         ('project = 3\n', 1, "[project] is 3, but a table is required"),

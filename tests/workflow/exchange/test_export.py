@@ -113,7 +113,7 @@ def test_what_cannot_be_exported(adjusted: Path, tmp_path: Path) -> None:
     assert orip(tmp_path / "fresh", "run", "--no-report").code == 0
     for words, message in (
         (["pix4d"], "the format 'pix4d' is read, not written"),
-        (["nothing"], "there is no format 'nothing'"),
+        (["nothing"], "there is no format 'nothing'; known are: colmap, opensfm, metashape, blocks, micmac, bundler"),
         (["colmap", "."], "has something in it already"),
     ):
         said = orip(tmp_path / "fresh", "export", *words)

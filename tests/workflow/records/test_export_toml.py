@@ -202,7 +202,7 @@ def test_to_stdout_to_a_file_and_in_json(project: Path) -> None:
     assert "kept     the old text as other.toml.bak" in said.err
     said = orip(project, "export-toml", "-o", "nowhere/other.toml")
     assert said.code == 1
-    assert "nowhere/other.toml cannot be written: No such file or directory; the file is unchanged" in said.err
+    assert "nowhere/other.toml cannot be written: there is no such folder; the file is unchanged" in said.err
 
 
 def test_before_init_there_is_nothing_to_export(tmp_path: Path) -> None:
