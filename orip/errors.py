@@ -69,11 +69,13 @@ class ProjectWarning(Struct, frozen=True):
     text: str
 
     def __str__(self) -> str:
-        """Return ``where: text``, or ``where is ...`` if the text goes on as a sentence about it."""
-        if not self.where:
-            return self.text
-        goes_on = self.text.startswith(("is ", "are "))
-        return f"{self.where} {self.text}" if goes_on else f"{self.where}: {self.text}"
+        """Return ``where: text``, or ``where is ...``; the text alone, if it concerns nothing in particular."""
+        return f"{self.where}{self.joint}{self.text}" if self.where else self.text
+
+    @property
+    def joint(self) -> str:
+        """Return what stands between `where` and `text`: a blank, if the text is a sentence about it, else a colon."""
+        return " " if self.text.startswith(("is ", "are ")) else ": "
 
 
 def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:

@@ -86,7 +86,7 @@ def preliminary_values(block: Block) -> PreliminaryValues:
 def preliminary_values_from_all_rays(block: Block) -> PreliminaryValues:
     """Find the same without comparing rays: for a block that differs from one whose rays were compared in little."""
     measured = measured_block(block)
-    return _values(_ended(_searches(measured, _routes(measured))))
+    return _values(_search_by_level_photos(measured) or _ended(_searches(measured, _routes(measured))))
 
 
 def preliminary_values_soon(block: Block) -> PreliminaryValues:
@@ -112,6 +112,7 @@ class _Search(NamedTuple):
     is_enough : bool
     tried : int
         Number of routes.
+    is_weakly_joined : bool
     """
 
     measured: MeasuredBlock
@@ -120,6 +121,7 @@ class _Search(NamedTuple):
     by_models: Route | None
     is_enough: bool
     tried: int
+    is_weakly_joined: bool = False
 
 
 class _End(NamedTuple):
@@ -135,7 +137,7 @@ class _End(NamedTuple):
 
 
 def _values(found: _Search) -> PreliminaryValues:
-    at_once = found.is_enough and found.tried == 1 and not _hangs_together_weakly(found.measured)
+    at_once = found.is_enough and found.tried == 1 and not found.is_weakly_joined
     return found_values(found.measured, found.best, found.lengths, found.by_models, name_weak_connections=not at_once)
 
 
@@ -144,11 +146,9 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
 
     Where many rays of a few pairs miss each other, that is looked at before the first route that grows.
     """
+    if (together := _search_by_level_photos(measured)) is not None:
+        return together
     searches = _searches(measured, _routes(measured))
-    if _hangs_together_weakly(measured):
-        first = next(searches)
-        if first.is_enough:
-            return first
     if not has_many_misses(measured):
         first = next(searches)
         if first.is_enough:
@@ -158,6 +158,15 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
         return _ended(searches)
     confirmed = confirmed_by_parts(confirmed)
     return _ended(_searches(confirmed, _routes(confirmed)))
+
+
+def _search_by_level_photos(measured: MeasuredBlock) -> _Search | None:
+    """Place the photos of a weakly joined block together; None where another block is, or where they do not fit."""
+    if not _hangs_together_weakly(measured):
+        return None
+    route = by_level_photos(measured.grower(measured.full_control()), measured.known_control())
+    found = _ended(_searches(measured, iter([[route]])))
+    return found._replace(is_weakly_joined=True) if found.is_enough else None
 
 
 def _ended(searches: Iterator[_Search]) -> _Search:
@@ -201,8 +210,6 @@ def _routes(measured: MeasuredBlock) -> Iterator[Sequence[Route]]:
     """
     free, with_control = measured.grower(), measured.grower(measured.full_control())
     together = _may_be_placed_together(measured)
-    if _hangs_together_weakly(measured):
-        yield [by_level_photos(with_control, measured.known_control())]
     yield from _first_routes(measured, free, with_control)
     start = by_pairs(free, 0)
     falls_apart = together and not any(system.oriented.all() for system in start.systems)

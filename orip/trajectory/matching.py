@@ -84,13 +84,6 @@ def match_at_offset(photo_time: FloatArray, event_time: FloatArray, offset: floa
     return Match(event, offset, rms)
 
 
-def match_by_same_clock(photo_time: FloatArray, event_time: FloatArray, tolerance: float) -> Match:
-    """Match photos with events of the same clock."""
-    event, difference = _nearest(photo_time, event_time, np.argsort(event_time), tolerance)
-    remaining = difference[event != NO_EVENT]
-    return Match(event, 0.0, float(np.sqrt(np.mean(remaining**2))) if len(remaining) else np.inf)
-
-
 def _count(match: Match) -> int:
     return int(np.count_nonzero(match.event != NO_EVENT))
 

@@ -9,7 +9,7 @@ TEXT = "is seen by one ray, without preliminary coordinates: the distance from t
 
 def test_84_points_with_one_ray_are_one_line() -> None:
     (line,) = by_kind(ProjectWarning("one-ray", f"point {number}", TEXT) for number in range(1, 85))
-    assert str(line).startswith("points 1, 2, 3 and 81 more: are seen by one ray, without ")
+    assert str(line).startswith("points 1, 2, 3 and 81 more are seen by one ray, without ")
 
 
 def test_single_warnings_and_their_order_stay() -> None:
@@ -27,3 +27,9 @@ def test_many_different_ones_of_a_code_are_shortened() -> None:
     assert shown[:3] == given[:3]
     assert len(shown) == 4
     assert "37 more warnings of the kind 'left-out'" in shown[3].text
+
+
+def test_a_text_that_is_a_sentence_about_its_place_follows_without_a_colon() -> None:
+    assert str(ProjectWarning("a", "point 7", "is seen by one ray")) == "point 7 is seen by one ray"
+    assert str(ProjectWarning("a", "photo 7", "no fiducial marks")) == "photo 7: no fiducial marks"
+    assert str(ProjectWarning("a", "", "no control")) == "no control"

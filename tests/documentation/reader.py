@@ -45,7 +45,7 @@ class Reader:
 
     def do(self, step: Step) -> str:
         """Write the file of a step, or run its command or statement; return what it printed."""
-        self.printed = self._do(step).replace(self._port, PORT)
+        self.printed = self._do(step).replace(f":{self._port}", f":{PORT}")  # the digits alone may be those of a figure
         return self.printed
 
     def _do(self, step: Step) -> str:

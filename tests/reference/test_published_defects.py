@@ -163,7 +163,7 @@ def test_one_coordinate_of_a_point_with_one_ray_is_named(preliminary: bool, tmp_
     said = orip(block.write(tmp_path / "block"), "run")
     assert said.code == 0
     assert f"of point {point} cannot be determined" in said.err
-    assert (f"point {point}: is seen by one ray" in said.err) is not preliminary
+    assert (f"point {point} is seen by one ray" in said.err) is not preliminary
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "converged"
     (singular,) = result["singular"]

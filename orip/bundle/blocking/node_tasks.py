@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.dissection.fronts import adjusted_front, triangle_of
@@ -148,8 +147,3 @@ def precision(
 def _coupling(source: SubBlockSource, coupling: NodeCoupling) -> StreamedCoupling:
     loop = source.loop()
     return StreamedCoupling(loop, *coupling, loop.points.unknowns.layout.reduced)
-
-
-def nothing_else(front: int, points: int) -> Contributions:
-    """Return the contributions of no observations."""
-    return Contributions(csr_array((front, front)), np.zeros(front), np.zeros((points, 3, 3)), np.zeros(3 * points))

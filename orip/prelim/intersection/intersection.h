@@ -23,19 +23,15 @@ static void inverse3(const double *N, double *inverse)
 
 static void meet(const Rays *rays, const double *weights, double *point, double *inverse)
 {
-    double N[9] = {0.0}, right[3] = {0.0};
+    double xx = 0.0, xy = 0.0, xz = 0.0, yy = 0.0, yz = 0.0, zz = 0.0, x = 0.0, y = 0.0, z = 0.0;
     for (int64_t row = 0; row < rays->count; row++) {
         const double *d = rays->directions + 3 * row, *o = rays->origins + 3 * row, w = weights[row];
-        for (int i = 0; i < 3; i++) {
-            double sum = 0.0;
-            for (int j = 0; j < 3; j++) {
-                const double projector = w * ((i == j) - d[i] * d[j]);
-                N[3 * i + j] += projector;
-                sum += projector * o[j];
-            }
-            right[i] += sum;
-        }
+        const double wd[3] = {w * d[0], w * d[1], w * d[2]}, along = dot3(d, o);
+        xx += w - wd[0] * d[0], yy += w - wd[1] * d[1], zz += w - wd[2] * d[2];
+        xy -= wd[0] * d[1], xz -= wd[0] * d[2], yz -= wd[1] * d[2];
+        x += w * o[0] - wd[0] * along, y += w * o[1] - wd[1] * along, z += w * o[2] - wd[2] * along;
     }
+    const double N[9] = {xx, xy, xz, xy, yy, yz, xz, yz, zz}, right[3] = {x, y, z};
     inverse3(N, inverse);
     for (int i = 0; i < 3; i++)
         point[i] = dot3(inverse + 3 * i, right);
@@ -52,11 +48,9 @@ static void ahead(const Rays *rays, int64_t row, const double *point, double *al
 
 static double angular_weight(const Rays *rays, int64_t row, const double *point)
 {
-    double along, across;
-    ahead(rays, row, point, &along, &across);
-    const double distance = hypot(along, across);
-    const double error = rays->error[row] * (isfinite(distance) && distance > 0.0 ? distance : 1.0);
-    return 1.0 / (error * error);
+    const double *o = rays->origins + 3 * row, offset[3] = {point[0] - o[0], point[1] - o[1], point[2] - o[2]};
+    const double square = dot3(offset, offset), error = rays->error[row];
+    return 1.0 / (error * error * (isfinite(square) && square > 0.0 ? square : 1.0));
 }
 
 static double residual_at(const Rays *rays, int64_t row, const double *point)
