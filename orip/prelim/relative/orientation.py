@@ -206,9 +206,12 @@ def _exchanged(solution: PairSolution, pairs: Pairs, unit_weight: float) -> list
     wrong = np.flatnonzero(solution.weight_factor < 1.0)
     if len(wrong) < 2:
         return []
-    in_left, in_right = np.meshgrid(wrong, wrong, indexing="ij")
-    mixed = Pairs(pairs.left[in_left.ravel()], pairs.right[in_right.ravel()], pairs.error[in_left.ravel()])
+    in_left, in_right = wrong.repeat(len(wrong)), np.tile(wrong, len(wrong))
+    mixed = Pairs(pairs.left[in_left], pairs.right[in_right], pairs.error[in_left])
     sizes = np.abs(parallaxes(cross_matrix(solution.photos.base) @ solution.photos.rotation, mixed))
-    fits = (sizes < _FITS * unit_weight * mixed.error).reshape(in_left.shape)
-    first, second = np.nonzero(np.triu(fits & fits.T, k=1))
+    fits = (sizes < _FITS * unit_weight * mixed.error).reshape(len(wrong), len(wrong))
+    both = fits & fits.T
+    if not both.any():
+        return []
+    first, second = np.nonzero(np.triu(both, k=1))
     return list(zip(wrong[first].tolist(), wrong[second].tolist(), strict=True))
