@@ -118,7 +118,7 @@ static PyObject *refused(Arguments *a)
     return NULL;
 }
 
-static PyObject *done(Arguments *a)
+static inline PyObject *done(Arguments *a)
 {
     release(a);
     Py_RETURN_NONE;

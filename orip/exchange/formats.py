@@ -209,7 +209,7 @@ FORMATS_READ = tuple(one for one in FORMATS if one.read is not None)
 FORMATS_WRITTEN = tuple(one for one in FORMATS if one.write is not None)
 
 
-def format_named(name: str, known: Sequence[Format]) -> Format:
+def format_named(name: str, known: Sequence[Format] = FORMATS) -> Format:
     """Return the format of a name; case does not count.
 
     Parameters

@@ -122,7 +122,10 @@ class MeasuredBlock(Struct, frozen=True):
 
     def with_rays(self, confirmed: BoolArray, enough: int = _ENOUGH) -> MeasuredBlock:
         """Return the block with those of all its rays (n,) that others confirm; `enough` points of a photo are kept."""
-        return _measured_block(self.block, self.control, self.centres, self.all_rays, confirmed, enough)
+        from_models = self.from_models.of_other_rays()
+        return _measured_block(
+            self.block, self.control, self.centres, self.all_rays, confirmed, enough, from_models=from_models
+        )
 
     def grower(self, held: FloatArray | None = None) -> BlockGrower:
         """Return what a block grows with from these rays; `held` (number of points, 3) are points that do not move."""
@@ -153,6 +156,8 @@ def _measured_block(
     all_rays: ImageRays,
     confirmed: BoolArray,
     enough: int = _ENOUGH,
+    *,
+    from_models: FromModels | None = None,
 ) -> MeasuredBlock:
     known = set(control.names)
     kept = np.array([name in known for name in block.point_names], dtype=bool)
@@ -170,6 +175,7 @@ def _measured_block(
         common_point_counts(rays),
         row_of,
         _control_errors(control, row_of),
+        from_models or FromModels(),
     )
 
 

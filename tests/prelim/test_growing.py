@@ -8,10 +8,12 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
 from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.from_models import FromModels
 from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
 from orip.prelim.growing.misplaced_photos import residual_lengths
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.relative.orientation import OrientedPair
 from orip.prelim.relative.pair_selection import common_point_counts
 from orip.prelim.resection.resection import Resected
 from orip.structs import replace
@@ -178,3 +180,26 @@ def test_control_with_errors_puts_no_photo_in_the_wrong_place(convergent: Synthe
         grown = grower.grow(grower.intersected(first_two(convergent, rays)))
         lengths = residual_lengths(grower.seen(grown), grown)
         assert (np.median(lengths) < 2.0) == fits
+
+
+def test_a_pair_that_has_kept_its_points_is_not_oriented_again(convergent: SyntheticBlock) -> None:
+    rays = image_rays(convergent.block)
+    before = grower_of(rays)
+    first = before.model(0, 1)
+    assert isinstance(first, OrientedPair)
+    # other rays of the block: without those of another photo, and without a point of the pair
+    without_third, without_point = rays.of(rays.photo != 2), rays.of(rays.point != rays.point[first.rows[0][0]])
+    kept, changed = (
+        replace(grower_of(some), from_models=before.from_models.of_other_rays()).model(0, 1)
+        for some in (without_third, without_point)
+    )
+    alone = replace(grower_of(without_point), from_models=FromModels()).model(0, 1)
+    assert isinstance(kept, OrientedPair)
+    assert isinstance(changed, OrientedPair)
+    assert isinstance(alone, OrientedPair)
+    assert kept.solution is first.solution
+    # rows of rays are those of the rays that are left
+    assert (without_third.photo[kept.rows[0]] == 0).all()
+    assert (without_third.point[kept.rows[1]] == rays.point[first.rows[1]]).all()
+    assert changed.solution is not first.solution
+    assert (changed.solution.parallax == alone.solution.parallax).all()

@@ -10,11 +10,12 @@ REPOSITORY = Path(__file__).parents[2]
 
 
 class Extension(NamedTuple):
-    """An extension module: its name, its sources in the repository, and what the compiler is told."""
+    """An extension module: its name, sources and headers in the repository, and what the compiler is told."""
 
     name: str
     sources: tuple[str, ...]
     flags: tuple[str, ...]
+    depends: tuple[str, ...]
 
 
 def declared_extensions() -> list[Extension]:
@@ -22,5 +23,11 @@ def declared_extensions() -> list[Extension]:
     build = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     modules = build["tool"]["setuptools"]["ext-modules"]
     return [
-        Extension(module["name"], tuple(module["sources"]), tuple(module["extra-compile-args"])) for module in modules
+        Extension(
+            module["name"],
+            tuple(module["sources"]),
+            tuple(module["extra-compile-args"]),
+            tuple(module.get("depends", ())),
+        )
+        for module in modules
     ]

@@ -254,10 +254,10 @@ class BlockGrower(Struct, frozen=True, dict=True):
 
         `seen` are the rays with the cameras corrected as estimated in the system.
         """
-        rows = self.index.rows[photo][known[self.index.points[photo]]]
-        points = self.rays.point[rows]
+        is_known = known[self.index.points[photo]]
+        rows, points = self.index.rows[photo][is_known], self.index.points[photo][is_known]
         deviation = np.sqrt((current.deviations[points] ** 2).sum(axis=1) / 3.0)
-        error = float(self.rays.error[rows].mean())
+        error = float(self.rays.error[rows].sum()) / max(len(rows), 1)
         found = resect(
             seen.vectors[rows], current.coordinates[points], deviation, error_mm=error, blunders=self.blunders
         )
@@ -274,7 +274,7 @@ class BlockGrower(Struct, frozen=True, dict=True):
         Where many points may be wrong, most of a few fit by chance.
         """
         fitting: BoolArray = np.asarray(found.weight_factor >= 1.0)
-        part = float(np.mean(fitting))
+        part = int(np.count_nonzero(fitting)) / len(fitting)
         if part >= FITTING and (len(fitting) >= _WELL or self.blunders <= FEW_BLUNDERS):
             return True
         return part >= 1.0 - self.blunders and fits_beyond_chance(xy, found.residuals, fitting)
@@ -363,12 +363,11 @@ class BlockGrower(Struct, frozen=True, dict=True):
 
     def model(self, left: int, right: int) -> OrientedPair | NotOriented:
         """Return the relative orientation of a photo to another one."""
-        models = self.from_models.models
-        if (left, right) not in models:
-            models[left, right] = orient_two_photos(
-                self.rays, left, right, model=self.rays.photos[left], index=self.index
-            )
-        return models[left, right]
+        models, pair, name = self.from_models.models, (left, right), self.rays.photos[left]
+        if pair not in models:
+            earlier = self.from_models.earlier.get(pair)
+            models[pair] = orient_two_photos(self.rays, *pair, model=name, index=self.index, earlier=earlier)
+        return models[pair]
 
     def grown_from(self, model: OrientedPair, how: str, corrections: FloatArray) -> GrowingBlock:
         """Return what grows from a model without control, by which `how` its two photos are oriented.

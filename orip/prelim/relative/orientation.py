@@ -59,9 +59,18 @@ class OrientedPair(Struct, frozen=True):
 
 
 def orient_two_photos(
-    rays: ImageRays, left: int, right: int, *, model: str, index: PhotoIndex
+    rays: ImageRays,
+    left: int,
+    right: int,
+    *,
+    model: str,
+    index: PhotoIndex,
+    earlier: OrientedPair | NotOriented | None = None,
 ) -> OrientedPair | NotOriented:
-    """Orient the right photo to the left one as `orient_pair` does, without what only a listing shows."""
+    """Orient the right photo to the left one as `orient_pair` does, without what only a listing shows.
+
+    An `earlier` model of the two photos has the solution already where it has the same points.
+    """
     rows = index.common_points(left, right)
     names = rays.photos[left], rays.photos[right]
     pairs = Pairs(rays.vectors[rows[0]], rays.vectors[rows[1]], np.hypot(rays.error[rows[0]], rays.error[rows[1]]))
@@ -69,7 +78,8 @@ def orient_two_photos(
     if count < POINTS_NEEDED:
         reason = f"photo {names[0]} and photo {names[1]} share {counted(count, 'point')}, {POINTS_NEEDED} are needed"
         return NotOriented(model, "", reason)
-    solution = solve(pairs)
+    same = earlier if isinstance(earlier, OrientedPair) and pairs.equal(earlier.pairs) else None
+    solution = solve(pairs) if same is None else same.solution
     reason = f"the {count} points that photo {names[0]} and photo {names[1]} share do not determine an orientation"
     if solution is None:
         return NotOriented(model, "", reason)

@@ -35,6 +35,10 @@ class Pairs(NamedTuple):
         """Return some of the points."""
         return Pairs(self.left[rows], self.right[rows], self.error[rows])
 
+    def equal(self, others: Pairs) -> bool:
+        """Tell whether others are the same points, measured and weighted alike."""
+        return all(map(np.array_equal, self, others))
+
 
 class Parallaxes(NamedTuple):
     """Parallaxes of n points and their partials.

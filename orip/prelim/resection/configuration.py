@@ -57,10 +57,10 @@ def image_configuration(xy: FloatArray, frame: tuple[float, float] | None, measu
     -------
     Configuration
     """
-    width, height = frame if frame is not None else np.ptp(measured, axis=0)
+    width, height = frame if frame is not None else measured.max(axis=0) - measured.min(axis=0)
     image = float(width * height)
-    # the polygon of the extreme points, no larger than the hull, is mostly large enough and quicker to compute
-    area = _area(xy[[xy[:, 0].argmin(), xy[:, 1].argmin(), xy[:, 0].argmax(), xy[:, 1].argmax()]])
+    # the quadrilateral of the extreme points, no larger than the hull, is mostly large enough and quicker to compute
+    area = _area_of_extremes(xy)
     if area <= SMALLEST_AREA * image:
         area = hull_area(xy)
     share = area / image if image > 0.0 else 0.0
@@ -80,6 +80,12 @@ def hull_area(xy: FloatArray) -> float:
     """Return the area of the convex hull of points (n, 2), n >= 1."""
     ordered = xy[np.lexsort((xy[:, 1], xy[:, 0]))].tolist()
     return _area(np.array(_chain(ordered) + _chain(ordered[::-1])))
+
+
+def _area_of_extremes(xy: FloatArray) -> float:
+    """Return the area of the quadrilateral of the extreme points, half the product of its diagonals as vectors."""
+    (across_x, across_y), (up_x, up_y) = (xy[xy.argmax(axis=0)] - xy[xy.argmin(axis=0)]).tolist()
+    return 0.5 * abs(float(across_x * up_y - across_y * up_x))
 
 
 def _area(polygon: FloatArray) -> float:

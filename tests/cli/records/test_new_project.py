@@ -83,7 +83,7 @@ def test_on_a_terminal_it_asks_for_what_no_option_says(tmp_path: Path) -> None:
     [
         (["--frame", "wide"], "--frame wide: write columns and rows, such as 5472x3648"),
         (["--c", "0"], "Principal distance (focal length), mm: 0.0 is not a number above 0"),
-        (["--pixel", "nan"], "nan is not a number above 0"),
+        (["--pixel", "nan"], "'nan' is not a number"),
         (["--crs", "EPSG:1"], "EPSG:1"),
         (["--camera", ""], "name"),
     ],
