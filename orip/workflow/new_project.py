@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project
 from orip.files.project.starting_texts import BlockKind, Start, starting_texts
 from orip.files.project.toml_text import toml_table
-from orip.files.text.atomic import replace_text, reporting_failure
+from orip.files.text.atomic import reporting_failure
+from orip.files.text.new_folder import was_left, write_new_folder
 from orip.geometry.ground_crs import geodetic_of
 from orip.workflow.project.folder import PROJECT_FILE
 
@@ -83,19 +85,19 @@ _NEXT: Mapping[BlockKind, str] = {
 
 
 def _write(folder: Path, texts: Mapping[str, str], example: str) -> None:
-    """Write texts of a new project, all or, where one is there already, none."""
+    """Write texts of a new project, all or, where one is there already, none.
+
+    If it is killed while it writes, there is no half project: a new folder appears as a whole, and in an existing one
+    orip.toml is written last. When repeated, it goes on from there.
+    """
     faults = parse_project(texts[PROJECT_FILE]).complaints
     if faults:
         raise InputError([Complaint(fault.message) for fault in faults])
-    there = [name for name in texts if (folder / name).exists() or (folder / name).is_symlink()]
+    ordered = {name: texts[name] for name in sorted(texts, key=PROJECT_FILE.__eq__)}
+    there = [path for path in map(folder.joinpath, ordered) if os.path.lexists(path) and not was_left(path, ordered)]
     if there:
-        message = f"{folder} has the file {there[0]} already: name another folder, '{example}'"
+        message = f"{folder} has the file {there[0].name} already: name another folder, '{example}'"
         raise UsageError(message)
+    ignored = {} if os.path.lexists(folder / IGNORE_FILE) else {IGNORE_FILE: IGNORED}
     with reporting_failure(str(folder / PROJECT_FILE), "name another folder"):
-        folder.mkdir(parents=True, exist_ok=True)
-        ignore = folder / IGNORE_FILE
-        if not (ignore.exists() or ignore.is_symlink()):
-            replace_text(ignore, IGNORED)
-        # orip.toml comes last: with it the folder is a project
-        for name in sorted(texts, key=PROJECT_FILE.__eq__):
-            replace_text(folder / name, texts[name])
+        write_new_folder(folder, {**ignored, **ordered})

@@ -10,8 +10,7 @@ from msgspec import Struct
 from orip.errors import UsageError
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.text.leftovers import remove_leftovers
-from orip.files.text.new_folder import write_new_folder
-from orip.files.text.regular_file import regular_bytes
+from orip.files.text.new_folder import was_left, write_new_folder
 from orip.workflow.project.folder import PROJECT_FILE
 
 SAMPLES: Mapping[str, str] = {
@@ -86,7 +85,7 @@ def _is_given(name: str) -> bool:
 def _require_room(folder: Path, texts: Mapping[str, str]) -> None:
     if folder.is_dir():
         remove_leftovers(folder)
-        found = sorted(path.name for path in folder.iterdir() if not _was_left(path, texts))
+        found = sorted(path.name for path in folder.iterdir() if not was_left(path, texts))
         if not found:
             return
         what = f"has something in it already ({found[0]}{', …' if len(found) > 1 else ''})"
@@ -96,13 +95,3 @@ def _require_room(folder: Path, texts: Mapping[str, str]) -> None:
         return
     message = f"{folder} {what}; a sample is written into a new or empty folder: name another one"
     raise UsageError(message)
-
-
-def _was_left(path: Path, texts: Mapping[str, str]) -> bool:
-    """Tell whether a killed run has written this file: one of the texts, except orip.toml, which is written last."""
-    if path.name == PROJECT_FILE or path.name not in texts:
-        return False
-    try:
-        return regular_bytes(path) == texts[path.name].encode("utf-8")
-    except OSError:
-        return False

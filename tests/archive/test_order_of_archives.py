@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -56,6 +57,14 @@ def test_projects_are_found_below_folders_but_not_among_results(tmp_path: Path) 
     assert [project.name for project in found] == ["deep", "deep/er/two", "one"]
     assert found[0].stores == ()
     assert "camera_file" not in text or found[2].stores[0] == str(tmp_path / "C.CAM")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes in folders")
+@pytest.mark.timeout(20)
+def test_nothing_waits_for_a_pipe_with_the_name_of_a_project(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "orip.toml")
+    _, found = find_projects([tmp_path], tmp_path / "results")
+    assert [project.stores for project in found] == [()]
 
 
 def test_several_folders_are_named_from_what_they_share(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from orip.errors import InputError
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION
+from orip.files.text.regular_file import kind_of_no_file
 
 OLDER_STORES = "older-stores"
 """The folder, beside the stores, into which they are moved."""
@@ -18,7 +19,8 @@ _VERSION, _APPLICATION, _END = 60, 68, 72
 
 def is_older_store(path: Path) -> bool:
     """Return whether a file is a store of orip with an earlier schema."""
-    if not path.is_file():
+    # a file of the running system may keep its reader waiting
+    if not path.is_file() or kind_of_no_file(path.stat()) is not None:
         return False
     with path.open("rb") as file:
         header = file.read(_END)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from orip.files.text.atomic import replace_bytes, replace_text
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
-from orip.files.text.regular_file import file_of
+from orip.files.text.regular_file import file_of, regular_bytes
 
 
 def write_new_folder(folder: Path, texts: Mapping[str, str | bytes]) -> None:
-    """Write files into a folder that does not exist yet, or is empty.
+    """Write files into a folder that does not exist yet, or has none of them.
 
     A new folder is made under a temporary name beside its place, and only then takes its own: killed at any instant,
     there is no folder or a whole one. An empty folder that exists stays the same folder (somebody may be working in
@@ -46,6 +46,18 @@ def write_new_folder(folder: Path, texts: Mapping[str, str | bytes]) -> None:
     except BaseException:  # an interrupt must not leave the temporary folder behind either
         shutil.rmtree(temporary, ignore_errors=True)
         raise
+
+
+def was_left(path: Path, texts: Mapping[str, str | bytes]) -> bool:
+    """Tell whether a killed run has written this file into a folder: one of the texts, except the last."""
+    *first, _ = texts
+    if path.name not in first:
+        return False
+    text = texts[path.name]
+    try:
+        return regular_bytes(path) == (text if isinstance(text, bytes) else text.encode("utf-8"))
+    except OSError:
+        return False
 
 
 def _fill(folder: Path, texts: Mapping[str, str | bytes]) -> None:

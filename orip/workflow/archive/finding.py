@@ -10,6 +10,7 @@ from pathlib import Path
 from orip.archive.order import ArchiveProject
 from orip.errors import UsageError
 from orip.files.project.tables import ProjectTable
+from orip.files.text.regular_file import regular_bytes
 from orip.workflow.project.folder import PROJECT_FILE
 
 _STORE_KEYS = ("camera_file", "temtick_file")
@@ -55,7 +56,7 @@ def _name(folder: Path, base: Path) -> str:
 def _stores(folder: Path) -> tuple[str, ...]:
     """Return the stores of cameras and tick marks of a project; none where orip.toml cannot be read."""
     try:
-        table = tomllib.loads((folder / PROJECT_FILE).read_text(encoding="utf-8")).get("project")
+        table = tomllib.loads(regular_bytes(folder / PROJECT_FILE).decode("utf-8")).get("project")
     except (OSError, ValueError):
         return ()
     given = table if isinstance(table, dict) else {}
