@@ -13,11 +13,12 @@
 #include "../refinement/robust_iterations.h"
 #include "../relative/common_counts.h"
 #include "../relative/pair_loops.h"
-#include "../resection/fitting_points.h"
+#include "../resection/resection_loops.h"
 #include "../similarity/adjustment.h"
 #include "../similarity/joining.h"
 
 static const PairLoops *pairs = &plain_pairs;
+static const ResectionLoops *resections = &plain_resections;
 
 #define MOST_ITERATIONS 1e6
 
@@ -44,17 +45,23 @@ static int known_from(const Arguments *a, Known *k)
 
 static PyObject *py_rank_triples(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES, SCRATCH };
+    enum { TRIPLES = 3, ROTATIONS, CENTRES, QUANTILES };
     Arguments a;
     Known k;
-    if (!take_arguments(&a, arguments, given, "dddl" "DDDD", 3))
+    if (!take_arguments(&a, arguments, given, "dddl" "DDD", 3))
         return NULL;
     const int64_t number = length_of(&a, TRIPLES) / 3, kept = length_of(&a, QUANTILES);
     if (!known_from(&a, &k) || !are_rows(&a, TRIPLES, k.count) || !has(&a, ROTATIONS, 9 * kept)
-        || !has(&a, CENTRES, 3 * kept) || !has(&a, SCRATCH, k.count))
+        || !has(&a, CENTRES, 3 * kept))
         return refused(&a);
-    rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
-                 a.views[QUANTILES].buf, a.views[SCRATCH].buf);
+    double *space = PyMem_Malloc((size_t)(SPACE_TO_RANK * k.count) * sizeof(double));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    resections->rank_triples(&k, a.views[TRIPLES].buf, number, a.numbers[2], kept, a.views[ROTATIONS].buf,
+                             a.views[CENTRES].buf, a.views[QUANTILES].buf, space);
+    PyMem_Free(space);
     return done(&a);
 }
 
@@ -75,7 +82,7 @@ static PyObject *py_best_orientations(PyObject *Py_UNUSED(module), PyObject *con
         return refused(&a);
     const OrientationChoice choice = {n[2], n[3], n[4], n[5], n[11], (int64_t)n[6],
                                       {n[2], n[7], n[8], n[9], n[11], (int64_t)n[10]}};
-    const int64_t left = choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
+    const int64_t left = resections->choose_orientations(&k, &choice, number, a.views[ROTATIONS].buf, a.views[CENTRES].buf,
                                 a.views[SQUARES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf,
                                 a.views[NORMALS].buf, a.views[SPACE].buf);
     release(&a);
@@ -103,12 +110,12 @@ static PyObject *py_resect(PyObject *Py_UNUSED(module), PyObject *const *argumen
         || !has(&a, ROTATIONS, 9 * candidates) || !has(&a, FACTORS, candidates * k.count)
         || !has(&a, RESIDUAL, 2 * k.count) || !has(&a, FOUND, sizeof(ResectionFound) / sizeof(double)))
         return refused(&a);
-    double *space = PyMem_Malloc((size_t)resection_space(k.count, candidates) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)resections->space(k.count, candidates) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
     }
-    const int64_t left = resect_photo(a.views[KNOWN].buf, a.views[DEVIATIONS].buf, k, a.views[RULES].buf,
+    const int64_t left = resections->resect_photo(a.views[KNOWN].buf, a.views[DEVIATIONS].buf, k, a.views[RULES].buf,
                                       a.views[TRIPLES].buf, number, candidates, a.views[ROTATIONS].buf,
                                       a.views[CENTRES].buf, a.views[FACTORS].buf, a.views[RESIDUAL].buf, space,
                                       a.views[FOUND].buf);
@@ -144,7 +151,7 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
     if (!sound)
         return refused(&a);
     const int64_t candidates = (int64_t)a.numbers[0];
-    double *space = PyMem_Malloc((size_t)(fitting_space(most, candidates) + 1) * sizeof(double));
+    double *space = PyMem_Malloc((size_t)(resections->fitting_space(most, candidates) + 1) * sizeof(double));
     if (!space) {
         release(&a);
         return PyErr_NoMemory();
@@ -157,7 +164,7 @@ static PyObject *py_fitting_points(PyObject *Py_UNUSED(module), PyObject *const 
             (const int64_t *)a.views[TRIPLES].buf + 3 * corners[2 * photo],
             corners[2 * photo + 1] - corners[2 * photo], extents[photo]};
         ((uint8_t *)a.views[FOUND].buf)[photo] =
-            (uint8_t)mark_fitting(&to_fit, a.views[RULES].buf, a.views[JUDGEMENT].buf, candidates, space,
+            (uint8_t)resections->mark_fitting(&to_fit, a.views[RULES].buf, a.views[JUDGEMENT].buf, candidates, space,
                                   (double *)a.views[ROTATIONS].buf + 9 * photo,
                                   (double *)a.views[CENTRES].buf + 3 * photo, (uint8_t *)a.views[FITS].buf + first);
     }
@@ -604,7 +611,7 @@ PyMODINIT_FUNC PyInit__kernels(void)
 {
 #ifdef HAS_AVX2_LOOPS
     if (__builtin_cpu_supports("avx2"))
-        pairs = &avx2_pairs;
+        pairs = &avx2_pairs, resections = &avx2_resections;
 #endif
     return PyModule_Create(&definition);
 }
