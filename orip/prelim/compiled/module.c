@@ -339,24 +339,37 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
     return PyBool_FromLong(oriented);
 }
 
+/* The arrays of an orientation at a given scale; after them may come those of one function. */
+enum { LEFT, RIGHT, ERRORS, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE, SAMPLES };
+#define AT_SCALE "ddddd" "DDDDDBB"
+
+/* What is given of two photos, with room for what is found of their points. */
+static int at_scale_from(const Arguments *a, Pairs *p, RelativePoints *points)
+{
+    const Pairs given = {a->views[LEFT].buf, a->views[RIGHT].buf, a->views[ERRORS].buf, length_of(a, ERRORS)};
+    const RelativePoints room = {a->views[PARALLAX].buf,    a->views[WEIGHTS].buf,    NULL,
+                                 a->views[COORDINATES].buf, a->views[DEVIATIONS].buf, a->views[IN_FRONT].buf,
+                                 a->views[USABLE].buf};
+    const int64_t count = given.count;
+    *p = given, *points = room;
+    return count >= 5 && has(a, LEFT, 3 * count) && has(a, RIGHT, 3 * count) && has(a, SETS, count - 5)
+        && has(a, RULES, sizeof(RelativeRules) / sizeof(double)) && are_rules_sound(a->views[RULES].buf)
+        && has(a, FOUND, sizeof(RelativeFound) / sizeof(double)) && has(a, PARALLAX, count) && has(a, WEIGHTS, count)
+        && has(a, COORDINATES, 3 * count) && has(a, DEVIATIONS, 3 * count) && has(a, IN_FRONT, count)
+        && has(a, USABLE, count);
+}
+
 static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDBB", 1))
+    Pairs p;
+    RelativePoints points;
+    if (!take_arguments(&a, arguments, given, AT_SCALE "l", 1))
         return NULL;
     const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
-    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
-                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
-                                   a.views[USABLE].buf};
     const int64_t samples = length_of(&a, SAMPLES) / 5;
-    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
-        || !are_rules_sound(rules) || (double)samples > rules->sampling.at_once
-        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
-        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
-        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+    if (!at_scale_from(&a, &p, &points) || !are_rows(&a, SAMPLES, p.count)
+        || (double)samples > rules->sampling.at_once)
         return refused(&a);
     double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
@@ -372,21 +385,14 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
 
 static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { LEFT, RIGHT, ERROR, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "ddddd" "DDDDDBB", 1))
+    Pairs p;
+    RelativePoints points;
+    if (!take_arguments(&a, arguments, given, AT_SCALE, 1))
         return NULL;
-    const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
-    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
-                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
-                                   a.views[USABLE].buf};
-    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double)) || !are_rules_sound(rules)
-        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
-        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
-        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+    if (!at_scale_from(&a, &p, &points))
         return refused(&a);
+    const RelativeRules *rules = a.views[RULES].buf;
     double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
