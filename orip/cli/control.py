@@ -10,9 +10,9 @@ import typer
 
 from orip.cli.completion import lines_of_control
 from orip.cli.confirm import require_confirmation
-from orip.cli.editing import BundleOption, DryRunOption, EditOptions, YesOption, edit_document, tell_edit
+from orip.cli.editing import DryRunOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
@@ -66,6 +66,11 @@ def _register_kinds(control: typer.Typer) -> None:
         add_group(control, kind, text, partial(_register, kind=kind))
 
 
+def _left_out(kind: ControlKind) -> tuple[str, ...]:
+    """Return the options that make no sense for a kind: only preliminary coordinates belong to a bundle."""
+    return () if kind == "preliminary" else ("bundle",)
+
+
 def _register(group: typer.Typer, kind: ControlKind) -> None:
     _register_list(group, kind)
     _register_adding(group, kind)
@@ -79,7 +84,7 @@ def _register(group: typer.Typer, kind: ControlKind) -> None:
 
 
 def _register_list(group: typer.Typer, kind: ControlKind) -> None:
-    @command(group, "list", reads_only=True)
+    @command(group, "list", reads_only=True, without=_left_out(kind))
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the lines of the file."""
         from orip.files.text.table import Column, table_lines
@@ -109,12 +114,12 @@ def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
         edit = partial(add_control, kind=kind, name=name, words=values or (), before=before, **options._asdict())
         tell(invocation.terminal, f"control {kind} add", _edited(invocation, edit))
 
-    @command(group, "add")
+    @command(group, "add", without=_left_out(kind))
     def add_command(invocation: Invocation, name: NewName, options: EditOptions, values: Values = None) -> None:
         """Add a line at the end."""
         add(invocation, name, values, None, options)
 
-    @command(group, "insert")
+    @command(group, "insert", without=_left_out(kind))
     def insert_command(
         invocation: Invocation,
         name: NewName,
@@ -127,7 +132,7 @@ def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
 
 
 def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
-    @command(group, "edit")
+    @command(group, "edit", without=_left_out(kind))
     def edit_command(invocation: Invocation, name: Name, options: EditOptions, values: Values = None) -> None:
         """Change values of a line; what is not named stays."""
         from orip.workflow.control.edits import edit_control
@@ -137,7 +142,7 @@ def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
 
 
 def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
-    @command(group, "kill")
+    @command(group, "kill", without=_left_out(kind))
     def kill_command(
         invocation: Invocation,
         options: EditOptions,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 import msgspec
 import typer
 
+from orip.cli.options import BundleOption
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
@@ -17,13 +18,6 @@ if TYPE_CHECKING:
 
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")]
-BundleOption = Annotated[
-    str | None,
-    typer.Option(
-        "--bundle",
-        help="Bundle of a model, of photo points or of preliminary coordinates; needed only where there are several.",
-    ),
-]
 
 
 class EditOptions(NamedTuple):

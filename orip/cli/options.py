@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
 
@@ -76,21 +76,24 @@ class Invocation(Struct, frozen=True):
 
 
 def command(
-    app: typer.Typer, name: str, *, reads_only: bool = False, **settings: Any
+    app: typer.Typer, name: str, *, reads_only: bool = False, without: Collection[str] = (), **settings: Any
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Register a function ``f(invocation, ...)`` as a command that also takes the shared options.
 
     A parameter that is a named tuple stands for the options that are its fields. Errors of orip end the command with
-    their message and exit code; one that only reads does not claim that nothing was written. Settings are those of
-    typer's commands.
+    their message and exit code; one that only reads does not claim that nothing was written. The parameters named by
+    `without` are not offered and keep their defaults: commands on several kinds of records share one function, and not
+    all options belong to every kind. Settings are those of typer's commands.
     """
     closing = "" if reads_only else NOTHING_WRITTEN
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
         own = inspect.signature(function, eval_str=True)
+        signature, defaults = _divided(_with_shared_options(own), without)
 
         @functools.wraps(function)
         def run(context: typer.Context, **given: Any) -> None:
+            given |= defaults
             before: Invocation = context.obj
             options = before.options.then(_taken(SharedOptions, given))
             invocation = Invocation(before.folder, options, options.terminal())
@@ -99,7 +102,7 @@ def command(
             with exit_on_error(invocation.terminal, closing), invocation.terminal.progress():
                 function(invocation, **given)
 
-        _give_signature(run, own)
+        _give_signature(run, signature)
         about = _first_paragraph(inspect.getdoc(function) or "")
         app.command(name, cls=Command, short_help=about, **settings)(run)
         return run
@@ -131,16 +134,21 @@ def without_command(group: typer.Typer) -> Callable[[Callable[..., None]], Calla
                 with exit_on_error(context.obj.terminal), context.obj.terminal.progress():
                     function(context.obj, **given)
 
-        _give_signature(run, inspect.signature(function, eval_str=True))
+        _give_signature(run, _with_shared_options(inspect.signature(function, eval_str=True)))
         group.callback(invoke_without_command=True)(run)
         return run
 
     return register
 
 
-def _give_signature(run: Callable[..., None], own: inspect.Signature) -> None:
-    """Let typer see the parameters of the function that `run` stands for, and the shared options."""
-    signature = _with_shared_options(own)
+def _divided(signature: inspect.Signature, without: Collection[str]) -> tuple[inspect.Signature, dict[str, Any]]:
+    """Return a signature without some of its parameters, and the defaults of these."""
+    offered = [parameter for name, parameter in signature.parameters.items() if name not in without]
+    return signature.replace(parameters=offered), {name: signature.parameters[name].default for name in without}
+
+
+def _give_signature(run: Callable[..., None], signature: inspect.Signature) -> None:
+    """Let typer see the parameters of the function that `run` stands for."""
     run.__signature__ = signature  # type: ignore[attr-defined]
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in signature.parameters.values()}
 

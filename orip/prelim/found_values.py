@@ -79,7 +79,7 @@ def _photo(measured: MeasuredBlock, best: Outcome | None, grown: GrowingBlock, p
         why = why_not_oriented(measured.rays, measured.index, measured.common, grown, photo)
         return PhotoStart(name, None, None, why)
     if not best.on_ground:
-        how = f"oriented in the block, but the block is not on the ground: {best.reason}"
+        how = f"only the relative orientation could be computed, not the absolute one: {best.reason}"
         return PhotoStart(name, None, None, how)
     return PhotoStart(name, grown.rotations[photo], grown.centres[photo], grown.how[photo])
 

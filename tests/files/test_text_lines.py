@@ -110,7 +110,7 @@ def test_bytes_that_are_not_utf8_are_named_with_line_and_column() -> None:
 
 def test_a_missing_file_and_a_folder_are_complaints(tmp_path: Path) -> None:
     (missing,) = read_lines(tmp_path / "S1.MEA", "S1.MEA").complaints
-    assert str(missing) == "S1.MEA: there is no such file; write it, or correct the name"
+    assert str(missing) == "S1.MEA: there is no such file; correct the name, or put the file in its place"
     (folder,) = read_lines(tmp_path, "here").complaints
     assert "folder" in folder.message
     (odd,) = read_lines(tmp_path / "a\0b", "odd").complaints

@@ -10,9 +10,9 @@ import typer
 
 from orip.cli.completion import of_group
 from orip.cli.confirm import require_confirmation
-from orip.cli.editing import BundleOption, EditOptions, YesOption, edit_document, tell_edit
+from orip.cli.editing import EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
-from orip.cli.options import Invocation, command
+from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -55,6 +55,11 @@ def register(app: typer.Typer) -> None:
         add_group(app, kind, f"{about}\n\nExample: orip {kind} {example}", partial(_register, kind=kind))
 
 
+def _left_out(kind: RecordKind) -> tuple[str, ...]:
+    """Return the options that make no sense for a kind: only models belong to a bundle."""
+    return () if kind == "model" else ("bundle",)
+
+
 def _register(group: typer.Typer, kind: RecordKind) -> None:
     _register_reading(group, kind)
     _register_adding(group, kind)
@@ -62,7 +67,7 @@ def _register(group: typer.Typer, kind: RecordKind) -> None:
 
 
 def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
-    @command(group, "list", reads_only=True)
+    @command(group, "list", reads_only=True, without=_left_out(kind))
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the records of the store, and where each came from."""
         from orip.workflow.project.state import read_project
@@ -74,7 +79,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         ]
         invocation.terminal.answer("records", {"command": f"{kind} list", "records": rows}, found.text)
 
-    @command(group, "show", reads_only=True)
+    @command(group, "show", reads_only=True, without=_left_out(kind))
     def show_command(invocation: Invocation, name: Name, bundle: BundleOption = None) -> None:
         """Show all values of a record under the keys with which they are edited."""
         from orip.workflow.project.state import read_project
@@ -92,7 +97,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
 
 
 def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
-    @command(group, "add")
+    @command(group, "add", without=_left_out(kind))
     def add_command(
         invocation: Invocation,
         name: Name,
@@ -106,7 +111,7 @@ def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
         edit = partial(add_record, record=_record(kind, name, options.bundle), words=values or (), before=before)
         tell(invocation.terminal, f"{kind} add", _edited(invocation, edit, dry=options.dry_run))
 
-    @command(group, "copy")
+    @command(group, "copy", without=_left_out(kind))
     def copy_command(
         invocation: Invocation,
         name: Name,
@@ -122,7 +127,7 @@ def _register_adding(group: typer.Typer, kind: RecordKind) -> None:
 
 
 def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
-    @command(group, "edit")
+    @command(group, "edit", without=_left_out(kind))
     def edit_command(invocation: Invocation, name: Name, options: EditOptions, values: Values = None) -> None:
         """Change values of a record; 'orip init' keeps them as long as its text in orip.toml does not change."""
         from orip.workflow.records.commands import edit_record
@@ -130,7 +135,7 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         edit = partial(edit_record, record=_record(kind, name, options.bundle), words=values or ())
         tell(invocation.terminal, f"{kind} edit", _edited(invocation, edit, dry=options.dry_run))
 
-    @command(group, "rename")
+    @command(group, "rename", without=_left_out(kind))
     def rename_command(invocation: Invocation, name: Name, new_name: NewName, options: EditOptions) -> None:
         """Give a record another name, also in all records and measurements of the stores that name it."""
         from orip.workflow.records.commands import rename_record
@@ -139,7 +144,7 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         outcome = _edited(invocation, edit, dry=options.dry_run, with_solutions=kind == "bundle")
         tell(invocation.terminal, f"{kind} rename", outcome)
 
-    @command(group, "delete")
+    @command(group, "delete", without=_left_out(kind))
     def delete_command(
         invocation: Invocation,
         name: Name,

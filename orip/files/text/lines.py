@@ -50,7 +50,7 @@ def read_bytes(path: Path, shown: str, *, may_be_absent: bool = False) -> tuple[
     except FileNotFoundError:
         if may_be_absent:
             return None, ()
-        message = "there is no such file; write it, or correct the name"
+        message = "there is no such file; correct the name, or put the file in its place"
     except NoRegularFileError as fault:
         message = f"{fault.strerror}; name the file itself"
     except PermissionError:

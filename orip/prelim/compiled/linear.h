@@ -3,6 +3,7 @@
 #ifndef ORIP_PRELIM_LINEAR_H
 #define ORIP_PRELIM_LINEAR_H
 
+#include "../../lanes.h"
 #include <math.h>
 #include <stdint.h>
 
@@ -15,6 +16,19 @@ static inline double dot3(const double *a, const double *b) { return a[0] * b[0]
 static inline void cross3(const double *a, const double *b, double *c)
 {
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+INLINE Lanes dot_lanes(const Lanes *a, const Lanes *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+INLINE void cross_lanes(const Lanes *a, const Lanes *b, Lanes *c)
+{
+    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+INLINE void turn_lanes(const Lanes *M, const Lanes *v, Lanes *product)
+{
+    for (int i = 0; i < 3; i++)
+        product[i] = dot_lanes(M + 3 * i, v);
 }
 
 /* Solve A x = b by elimination with pivoting; both are overwritten, x is in b. */

@@ -1,5 +1,5 @@
 /* What the relative orientation of two photos takes and gives, and its loops, compiled for each kind of processor: see
- * pairs_plain.c, pairs_avx2.c.
+ * loops_plain.c, loops_avx2.c.
  */
 
 #ifndef ORIP_PAIR_LOOPS_H

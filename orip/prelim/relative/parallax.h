@@ -54,19 +54,6 @@ static void parallaxes_at(const Pairs *p, const double *E, double *value)
     }
 }
 
-INLINE Lanes dot_lanes(const Lanes *a, const Lanes *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-INLINE void cross_lanes(const Lanes *a, const Lanes *b, Lanes *c)
-{
-    c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-INLINE void turn_lanes(const Lanes *M, const Lanes *v, Lanes *product)
-{
-    for (int i = 0; i < 3; i++)
-        product[i] = dot_lanes(M + 3 * i, v);
-}
-
 /* Orientations with what partials need of them, and two directions across each base. */
 typedef struct {
     Lanes E[9], base[3], R[9], across[2][3];

@@ -2,20 +2,6 @@
 
 #include "photo.h"
 
-/* _JUDGEMENT in orip/prelim/resection/fitting_points.py */
-typedef struct {
-    double misfit, angle, shift, sure;
-} PhotoJudgement;
-
-/* n points of one photo, and the triples that its orientation starts from. */
-typedef struct {
-    Known known;
-    const double *points, *deviations;
-    const int64_t *triples;
-    int64_t number;
-    double extent;
-} PhotoToFit;
-
 static int64_t fitting_space(int64_t count, int64_t candidates)
 {
     return resection_space(count, candidates) + (candidates + 2) * count;

@@ -2,20 +2,6 @@
 
 #include "resection.h"
 
-/* _RULES in orip/prelim/resection/resection.py */
-typedef struct {
-    double one_line, fits, plane, limit, alike, same, improvements, floor, steady, same_scale, iterations, largest_turn,
-        regular;
-} ResectionRules;
-
-/* Of the best orientation; deviations of its rotation about the ground axes, and of its centre. */
-typedef struct {
-    double s0, redundancy, misfit, radius, distance, deviation[6];
-} ResectionFound;
-
-/* Orientations that are kept of those of triples: _CANDIDATES in orip/prelim/resection/start.py. */
-#define MOST_CANDIDATES MOST_ORIENTATIONS
-
 static int64_t resection_space(int64_t count, int64_t candidates)
 {
     return (4 + candidates + 2 * NUMBERS_OF_A_POINT) * count;

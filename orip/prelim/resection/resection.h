@@ -1,19 +1,11 @@
 /* Least squares of the space resection of one photo; orip/prelim/resection/adjustment.py does the same. */
 
-#include "../compiled/linear.h"
+#include "resection_loops.h"
 #include "three_points.h"
-
-typedef struct {
-    const double *vectors, *coordinates, *deviations;
-    double error;
-    int64_t count, least;
-} Known;
 
 typedef struct {
     double *residual, *partials, *variance, *squares, *weights, *sorted;
 } Equations;
-
-#define NUMBERS_OF_A_POINT (2 + 12 + 4)
 
 static Equations equations_in(double *space, int64_t count)
 {
@@ -88,75 +80,118 @@ static double trimmed(const Known *k, Equations *e, double *largest)
     return sum;
 }
 
-/* How many points have squared residuals up to a limit at an orientation. */
-static int64_t number_within(const Known *k, const double *R, const double *centre, double limit)
-{
-    int64_t number = 0;
-    for (int64_t row = 0; row < k->count; row++) {
-        const double *X = k->coordinates + 3 * row, *v = k->vectors + 3 * row;
-        const double d[3] = {X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]};
-        const double u[3] = {R[0] * d[0] + R[3] * d[1] + R[6] * d[2], R[1] * d[0] + R[4] * d[1] + R[7] * d[2],
-                             R[2] * d[0] + R[5] * d[1] + R[8] * d[2]};
-        const double scale = v[2] / u[2], x = u[0] * scale - v[0], y = u[1] * scale - v[1];
-        const double moved = scale * k->deviations[row];
-        number += (u[2] < 0.0) & (x * x + y * y <= limit * (k->error * k->error + moved * moved));
-    }
-    return number;
-}
-
-/* Squared residuals of an orientation; returns their quantile that blunders do not affect. */
-static double quantile_at(const Known *k, const double *R, const double *centre, double *sorted)
+/* Squared residuals of each point in the orientations of several lanes. */
+static void squares_of_lanes(const Known *k, const Lanes *R, const Lanes *centre, Lanes *squares)
 {
     for (int64_t row = 0; row < k->count; row++) {
         const double *X = k->coordinates + 3 * row, *v = k->vectors + 3 * row;
-        const double d[3] = {X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]};
-        double u[3];
+        const Lanes d[3] = {ALL(X[0]) - centre[0], ALL(X[1]) - centre[1], ALL(X[2]) - centre[2]};
+        Lanes u[3];
         for (int i = 0; i < 3; i++)
             u[i] = R[i] * d[0] + R[3 + i] * d[1] + R[6 + i] * d[2];
-        const double scale = v[2] / u[2], x = u[0] * scale - v[0], y = u[1] * scale - v[1];
-        const double moved = scale * k->deviations[row];
-        sorted[row] = u[2] < 0.0 ? (x * x + y * y) / (k->error * k->error + moved * moved) : INFINITY;
+        const Lanes scale = ALL(v[2]) / u[2], x = u[0] * scale - ALL(v[0]), y = u[1] * scale - ALL(v[1]);
+        const Lanes moved = scale * ALL(k->deviations[row]);
+        const Lanes square = (x * x + y * y) / (ALL(k->error * k->error) + moved * moved);
+        squares[row] = either(u[2] < ALL(0.0), square, ALL(INFINITY));
     }
-    return select_smallest(sorted, k->count, k->least - 1);
+}
+
+/* Orientations in the order of their triples, in the lanes of as many groups as are needed, and the number of each triple. */
+typedef struct {
+    Lanes rotations[4][9], centres[4][3];
+    int64_t triple[4 * LANES];
+    int number;
+} OfSeveral;
+
+/* The orientations of as many triples as there are lanes, or fewer. */
+static void orient_triples(const Known *k, const int64_t *triples, int number, OfSeveral *all)
+{
+    Lanes vectors[3][3], points[3][3];
+    OfTriples of[4];
+    for (int lane = 0; lane < LANES; lane++)
+        for (int m = 0; m < 3; m++) {
+            /* lanes without a triple have the last one */
+            const int64_t row = triples[3 * (lane < number ? lane : number - 1) + m];
+            for (int i = 0; i < 3; i++) {
+                LANE(vectors[m][i], lane) = k->vectors[3 * row + i];
+                LANE(points[m][i], lane) = k->coordinates[3 * row + i];
+            }
+        }
+    three_points(vectors, points, of);
+    all->number = 0;
+    for (int lane = 0; lane < number; lane++)
+        for (int s = 0; s < 4; s++) {
+            if (!LANE_NUMBER(of[s].found, lane))
+                continue;
+            const int group = all->number / LANES, place = all->number % LANES;
+            for (int i = 0; i < 9; i++)
+                LANE(all->rotations[group][i], place) = LANE(of[s].rotation[i], lane);
+            for (int i = 0; i < 3; i++)
+                LANE(all->centres[group][i], place) = LANE(of[s].centre[i], lane);
+            all->triple[all->number++] = lane;
+        }
+}
+
+/* The best orientations so far, the best first, with the quantiles of their squared residuals that blunders do not affect. */
+typedef struct {
+    double *rotations, *centres, *quantiles;
+    int64_t kept;
+} Ranking;
+
+/* Put an orientation in its place. */
+static void rank_orientation(const Ranking *r, const Lanes *R, const Lanes *centre, int lane, double quantile)
+{
+    int64_t place = r->kept - 1;
+    for (; place > 0 && quantile < r->quantiles[place - 1]; place--) {
+        r->quantiles[place] = r->quantiles[place - 1];
+        memcpy(r->rotations + 9 * place, r->rotations + 9 * (place - 1), 9 * sizeof(double));
+        memcpy(r->centres + 3 * place, r->centres + 3 * (place - 1), 3 * sizeof(double));
+    }
+    r->quantiles[place] = quantile;
+    for (int i = 0; i < 9; i++)
+        r->rotations[9 * place + i] = LANE(R[i], lane);
+    for (int i = 0; i < 3; i++)
+        r->centres[3 * place + i] = LANE(centre[i], lane);
+}
+
+/* Rank orientations up to the triple with which as many fit as are kept; returns how many fit. `space` has room for the
+ * points in all lanes, and once more.
+ */
+static int64_t rank_orientations(const Known *k, const OfSeveral *all, double fits, int64_t fitting, const Ranking *r,
+                                 double *space)
+{
+    double *squares = space, *sorted = space + LANES * k->count, *worst = r->quantiles + r->kept - 1;
+    for (int one = 0; one < all->number; one++) {
+        const int group = one / LANES, lane = one % LANES;
+        if (fitting >= r->kept && all->triple[one] != all->triple[one - 1])
+            break;
+        if (lane == 0)
+            squares_of_lanes(k, all->rotations[group], all->centres[group], (Lanes *)squares);
+        int64_t below = 0;
+        for (int64_t row = 0; row < k->count; row++)
+            sorted[row] = squares[LANES * row + lane], below += sorted[row] < *worst;
+        if (below < k->least)
+            continue;
+        const double quantile = select_smallest(sorted, k->count, k->least - 1);
+        fitting += quantile <= fits;
+        rank_orientation(r, all->rotations[group], all->centres[group], lane, quantile);
+    }
+    return fitting;
 }
 
 /* The best orientations of triples of points, the best first, with their quantiles; infinite where there is none.
  * It ends when as many as are kept fit. */
 static void rank_triples(const Known *k, const int64_t *triples, int64_t number, double fits, int64_t kept,
-                         double *rotations, double *centres, double *quantiles, double *sorted)
+                         double *rotations, double *centres, double *quantiles, double *space)
 {
+    const Ranking ranking = {rotations, centres, quantiles, kept};
     int64_t fitting = 0;
     for (int64_t place = 0; place < kept; place++)
         quantiles[place] = INFINITY;
-    for (int64_t triple = 0; triple < number && fitting < kept; triple++) {
-        double vectors[3][3], points[3][3], R[4][9], centre[4][3];
-        for (int m = 0; m < 3; m++) {
-            const int64_t row = triples[3 * triple + m];
-            memcpy(vectors[m], k->vectors + 3 * row, sizeof(vectors[m]));
-            memcpy(points[m], k->coordinates + 3 * row, sizeof(points[m]));
-        }
-        const int found = three_points(vectors, points, R, centre);
-        for (int s = 0; s < found; s++) {
-            /* most orientations are none of the best, and need no quantile; the limit allows for rounding */
-            const double worst = quantiles[kept - 1];
-            if (isfinite(worst) && number_within(k, R[s], centre[s], 1.000001 * worst) < k->least)
-                continue;
-            const double quantile = quantile_at(k, R[s], centre[s], sorted);
-            fitting += quantile <= fits;
-            int64_t place = kept;
-            for (; place > 0 && quantile < quantiles[place - 1]; place--) {
-                if (place == kept)
-                    continue;
-                quantiles[place] = quantiles[place - 1];
-                memcpy(rotations + 9 * place, rotations + 9 * (place - 1), 9 * sizeof(double));
-                memcpy(centres + 3 * place, centres + 3 * (place - 1), 3 * sizeof(double));
-            }
-            if (place == kept)
-                continue;
-            quantiles[place] = quantile;
-            memcpy(rotations + 9 * place, R[s], sizeof(R[s]));
-            memcpy(centres + 3 * place, centre[s], sizeof(centre[s]));
-        }
+    for (int64_t first = 0; first < number && fitting < kept; first += LANES) {
+        IN_LINES OfSeveral all;
+        orient_triples(k, triples + 3 * first, (int)smaller((double)(number - first), LANES), &all);
+        fitting = rank_orientations(k, &all, fits, fitting, &ranking, space);
     }
 }
 
@@ -187,11 +222,6 @@ static void improve_one(const Known *k, int64_t steps, double largest_turn, doub
     }
     memcpy(squares, here.squares, (size_t)k->count * sizeof(double));
 }
-
-typedef struct {
-    double limit, floor, steady, same_scale, largest_turn;
-    int64_t iterations;
-} Danish;
 
 /* Adjust one orientation with Danish weights, whose limit follows from the variance of the points with full weight.
  * In the end the given space has the equations of the adjusted orientation. */
@@ -228,12 +258,6 @@ static void adjust_one(const Known *k, const Danish *danish, double variance, do
     linearise_resection(k, R, centre, &here);
 }
 
-typedef struct {
-    double limit, excess, same, per_sum, largest_turn;
-    int64_t steps;
-    Danish danish;
-} OrientationChoice;
-
 /* The least of the variances of unit weight of several orientations, from their trimmed sums of squares. */
 static double least_variance(const Known *k, const OrientationChoice *s, const double *squares, int64_t number,
                              double *sorted)
@@ -250,8 +274,6 @@ static double least_variance(const Known *k, const OrientationChoice *s, const d
     }
     return least;
 }
-
-#define MOST_ORIENTATIONS 16
 
 static int is_same(const double *R, const double *centre, const double *R_other, const double *centre_other,
                    double same)

@@ -84,7 +84,7 @@ def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orienta
     """Do what `_of_triples` does in the compiled loop."""
     rotations, centres, quantile = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3)), np.empty(CANDIDATES)
     kernels.rank_triples(
-        *known.arrays, triples, rotations, centres, quantile, np.empty(len(known)),
+        *known.arrays, triples, rotations, centres, quantile,
         known.error_mm, known.least, FITS,
     )  # fmt: skip
     number = np.count_nonzero(np.isfinite(quantile))

@@ -1,45 +1,59 @@
-/* Three-point resection, as in orip/geometry/three_point_resection.py, which explains it and names the sources. */
+/* Three-point resection, as in orip/geometry/three_point_resection.py, which explains it and names the sources.
+ *
+ * As many triples of points as there are lanes are solved at once, each with the operations, in their order, of one alone.
+ */
+
+#ifndef ORIP_PRELIM_THREE_POINTS_H
+#define ORIP_PRELIM_THREE_POINTS_H
 
 #include "../compiled/linear.h"
+#include <string.h>
 
 #define FLAT 1e-6
 #define MIX 0.4142
 #define MISCLOSURE 1e-8
 
+#define MOST_SWEEPS 30
+
 static const int PAIRS[3][2] = {{0, 1}, {0, 2}, {1, 2}};
 
-static int on_one_line(const double p[3][3])
+/* Orientations, photo to ground, in the lanes of a triple each, and in which lanes there is one. */
+typedef struct {
+    Lanes rotation[9], centre[3];
+    LaneNumbers found;
+} OfTriples;
+
+/* In which lanes three points do not lie on one line. */
+static LaneNumbers are_a_triangle(Lanes p[3][3])
 {
-    double sides[3][3], normal[3], longest = 0.0;
+    Lanes sides[3][3], normal[3], longest = ALL(0.0);
     for (int k = 0; k < 3; k++) {
         for (int i = 0; i < 3; i++)
             sides[k][i] = p[PAIRS[k][1]][i] - p[PAIRS[k][0]][i];
-        longest = fmax(longest, dot3(sides[k], sides[k]));
+        longest = larger_of_each(longest, dot_lanes(sides[k], sides[k]));
     }
-    cross3(sides[0], sides[1], normal);
-    return !(sqrt(dot3(normal, normal)) > FLAT * longest);
+    cross_lanes(sides[0], sides[1], normal);
+    return root_of_each(dot_lanes(normal, normal)) > ALL(FLAT) * longest;
 }
 
-/* Right-handed axes, as columns, that are in the same position in congruent triangles. */
-static void axes_of(const double p[3][3], double axes[3][3])
+/* Right-handed axes, as rows, that are in the same position in congruent triangles. */
+static void axes_of(Lanes p[3][3], Lanes axes[3][3])
 {
-    double along[3], other[3], normal[3], third[3];
+    Lanes along[3], other[3], normal[3];
     for (int i = 0; i < 3; i++)
         along[i] = p[1][i] - p[0][i], other[i] = p[2][i] - p[0][i];
-    cross3(along, other, normal);
-    const double length = sqrt(dot3(along, along)), area = sqrt(dot3(normal, normal));
+    cross_lanes(along, other, normal);
+    const Lanes length = root_of_each(dot_lanes(along, along)), area = root_of_each(dot_lanes(normal, normal));
     for (int i = 0; i < 3; i++)
-        along[i] /= length, normal[i] /= area;
-    cross3(normal, along, third);
-    for (int i = 0; i < 3; i++)
-        axes[i][0] = along[i], axes[i][1] = third[i], axes[i][2] = normal[i];
+        axes[0][i] = along[i] / length, axes[2][i] = normal[i] / area;
+    cross_lanes(axes[2], axes[0], axes[1]);
 }
 
-static void minors_of(double m[3][3], double minors[3][3])
+static void minors_of(Lanes m[3][3], Lanes minors[3][3])
 {
-    cross3(m[1], m[2], minors[0]);
-    cross3(m[2], m[0], minors[1]);
-    cross3(m[0], m[1], minors[2]);
+    cross_lanes(m[1], m[2], minors[0]);
+    cross_lanes(m[2], m[0], minors[1]);
+    cross_lanes(m[0], m[1], minors[2]);
 }
 
 /* The real root of a cubic, lowest power first, that lies farthest from the others (Cardano, Vieta). */
@@ -64,19 +78,67 @@ static double isolated_root(const double *c)
     return root;
 }
 
-static double form_at(double form[3][3], const double *p, const double *q)
+/* Exchange vectors in some lanes. */
+INLINE void exchange(LaneNumbers where, Lanes *a, Lanes *b, int size)
 {
-    double sum = 0.0;
-    for (int i = 0; i < 3; i++)
-        sum += p[i] * dot3(form[i], q);
-    return sum;
+    for (int i = 0; i < size; i++) {
+        const Lanes kept = a[i];
+        a[i] = either(where, b[i], kept), b[i] = either(where, kept, b[i]);
+    }
 }
 
-/* The two directions in the plane of p and q in which a quadratic form vanishes. */
-static void solve_in_plane(double form[3][3], const double *p, const double *q, double directions[2][3])
+/* Eigenvalues, ascending, and eigenvectors (rows) of symmetric matrices by Jacobi's rotations. */
+static void eigen3_lanes(Lanes A[3][3], Lanes values[3], Lanes V[3][3])
 {
-    const double pp = form_at(form, p, p), pq = form_at(form, p, q), qq = form_at(form, q, q);
-    const double root = sqrt(fmax(pq * pq - pp * qq, 0.0)), h = -(pq + (pq < 0.0 ? -root : root));
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            V[i][j] = ALL((double)(i == j));
+    for (int sweep = 0; sweep < MOST_SWEEPS; sweep++) {
+        const Lanes off = size_of_each(A[0][1]) + size_of_each(A[0][2]) + size_of_each(A[1][2]);
+        const LaneNumbers goes_on =
+            off > ALL(1e-18) * (size_of_each(A[0][0]) + size_of_each(A[1][1]) + size_of_each(A[2][2]) + off);
+        if (!in_any(goes_on))
+            break;
+        for (int p = 0; p < 2; p++)
+            for (int q = p + 1; q < 3; q++) {
+                const LaneNumbers turns = goes_on & (A[p][q] != ALL(0.0));
+                const Lanes theta = (A[q][q] - A[p][p]) / (ALL(2.0) * A[p][q]);
+                const Lanes size = ALL(1.0) / (size_of_each(theta) + root_of_each(theta * theta + ALL(1.0)));
+                const Lanes t = either(turns, either(theta < ALL(0.0), -size, size), ALL(0.0));
+                const Lanes c = ALL(1.0) / root_of_each(t * t + ALL(1.0)), s = t * c;
+                for (int k = 0; k < 3; k++) {
+                    const Lanes kp = A[k][p], kq = A[k][q];
+                    A[k][p] = c * kp - s * kq, A[k][q] = s * kp + c * kq;
+                }
+                for (int k = 0; k < 3; k++) {
+                    const Lanes pk = A[p][k], qk = A[q][k], vp = V[p][k], vq = V[q][k];
+                    A[p][k] = c * pk - s * qk, A[q][k] = s * pk + c * qk;
+                    V[p][k] = c * vp - s * vq, V[q][k] = s * vp + c * vq;
+                }
+            }
+    }
+    for (int i = 0; i < 3; i++)
+        values[i] = A[i][i];
+    for (int i = 0; i < 2; i++)
+        for (int j = 0; j < 2 - i; j++) {
+            const LaneNumbers descend = values[j] > values[j + 1];
+            exchange(descend, values + j, values + j + 1, 1);
+            exchange(descend, V[j], V[j + 1], 3);
+        }
+}
+
+INLINE Lanes form_at(Lanes form[3][3], const Lanes *p, const Lanes *q)
+{
+    return p[0] * dot_lanes(form[0], q) + p[1] * dot_lanes(form[1], q) + p[2] * dot_lanes(form[2], q);
+}
+
+INLINE Lanes root_of_positive(Lanes number) { return root_of_each(larger_of_each(number, ALL(0.0))); }
+
+/* The two directions in the plane of p and q in which a quadratic form vanishes. */
+static void solve_in_plane(Lanes form[3][3], const Lanes *p, const Lanes *q, Lanes directions[2][3])
+{
+    const Lanes pp = form_at(form, p, p), pq = form_at(form, p, q), qq = form_at(form, q, q);
+    const Lanes root = root_of_positive(pq * pq - pp * qq), h = -(pq + either(pq < ALL(0.0), -root, root));
     for (int i = 0; i < 3; i++) {
         directions[0][i] = h * p[i] + pp * q[i];
         directions[1][i] = qq * p[i] + h * q[i];
@@ -84,120 +146,151 @@ static void solve_in_plane(double form[3][3], const double *p, const double *q, 
 }
 
 /* Four directions in which both forms vanish, if they are real. */
-static void intersect_conics(double forms[2][3][3], double directions[4][3])
+static void intersect_conics(Lanes forms[2][3][3], Lanes directions[4][3])
 {
-    double minors[2][3][3], c[4] = {0.0};
+    Lanes minors[2][3][3], c[4] = {ALL(0.0), ALL(0.0), ALL(0.0), ALL(0.0)}, root;
     minors_of(forms[0], minors[0]);
     minors_of(forms[1], minors[1]);
-    c[0] = dot3(forms[0][0], minors[0][0]), c[3] = dot3(forms[1][0], minors[1][0]);
+    c[0] = dot_lanes(forms[0][0], minors[0][0]), c[3] = dot_lanes(forms[1][0], minors[1][0]);
     for (int i = 0; i < 3; i++)
-        c[1] += dot3(minors[0][i], forms[1][i]), c[2] += dot3(minors[1][i], forms[0][i]);
-    const int turn = fabs(c[3]) < fabs(c[0]);
-    const double turned[4] = {c[3], c[2], c[1], c[0]};
-    const double root = isolated_root(turn ? turned : c);
-    double singular[3][3], values[3], axes[3][3], plus[3], minus[3], common[3];
-    double(*one)[3] = forms[turn], (*other)[3] = forms[!turn];
+        c[1] += dot_lanes(minors[0][i], forms[1][i]), c[2] += dot_lanes(minors[1][i], forms[0][i]);
+    const LaneNumbers turn = size_of_each(c[3]) < size_of_each(c[0]);
+    exchange(turn, c, c + 3, 1);
+    exchange(turn, c + 1, c + 2, 1);
+    exchange(turn, forms[0][0], forms[1][0], 9);
+    for (int lane = 0; lane < LANES; lane++) {
+        const double of_lane[4] = {LANE(c[0], lane), LANE(c[1], lane), LANE(c[2], lane), LANE(c[3], lane)};
+        LANE(root, lane) = isolated_root(of_lane);
+    }
+    Lanes singular[3][3], values[3], axes[3][3], plus[3], less[3];
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            singular[i][j] = one[i][j] + root * other[i][j];
-    eigen3(singular, values, axes);
+            singular[i][j] = forms[0][i][j] + root * forms[1][i][j];
+    eigen3_lanes(singular, values, axes);
+    const Lanes above = root_of_positive(values[2]), below = root_of_positive(-values[0]);
     for (int i = 0; i < 3; i++) {
-        const double a = sqrt(fmax(values[2], 0.0)) * axes[i][0], b = sqrt(fmax(-values[0], 0.0)) * axes[i][2];
-        common[i] = axes[i][1], plus[i] = a + b, minus[i] = a - b;
+        const Lanes a = above * axes[0][i], b = below * axes[2][i];
+        plus[i] = a + b, less[i] = a - b;
     }
-    solve_in_plane(other, common, plus, directions);
-    solve_in_plane(other, common, minus, directions + 2);
+    solve_in_plane(forms[1], axes[1], plus, directions);
+    solve_in_plane(forms[1], axes[1], less, directions + 2);
 }
 
-static void misclosures(const double *d, const double *cosines, const double *squares, double *f)
+static void misclosures(const Lanes *d, const Lanes *cosines, const Lanes *squares, Lanes *f)
 {
     for (int k = 0; k < 3; k++) {
-        const double a = d[PAIRS[k][0]], b = d[PAIRS[k][1]];
-        f[k] = a * a + b * b - 2.0 * a * b * cosines[k] - squares[k];
+        const Lanes a = d[PAIRS[k][0]], b = d[PAIRS[k][1]];
+        f[k] = a * a + b * b - ALL(2.0) * a * b * cosines[k] - squares[k];
     }
 }
 
-static void newton_step(double *dist, const double *cosines, const double *squares)
+static void newton_step(Lanes *dist, const Lanes *cosines, const Lanes *squares)
 {
-    double miss[3];
+    Lanes miss[3];
     misclosures(dist, cosines, squares, miss);
-    const double f01 = -0.5 * miss[0], f02 = -0.5 * miss[1], f12 = -0.5 * miss[2];
-    const double d0 = dist[0], d1 = dist[1], d2 = dist[2], c01 = cosines[0], c02 = cosines[1], c12 = cosines[2];
-    const double a = d0 - c01 * d1, b = d1 - c01 * d0, c = d0 - c02 * d2, d = d2 - c02 * d0, e = d1 - c12 * d2,
-                 f = d2 - c12 * d1;
-    const double determinant = a * d * e + b * c * f;
+    const Lanes f01 = ALL(-0.5) * miss[0], f02 = ALL(-0.5) * miss[1], f12 = ALL(-0.5) * miss[2];
+    const Lanes d0 = dist[0], d1 = dist[1], d2 = dist[2], c01 = cosines[0], c02 = cosines[1], c12 = cosines[2];
+    const Lanes a = d0 - c01 * d1, b = d1 - c01 * d0, c = d0 - c02 * d2, d = d2 - c02 * d0, e = d1 - c12 * d2,
+                f = d2 - c12 * d1;
+    const Lanes determinant = a * d * e + b * c * f;
     /* at a double solution the step would be rounding magnified */
-    if (!(fabs(determinant) > 1e-14))
-        return;
-    dist[0] += (f01 * d * e + b * (f02 * f - d * f12)) / determinant;
-    dist[1] += (a * (d * f12 - f02 * f) + f01 * c * f) / determinant;
-    dist[2] += (e * (a * f02 - c * f01) + b * c * f12) / determinant;
+    const LaneNumbers moves = size_of_each(determinant) > ALL(1e-14);
+    const Lanes steps[3] = {f01 * d * e + b * (f02 * f - d * f12), a * (d * f12 - f02 * f) + f01 * c * f,
+                            e * (a * f02 - c * f01) + b * c * f12};
+    for (int i = 0; i < 3; i++)
+        dist[i] += either(moves, steps[i] / determinant, ALL(0.0));
 }
 
-/* All orientations, photo to ground, from which three points are seen in given directions; returns how many. */
-static int three_points(const double vectors[3][3], const double points[3][3], double rotations[4][9],
-                        double centres[4][3])
+/* What the distances of three points obey, all divided by the size of the triangle: the sum of its squared sides. */
+typedef struct {
+    Lanes unit[3][3], cosines[3], squares[3], size, sum[3][3];
+} Triangle;
+
+/* The triangle, and two forms that vanish at its distances. */
+static void triangle_of(Lanes unit[3][3], Lanes points[3][3], Triangle *t, Lanes pencil[2][3][3])
 {
-    double unit[3][3], cosines[3], squares[3], forms[3][3][3] = {{{0.0}}}, pencil[2][3][3], size = 0.0, ground[3][3];
+    Lanes forms[3][3][3];
+    memset(forms, 0, sizeof(forms));
+    memcpy(t->unit, unit, sizeof(t->unit));
+    t->size = ALL(0.0);
     for (int k = 0; k < 3; k++) {
-        const double length = sqrt(dot3(vectors[k], vectors[k]));
+        const int i = PAIRS[k][0], j = PAIRS[k][1];
+        Lanes side[3];
+        for (int axis = 0; axis < 3; axis++)
+            side[axis] = points[i][axis] - points[j][axis];
+        t->cosines[k] = dot_lanes(unit[i], unit[j]);
+        t->size += t->squares[k] = dot_lanes(side, side);
+        forms[k][i][i] = forms[k][j][j] = ALL(1.0);
+        forms[k][i][j] = forms[k][j][i] = -t->cosines[k];
+    }
+    for (int k = 0; k < 3; k++)
+        t->squares[k] /= t->size;
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            const Lanes p = forms[0][i][j] * t->squares[2] - forms[2][i][j] * t->squares[0];
+            const Lanes q = forms[1][i][j] * t->squares[2] - forms[2][i][j] * t->squares[1];
+            pencil[0][i][j] = p + ALL(MIX) * q, pencil[1][i][j] = q - ALL(MIX) * p;
+            t->sum[i][j] = forms[0][i][j] + forms[1][i][j] + forms[2][i][j];
+        }
+}
+
+/* Distances in a given direction; returns in which lanes they close the triangle in front of the photo. */
+static LaneNumbers find_distances(const Triangle *t, Lanes *d)
+{
+    Lanes miss[3];
+    const Lanes squares = t->squares[0] + t->squares[1] + t->squares[2];
+    /* the sum of the three equations, a positive form, fixes the length */
+    const Lanes length =
+        root_of_each(squares / larger_of_each(form_at((Lanes(*)[3])t->sum, d, d), ALL(1e-300)));
+    const Lanes scale = either(d[0] + d[1] + d[2] < ALL(0.0), -length, length);
+    for (int i = 0; i < 3; i++)
+        d[i] *= scale;
+    for (int step = 0; step < 2; step++)
+        newton_step(d, t->cosines, t->squares);
+    misclosures(d, t->cosines, t->squares, miss);
+    LaneNumbers closed = ALL(0.0) == ALL(0.0);
+    for (int i = 0; i < 3; i++)
+        closed = closed & (size_of_each(miss[i]) < ALL(MISCLOSURE)) & (d[i] > ALL(0.0));
+    return closed;
+}
+
+/* The orientation that takes points at distances to the ground, where they have known axes. */
+static void orient_triangle(const Triangle *t, const Lanes *d, Lanes points[3][3], Lanes ground[3][3], OfTriples *o)
+{
+    Lanes seen[3][3], axes[3][3];
+    for (int k = 0; k < 3; k++)
+        for (int i = 0; i < 3; i++)
+            seen[k][i] = d[k] * root_of_each(t->size) * t->unit[k][i];
+    axes_of(seen, axes);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            o->rotation[3 * i + j] = ground[0][i] * axes[0][j] + ground[1][i] * axes[1][j] + ground[2][i] * axes[2][j];
+    for (int i = 0; i < 3; i++) {
+        o->centre[i] = ALL(0.0);
+        for (int k = 0; k < 3; k++)
+            o->centre[i] += (points[k][i] - dot_lanes(o->rotation + 3 * i, seen[k])) / ALL(3.0);
+    }
+}
+
+/* All orientations from which three points are seen in given directions. */
+static void three_points(Lanes vectors[3][3], Lanes points[3][3], OfTriples found[4])
+{
+    Lanes unit[3][3], pencil[2][3][3], distances[4][3], ground[3][3];
+    Triangle t;
+    for (int k = 0; k < 3; k++) {
+        const Lanes length = root_of_each(dot_lanes(vectors[k], vectors[k]));
         for (int i = 0; i < 3; i++)
             unit[k][i] = vectors[k][i] / length;
     }
-    if (on_one_line(unit) || on_one_line(points))
-        return 0;
-    for (int k = 0; k < 3; k++) {
-        const int i = PAIRS[k][0], j = PAIRS[k][1];
-        double side[3];
-        for (int axis = 0; axis < 3; axis++)
-            side[axis] = points[i][axis] - points[j][axis];
-        cosines[k] = dot3(unit[i], unit[j]);
-        size += squares[k] = dot3(side, side);
-        forms[k][i][i] = forms[k][j][j] = 1.0;
-        forms[k][i][j] = forms[k][j][i] = -cosines[k];
-    }
-    double sum[3][3];
-    for (int k = 0; k < 3; k++)
-        squares[k] /= size;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) {
-            const double p = forms[0][i][j] * squares[2] - forms[2][i][j] * squares[0];
-            const double q = forms[1][i][j] * squares[2] - forms[2][i][j] * squares[1];
-            pencil[0][i][j] = p + MIX * q, pencil[1][i][j] = q - MIX * p;
-            sum[i][j] = forms[0][i][j] + forms[1][i][j] + forms[2][i][j];
-        }
-    double distances[4][3];
+    const LaneNumbers regular = are_a_triangle(unit) & are_a_triangle(points);
+    triangle_of(unit, points, &t, pencil);
     intersect_conics(pencil, distances);
     axes_of(points, ground);
-    int found = 0;
     for (int s = 0; s < 4; s++) {
-        double *d = distances[s], miss[3];
-        const double sign = d[0] + d[1] + d[2] < 0.0 ? -1.0 : 1.0;
-        /* the sum of the three equations, a positive form, fixes the length */
-        const double scale =
-            sign * sqrt((squares[0] + squares[1] + squares[2]) / fmax(form_at(sum, d, d), 1e-300));
-        for (int i = 0; i < 3; i++)
-            d[i] *= scale;
-        for (int step = 0; step < 2; step++)
-            newton_step(d, cosines, squares);
-        misclosures(d, cosines, squares, miss);
-        const double worst = fmax(fabs(miss[0]), fmax(fabs(miss[1]), fabs(miss[2])));
-        if (!(worst < MISCLOSURE && d[0] > 0.0 && d[1] > 0.0 && d[2] > 0.0))
-            continue;
-        double seen[3][3], axes[3][3], *R = rotations[found], *centre = centres[found];
-        for (int k = 0; k < 3; k++)
-            for (int i = 0; i < 3; i++)
-                seen[k][i] = d[k] * sqrt(size) * unit[k][i];
-        axes_of(seen, axes);
-        for (int i = 0; i < 3; i++)
-            for (int j = 0; j < 3; j++)
-                R[3 * i + j] = dot3(ground[i], axes[j]);
-        for (int i = 0; i < 3; i++) {
-            centre[i] = 0.0;
-            for (int k = 0; k < 3; k++)
-                centre[i] += (points[k][i] - dot3(R + 3 * i, seen[k])) / 3.0;
-        }
-        found++;
+        found[s].found = regular & find_distances(&t, distances[s]);
+        if (in_any(found[s].found))
+            orient_triangle(&t, distances[s], points, ground, found + s);
     }
-    return found;
 }
+
+#endif

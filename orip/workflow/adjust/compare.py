@@ -65,6 +65,9 @@ def _folder_of_results(path: Path, given: Path) -> tuple[Path, Path]:
 
 def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
     path = folder / given
+    if not path.exists():
+        message = "there is no such file or folder; name a result.json that 'orip solve' wrote, or a project folder"
+        raise InputError.single(message, str(given))
     if not path.is_dir():
         return path, str(given)
     path, given = _folder_of_results(path, given)

@@ -232,6 +232,11 @@ def test_models_of_several_bundles(project: Path) -> None:
     done(orip(project, "model", "delete", "M", "--bundle", "AGAIN", "--yes"))
 
 
+@pytest.mark.parametrize("words", ["camera list", "photo show left", "camera add X c=30", "control points list"])
+def test_what_belongs_to_no_bundle_takes_none(project: Path, words: str) -> None:
+    refused(project, "No such option: --bundle", *typed(words), "--bundle", "MAIN", code=2)
+
+
 def test_no_bundle_for_a_model(tmp_path: Path) -> None:
     (tmp_path / "orip.toml").write_text('project = { name = "Z" }\ncamera = [{ name = "C", c = 1 }]\n')
     done(orip(tmp_path, "init"))

@@ -1,4 +1,4 @@
-/* Relative orientation for processors with AVX2; module.c tests for it. */
+/* Relative orientation and resection for processors with AVX2; module.c tests for it. */
 
 #include "../../lanes.h"
 
@@ -10,8 +10,11 @@
 #endif
 
 #include "../relative/given_scale.h"
+#include "../resection/fitting_points.h"
 
 const PairLoops avx2_pairs = {relative_space, orient_relatively, orient_at_scale, adjust_at_scale};
+const ResectionLoops avx2_resections = {resection_space,     fitting_space, rank_triples,
+                                           choose_orientations, resect_photo,  mark_fitting};
 
 #if defined(__clang__)
 #pragma clang attribute pop
