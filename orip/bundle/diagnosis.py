@@ -186,7 +186,9 @@ def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
             if column != CONSTANT and cofactor[column, column] > 0.0
         ]
         moves.extend([max(sizes)] if sizes else [])
-    if not moves or (farthest := max(moves))[0] < _SETTLED:
+    farthest = max(moves, default=(0.0, "", ""))
+    if farthest[0] < _SETTLED:
+        yield from _weights_unsettled(solved)
         return
     size, kind, name = farthest
     count = sum(move[0] >= _SETTLED for move in moves)
@@ -196,6 +198,18 @@ def _unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
     )
     remedy = "look for wrong points there first; otherwise allow more iterations or give better preliminary values"
     yield Diagnosis("not-converged", f"photo {name}", text, remedy)
+
+
+def _weights_unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Say what iterations lacked that no longer moved the photos: steady weights, or the last digits of ENP."""
+    definition = solved.block.definition
+    text = (
+        f"max_iterations = {definition.max_iterations} was reached before ENP was {definition.enp_stop:g} and the "
+        "weights of the observations were steady"
+    )
+    remedy = "correct the observations that do not fit first; otherwise increase max_iterations"
+    if solved.reason is TerminationReason.MAX_ITERATIONS:
+        yield Diagnosis("not-converged", f"bundle {definition.name}", text, remedy)
 
 
 def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:

@@ -111,7 +111,6 @@ def adjust_block(
             settings = replace(settings, start_down_weight=None)
         solved, components = estimate_errors(solved, settings, numbered, stop_asked, pose)
     solution = solution_of(solved)
-    groups = _grouped(solved, solution, blunders)
     # the last adjustment may have converged, but the search for blunders or parameters was not finished
     cut_short = method != Method() and stop_asked()
     solution = replace(
@@ -119,19 +118,25 @@ def adjust_block(
         status="stopped" if cut_short else solution.status,
         iterations=tuple(iterations),
         blunders=blunders,
-        groups=groups.groups,
         variance_components=components,
-        diagnosis=(*group_diagnosis(groups.contradictions, block.ground_unit), *advice, *diagnose(solved)),
     )
-    _, verdict = headline(solution, 0, sigma0_test(solution))
-    return replace(solution, verdict=verdict), solved
+    return _judged(solved, solution, advice), solved
 
 
-def _grouped(solved: SolvedBlock, solution: Solution, blunders: Sequence[Blunder]) -> GroupVerdict:
+def _judged(solved: SolvedBlock, solution: Solution, advice: Sequence[Diagnosis]) -> Solution:
+    """Return a solution with the verdict on its groups of observations, its weaknesses, and the verdict on it all."""
+    groups = _grouped(solved, solution)
+    contradictions = group_diagnosis(groups.contradictions, solution.ground_unit)
+    judged = replace(solution, groups=groups.groups, diagnosis=(*contradictions, *advice, *diagnose(solved)))
+    _, verdict = headline(judged, 0, sigma0_test(judged))
+    return replace(judged, verdict=verdict)
+
+
+def _grouped(solved: SolvedBlock, solution: Solution) -> GroupVerdict:
     """Return the verdict on the groups of observations; none of an adjustment that did not converge."""
     if not solved.converged:
         return GroupVerdict((), ())
-    left_out = {blunder.point for blunder in blunders}
+    left_out = {blunder.point for blunder in solution.blunders}
     return group_verdict(
         solved, solution.residuals.a_priori, {point.name for point in solution.check_points} - left_out
     )

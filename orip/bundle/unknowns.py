@@ -119,16 +119,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     Unknowns
     """
     names: list[UnknownName] = []
-    sets = [set_names(camera) for camera in block.cameras]
-    cameras = np.full((len(sets), len(CAMERA_PARAMETERS)), CONSTANT)
-    additional = np.full((len(sets), max(map(len, sets))), CONSTANT)
-    first = first_of_lens(block.cameras)
-    for row, (camera, set_) in enumerate(zip(block.cameras, sets, strict=True)):
-        new = set(camera.unknown) if first[row] == row else set(camera.unknown) & set(OWN_PARAMETERS)
-        cameras[row] = _number("CAMERA", camera.name, CAMERA_PARAMETERS, new, names)
-        cameras[row, list(LENS_PLACES)] = cameras[first[row], list(LENS_PLACES)]
-        unheld = {name for name in set_ if (camera.name, name) not in block.held_additional}
-        additional[row, : len(set_)] = _number("CAMERA", camera.name, set_, unheld, names)
+    cameras, additional = _number_cameras(block, names)
     antennas, shifts, drifts = _number_antennas(block, names)
     theodolites = np.array(
         [
@@ -137,13 +128,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
-    place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
-    photos = np.array(
-        [
-            _number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names)
-            for photo in block.photos
-        ]
-    )[:, place]
+    photos = _number_photos(block, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
     for point in tied:
@@ -169,6 +154,31 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         Layout(reduced, len(eliminated), fixed),
         UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
     )
+
+
+def _number_cameras(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray]:
+    """Return the columns of camera parameters and of sets; cameras of one lens share those of its first camera."""
+    sets = [set_names(camera) for camera in block.cameras]
+    cameras = np.full((len(sets), len(CAMERA_PARAMETERS)), CONSTANT)
+    additional = np.full((len(sets), max(map(len, sets))), CONSTANT)
+    first = first_of_lens(block.cameras)
+    for row, (camera, set_) in enumerate(zip(block.cameras, sets, strict=True)):
+        new = set(camera.unknown) if first[row] == row else set(camera.unknown) & set(OWN_PARAMETERS)
+        cameras[row] = _number("CAMERA", camera.name, CAMERA_PARAMETERS, new, names)
+        cameras[row, list(LENS_PLACES)] = cameras[first[row], list(LENS_PLACES)]
+        unheld = {name for name in set_ if (camera.name, name) not in block.held_additional}
+        additional[row, : len(set_)] = _number("CAMERA", camera.name, set_, unheld, names)
+    return cameras, additional
+
+
+def _number_photos(block: Block, names: list[UnknownName]) -> IntArray:
+    """Return the columns of the elements of photos (n, 6), in the order of PHOTO_PARAMETERS."""
+    place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
+    columns = [
+        _number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names)
+        for photo in block.photos
+    ]
+    return np.array(columns)[:, place]
 
 
 def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:

@@ -21,7 +21,7 @@ from orip.prelim.growing.misplaced_photos import misplaced_photos
 from orip.prelim.joint.by_parts import by_parts
 from orip.prelim.joint.by_photos import by_level_photos, by_photos
 from orip.prelim.joint.single_photos import supported_photos
-from orip.prelim.measured_block import MeasuredBlock, measured_block
+from orip.prelim.measured_block import MORE, MeasuredBlock, measured_block
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.resection.direct_linear import POINTS_NEEDED
 from orip.prelim.routes import (
@@ -156,8 +156,30 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
     confirmed = confirmed_block(measured)
     if confirmed is None:
         return _ended(searches)
-    confirmed = confirmed_by_parts(confirmed)
-    return _ended(_searches(confirmed, _routes(confirmed)))
+    return _search_by_parts(confirmed_by_parts(confirmed))
+
+
+def _search_by_parts(told: MeasuredBlock) -> _Search:
+    """Try routes with the rays that parts have told, which have grown already; if these do not suffice, with new parts.
+
+    Where photos are left even so, what was told of their rays may have been wrong: all of these count again.
+    """
+    first = next(_searches(told, _routes(told)))
+    if first.is_enough:
+        return first
+    renewed = told.with_rays(told.confirmed, MORE)
+    found = _ended(_searches(renewed, _routes(renewed)))
+    if (left := _rays_of_photos_left(found)).any():
+        whole = told.with_rays(told.confirmed | left, MORE)
+        again = _ended(_searches(whole, _routes(whole)))
+        return found if _rays_of_photos_left(again).any() else again
+    return found
+
+
+def _rays_of_photos_left(found: _Search) -> BoolArray:
+    """Return which of all rays (n,) are of photos that are not oriented."""
+    photo = found.measured.all_rays.photo
+    return np.ones(len(photo), dtype=bool) if found.best is None else ~found.best.grown.oriented[photo]
 
 
 def _search_by_level_photos(measured: MeasuredBlock) -> _Search | None:

@@ -9,13 +9,14 @@ import numpy as np
 
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.rays.photo_index import PhotoIndex
-from orip.prelim.relative.orientation import orient_pair
+from orip.prelim.relative.orientation import orient_two_photos
+from orip.prelim.relative.oriented_models import OrientedModel
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row
 from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.names import record_key
 from orip.records.project.definition import StereoModel
-from orip.records.results.preliminary import NotOriented, RelativeOrientation
+from orip.records.results.preliminary import NotOriented
 from orip.structs import replace
 
 
@@ -24,7 +25,7 @@ def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:
     return sorted(models, key=lambda model: (model.row, model.column))
 
 
-def orient_model(rays: ImageRays, model: StereoModel, index: PhotoIndex) -> RelativeOrientation | NotOriented:
+def orient_model(rays: ImageRays, model: StereoModel, index: PhotoIndex) -> OrientedModel | NotOriented:
     """Orient one model relatively; a photo that has no photo points is the reason why not."""
     return _oriented(rays, _places(rays), model, index)
 
@@ -35,15 +36,15 @@ def _places(rays: ImageRays) -> dict[str, int]:
 
 def _oriented(
     rays: ImageRays, places: Mapping[str, int], model: StereoModel, index: PhotoIndex
-) -> RelativeOrientation | NotOriented:
+) -> OrientedModel | NotOriented:
     missing = [name for name in (model.left, model.right) if record_key(name) not in places]
     if missing:
         return NotOriented(model.name, "", f"photo {' and photo '.join(missing)} has no photo points")
     left, right = places[record_key(model.left)], places[record_key(model.right)]
-    found = orient_pair(rays, left, right, model=model.name, row=model.row, column=model.column, index=index)
+    found = orient_two_photos(rays, left, right, model=model.name, index=index)
     if isinstance(found, NotOriented):
         return replace(found, reason=found.reason + _other_partners(rays, (left, right), index))
-    return found
+    return OrientedModel(found, model.row, model.column)
 
 
 def _other_partners(rays: ImageRays, pair: tuple[int, int], index: PhotoIndex) -> str:
@@ -62,17 +63,18 @@ def _other_partners(rays: ImageRays, pair: tuple[int, int], index: PhotoIndex) -
 
 def orient_models(
     rays: ImageRays, models: Sequence[StereoModel], index: PhotoIndex
-) -> tuple[list[RelativeOrientation], list[NotOriented]]:
+) -> tuple[list[OrientedModel], list[NotOriented]]:
     """Orient all models relatively, in driving order."""
     places = _places(rays)
     found = [_oriented(rays, places, model, index) for model in in_driving_order(models)]
-    oriented = [model for model in found if isinstance(model, RelativeOrientation)]
+    oriented = [model for model in found if isinstance(model, OrientedModel)]
     return oriented, [model for model in found if isinstance(model, NotOriented)]
 
 
-def bridge_rows(relative: Sequence[RelativeOrientation], rays: ImageRays) -> JoinedSystems:
+def bridge_rows(oriented: Sequence[OrientedModel], rays: ImageRays) -> JoinedSystems:
     """Bridge oriented models, given in driving order, to strips."""
-    rows = [bridge_row([model.block for model in row], rays) for _, row in groupby(relative, lambda model: model.row)]
+    of_rows = groupby(oriented, lambda model: model.row)
+    rows = [bridge_row([model.pair.block for model in of_row], rays) for _, of_row in of_rows]
     return JoinedSystems(
         tuple(system for row in rows for system in row.systems),
         tuple(step for row in rows for step in row.steps),

@@ -20,7 +20,8 @@ from orip.prelim.model_steps import bridge_rows, connect_rows, orient_models
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.refinement.camera_corrections import no_corrections
 from orip.prelim.refinement.refinement import ROUGH
-from orip.prelim.relative.orientation import OrientedPair, listed
+from orip.prelim.relative.orientation import OrientedPair
+from orip.prelim.relative.oriented_models import ListedModels, OrientedModel
 from orip.prelim.relative.pair_selection import pairs_by_common_points
 from orip.prelim.similarity.bridging import JoinedSystems
 from orip.records.project.definition import StereoModel
@@ -49,14 +50,14 @@ class Route(Struct, frozen=True):
         The largest first.
     on_ground : bool
         The systems (then one) are on the ground.
-    relative : tuple of RelativeOrientation
+    relative : sequence of RelativeOrientation
     bridges, connections : tuples of SimilarityStep
     failures : tuple of NotOriented
     """
 
     systems: tuple[GrowingBlock, ...]
     on_ground: bool = False
-    relative: tuple[RelativeOrientation, ...] = ()
+    relative: Sequence[RelativeOrientation] = ()
     bridges: tuple[SimilarityStep, ...] = ()
     connections: tuple[SimilarityStep, ...] = ()
     failures: tuple[NotOriented, ...] = ()
@@ -64,39 +65,41 @@ class Route(Struct, frozen=True):
 
 def by_models(grower: BlockGrower, models: Sequence[StereoModel]) -> Route:
     """Go by the models of the bundle: relative orientation, bridging, connection; other photos are added to them."""
-    relative, not_relative = orient_models(grower.rays, models, grower.index)
-    bridged = bridge_rows(relative, grower.rays)
+    oriented, not_oriented = orient_models(grower.rays, models, grower.index)
+    bridged = bridge_rows(oriented, grower.rays)
     connected = connect_rows(bridged, grower.rays)
     blocks = sorted(connected.systems, key=lambda block: -len(block.photos))
-    sentences = _how_by_models(grower.rays, relative, bridged, connected.steps)
+    sentences = _how_by_models(grower.rays, oriented, bridged, connected.steps)
     systems = [_with_sentences(growing_block_of(grower.rays, block, ""), grower.rays, sentences) for block in blocks]
     return Route(
         (grower.grow(systems[0], ROUGH), *systems[1:]) if systems else (),
-        relative=tuple(relative),
+        relative=ListedModels(grower.rays, oriented),
         bridges=bridged.steps,
         connections=connected.steps,
-        failures=(*not_relative, *bridged.failures, *connected.failures),
+        failures=(*not_oriented, *bridged.failures, *connected.failures),
     )
 
 
 def _how_by_models(
     rays: ImageRays,
-    relative: Sequence[RelativeOrientation],
+    oriented: Sequence[OrientedModel],
     bridged: JoinedSystems,
     connections: Sequence[SimilarityStep],
 ) -> dict[str, str]:
     """Say for each photo in which model it was oriented, and how that model was joined to the block."""
     bridges = {step.source: step for step in bridged.steps}
-    strips = {rays.photos[photo]: strip.name for strip in bridged.systems for photo in strip.photos}
+    strips = {photo: strip.name for strip in bridged.systems for photo in strip.photos.tolist()}
     connected = {step.source: step for step in connections}
     sentences: dict[str, str] = {}
-    for model in relative:
-        sentence = f"relative orientation in model {model.model} from {len(model.points)} points"
-        if step := bridges.get(model.model):
+    for model in oriented:
+        name = model.pair.block.name
+        sentence = f"relative orientation in model {name} from {len(model.pair.rows[0])} points"
+        if step := bridges.get(name):
             sentence += f", bridged to model {step.target} by {_common(step)}"
-        for photo in (model.left, model.right):
+        for photo in model.pair.photos:
             strip = connected.get(strips[photo])
-            sentences.setdefault(photo, sentence + (f", connected to the block by {_common(strip)}" if strip else ""))
+            said = sentence + (f", connected to the block by {_common(strip)}" if strip else "")
+            sentences.setdefault(rays.photos[photo], said)
     return sentences
 
 
@@ -131,19 +134,19 @@ def by_given(grower: BlockGrower, rotations: FloatArray, centres: FloatArray) ->
 def by_pairs(grower: BlockGrower, choice: int) -> Route:
     """Go from the best pairs of photos; `choice` 0 begins with the best, 1 with the second best pair, ..."""
     systems: list[GrowingBlock] = []
-    relative: list[RelativeOrientation] = []
+    starts: list[OrientedModel] = []
     free = np.ones(len(grower.rays.photos), dtype=bool)
     while (start := _starting_pair(grower, free, choice if not systems else 0)) is not None:
-        shown = listed(grower.rays, start)
-        how = f"model of photos {shown.left} and {shown.right}, {len(shown.points)} points"
+        left, right = (grower.rays.photos[photo] for photo in start.photos)
+        how = f"model of photos {left} and {right}, {len(start.rows[0])} points"
         system = grower.grown_from(start, how, no_corrections(grower.rays))
         systems.append(system)
-        relative.append(shown)
+        starts.append(OrientedModel(start))
         free &= ~system.oriented
         # the two photos may have been removed as wrong, and would begin the same system again
         free[start.block.photos] = False
     systems.sort(key=lambda system: -int(system.oriented.sum()))
-    return Route(tuple(systems), relative=tuple(relative))
+    return Route(tuple(systems), relative=ListedModels(grower.rays, starts))
 
 
 def control_points_seen(grower: BlockGrower) -> IntArray:

@@ -77,23 +77,47 @@ def _template() -> Template:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
-    test = sigma0_test(solution)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
         "solution": solution,
-        "warnings": by_kind(ProjectWarning(*row) for row in solution.warnings),
         "details": given.details,
         "order": order_facts(given),
         "method": method_facts(given),
-        "key_numbers": key_numbers(given),
         "plan": block_plan(given),
         "most_overlap": MOST_OVERLAP,
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
+        **_trust(given),
+        **_observations(given),
+        **_unknowns(given),
+        "strong": STRONG,
+        "block": _as_data(block_view(given)),
+        "size": _size(solution),
+        "inputs": tuple(dict((*given.replayed, *solution.inputs)).items()),
+        "plotly": _plotly(),
+        "convergence": convergence_charts(given),
+        "iterations": iteration_table(solution),
+        "models": model_grid(given.bundle),
+    }
+
+
+def _trust(given: ReportInput) -> dict[str, Any]:
+    """Return what tells whether the result can be trusted."""
+    test = sigma0_test(given.solution)
+    return {
+        "warnings": by_kind(ProjectWarning(*row) for row in given.solution.warnings),
+        "key_numbers": key_numbers(given),
         "test": test if isinstance(test, GlobalTest) else None,
         "verdict": verdict(given, test),
         "gates": gate_table(given),
+    }
+
+
+def _observations(given: ReportInput) -> dict[str, Any]:
+    """Return what the residuals show: how well the observations fit, and which do not."""
+    solution = given.solution
+    return {
         "groups": group_table(solution),
         "histograms": residual_histograms(solution),
         "photo_residuals": photo_residual_table(given),
@@ -106,6 +130,15 @@ def _content(given: ReportInput) -> dict[str, Any]:
             for table in (blunder_table(solution), suspect_table(given), singular_table(solution), weak_table(solution))
             if table is not None
         ],
+        "station_charts": station_charts(solution),
+        "vectors": vector_sheets(given),
+    }
+
+
+def _unknowns(given: ReportInput) -> dict[str, Any]:
+    """Return the adjusted unknowns and their precision."""
+    solution = given.solution
+    return {
         "spreads": spreads(solution),
         "points": point_table(solution),
         "photos": photo_table(solution),
@@ -113,19 +146,9 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "antennas": antenna_table(solution),
         "stations": station_table(solution),
         "strips": strip_table(solution),
-        "station_charts": station_charts(solution),
         "ellipses": ellipse_views(solution),
         "cameras": camera_sheets(given),
         "rigs": rig_table(solution),
-        "strong": STRONG,
-        "vectors": vector_sheets(given),
-        "block": _as_data(block_view(given)),
-        "size": _size(solution),
-        "inputs": tuple(dict((*given.replayed, *solution.inputs)).items()),
-        "plotly": _plotly(),
-        "convergence": convergence_charts(given),
-        "iterations": iteration_table(solution),
-        "models": model_grid(given.bundle),
     }
 
 

@@ -27,3 +27,16 @@ def test_the_photo_that_is_farthest_from_its_end_is_named():
     named = [photo.name for photo in end.block.photos].index(told.where.removeprefix("photo "))
     assert off[named] > 0.5 * off.max()
     assert all(diagnosis.code != "not-converged" for diagnosis in diagnose(end))
+
+
+def test_photos_that_no_longer_move_are_not_blamed():
+    block = started_off(MADE, noisy(MADE, 3), 3, 0.05)
+    # ENP grows by some digits an iteration here: after eight of them corrections are far below a tenth of a deviation
+    ended = solved(redefined(block, max_iterations=8, start_down_weight=8, enp_stop=15.0))
+    assert ended.reason is TerminationReason.MAX_ITERATIONS
+    columns = ended.problem.unknowns.photos
+    deviations = ended.deviation_scale * np.sqrt(np.diag(ended.cofactors.reduced)[columns])
+    assert np.abs(ended.normals.correction[columns] / deviations).max() < 0.1
+    (told,) = [diagnosis for diagnosis in diagnose(ended) if diagnosis.code == "not-converged"]
+    assert told.where == f"bundle {block.definition.name}"
+    assert told.text.startswith("max_iterations = 8 was reached before ENP was 15")

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from cli.command_line import orip
 from scipy.stats import poisson
 from workflow.small_projects import first_project, without_points
 
@@ -43,6 +44,12 @@ def test_demonstration_names_the_three_blunders() -> None:
     assert set(wrong) <= set(found["suspects"])
     assert len(found["suspects"]) <= len(wrong) + poisson.ppf(0.999, 0.468)
     assert "450 unknowns" in done.stderr
+
+
+def test_the_demonstration_serves_nobody(tmp_path: Path) -> None:
+    said = orip(tmp_path, "online", "--demo", "--listen", "127.0.0.1:0", "--page")
+    assert said.code == 2
+    assert "leave --listen, --page out" in said.err
 
 
 def test_a_killed_session_has_every_measurement_that_it_has_answered(tmp_path: Path) -> None:

@@ -18,14 +18,15 @@ from orip.prelim.resection import best_orientations as resection_choice
 from orip.prelim.resection import fitting_points, resection
 from orip.prelim.resection import start as resection_start
 from orip.prelim.similarity import adjustment as similarity_adjustment
-from orip.prelim.similarity import in_common
+from orip.prelim.similarity import in_common, joining, partial_blocks
 from orip.prelim.similarity import start as similarity_start
 from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
 WITH_LOOPS = (
-    consensus, fitting_points, given_scale, in_common, intersection, misplaced_photos, pair_selection, refinement,
-    relative_solution, resection_choice, resection, resection_start, similarity_adjustment, similarity_start,
+    consensus, fitting_points, given_scale, in_common, intersection, joining, misplaced_photos, pair_selection,
+    partial_blocks, refinement, relative_solution, resection_choice, resection, resection_start, similarity_adjustment,
+    similarity_start,
 )  # fmt: skip
 
 

@@ -24,7 +24,9 @@ from orip.prelim.relative.parallax import Pairs
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
-from orip.prelim.tracks.confirmed_block import confirmed_block, has_many_misses
+from orip.prelim.routes import by_pairs
+from orip.prelim.tracks.confirmation import Votes
+from orip.prelim.tracks.confirmed_block import confirmed_block, excess_of_contradicted, has_many_misses
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.records.names import record_key
 from orip.structs import replace
@@ -66,6 +68,35 @@ def test_many_rays_of_tracks_miss_each_other_and_few_of_an_ordinary_block():
     assert ordinary.blunders < 0.05
     assert has_many_misses(measured_block(gathered(tracks)))
     assert not has_many_misses(measured_block(gathered(ordinary)))
+
+
+def test_routes_have_what_has_grown_from_the_rays_that_parts_have_told():
+    told = confirmed_by_parts(confirmed_block(measured_block(gathered(outlier_records(6)))))
+    grown = dict(told.from_models.blocks)
+    assert any(block.oriented.all() for block in grown.values())
+    by_pairs(told.grower(), 0)
+    assert told.from_models.blocks == grown
+
+
+def test_the_deviation_of_the_contradicted_part_is_that_of_photos_that_are_wrong_together():
+    measured = measured_block(gathered(simulated_records(3, "convergent", largest=12)))
+    rays, random = measured.rays, np.random.default_rng(5)
+    photos, each, repetitions = 30, 40, 400
+    rays = replace(rays, photo=np.repeat(np.arange(photos), each), photos=tuple(map(str, range(photos))))
+    found = []
+    for _ in range(repetitions):
+        votes = Votes(photos * each)
+        votes.in_pairs[:, 0] = 1
+        # a tenth of the photos has half of its rays contradicted, the others one in fifty
+        part = np.where(random.random(photos) < 0.1, 0.5, 0.02)
+        votes.in_pairs[:, 1] = random.random(photos * each) > np.repeat(part, each)
+        found.append(excess_of_contradicted(rays, votes))
+    excess, deviation = np.transpose(found)
+    # 10 % of 0.5 and 90 % of 0.02 are 0.068; the mean of 400 is good to a twentieth of the deviation
+    assert abs(excess.mean() - 0.038) < 4.0 * excess.std() / np.sqrt(repetitions)
+    # the scatter of 400 is good to 1 / sqrt(800), 3.5 %; independent rays would have a quarter of it
+    assert 0.85 < np.sqrt(np.mean(deviation**2)) / excess.std() < 1.15
+    assert excess.std() > 3.0 * np.sqrt(0.068 * 0.932 / (photos * each))
 
 
 def test_contradicted_rays_are_counted_in_one_sentence():

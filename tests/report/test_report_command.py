@@ -134,3 +134,16 @@ def test_the_browser_prints_the_page_that_was_written(
     assert said.document["pdf"] == str(wanted)
     assert wanted.read_text() == f"%PDF {(tmp_path / 'client.html').as_uri()}\n"
     assert run_of_page((tmp_path / "client.html").read_text()) == run_in_store(project)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--pdf", "--output", "client.html"], "with --pdf the file of --output is the PDF"),
+        (["--output", "client.pdf"], "print it with 'orip report --pdf --output client.pdf'"),
+    ],
+)
+def test_a_page_is_not_called_pdf_nor_replaced_by_one(tmp_path: Path, words: list[str], sentence: str) -> None:
+    said = orip(first_project(tmp_path / "first"), "report", *words)
+    assert said.code == 2
+    assert sentence in said.err

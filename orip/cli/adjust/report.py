@@ -9,6 +9,7 @@ import typer
 
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.cli.terminal import Terminal
+from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.workflow.adjust.report import WrittenReport
@@ -40,6 +41,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip report --output outcrop.html
         """
+        _refuse_the_other_kind(output, pdf=pdf)
         from orip.workflow.adjust.report import REPORTED_FROM, report
         from orip.workflow.adjust.report_pdf import print_pdf
         from orip.workflow.project.bundle_state import read_bundle
@@ -59,3 +61,19 @@ def register(app: typer.Typer) -> None:
             terminal.say(f"wrote    {document['pdf']} ({size / 1e6:.1f} MB)")
         if terminal.json:
             terminal.document("report", document)
+
+
+def _refuse_the_other_kind(output: Path | None, *, pdf: bool) -> None:
+    """Refuse a page that would be called .pdf, and a PDF that would replace its page.
+
+    Raises
+    ------
+    UsageError
+    """
+    ending = "" if output is None else output.suffix.lower()
+    if ending == ".pdf" and not pdf:
+        message = f"the report is a page; print it with 'orip report --pdf --output {output}', or call it .html"
+        raise UsageError(message)
+    if ending in {".html", ".htm"} and pdf:
+        message = "with --pdf the file of --output is the PDF, and the page is beside it; call it .pdf"
+        raise UsageError(message)

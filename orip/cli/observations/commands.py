@@ -180,7 +180,7 @@ def _register_again(group: typer.Typer) -> None:
     def todo_command(
         invocation: Invocation,
         bundle: BundleOption = None,
-        output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write there.")] = None,
+        output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write there.")] = None,
         force: Annotated[bool, typer.Option("--force", help="Replace a file that is there.")] = False,
         following: Annotated[
             bool, typer.Option("--next", help="List what is worth measuring next instead, as 'orip online' advises.")

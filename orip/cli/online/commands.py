@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orip.cli.options import BundleArgument, Invocation, command
+from orip.errors import UsageError
 from orip.threads import limited_threads
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def register(app: typer.Typer) -> None:
         Example: orip online --demo
         """
         if demo:
+            _refuse_with_demo({"BUNDLE": bundle, "--listen": listen, "--page": page})
             _play(invocation)
             return
         from orip.workflow.drive.listening import listening_address
@@ -117,6 +119,12 @@ def _read(lines: queue.Queue[str | None]) -> None:
 def _put(invocation: Invocation, reply: dict[str, Any]) -> None:
     invocation.terminal.data(json.dumps(reply, ensure_ascii=False) + "\n")
     invocation.terminal.flush()
+
+
+def _refuse_with_demo(given: dict[str, object]) -> None:
+    if named := [name for name, value in given.items() if value]:
+        message = f"--demo plays a simulated session on the terminal; leave {', '.join(named)} out"
+        raise UsageError(message)
 
 
 def _play(invocation: Invocation) -> None:

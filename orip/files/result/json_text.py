@@ -40,6 +40,30 @@ def result_document(solution: Solution) -> dict[str, object]:
 
 def _document(solution: Solution, points: object, point_columns: object, residuals_file: str) -> dict[str, object]:
     return {
+        **_head(solution),
+        "cameras": _cameras(solution),
+        "projections": dict(zip(solution.cameras.names, solution.projections, strict=True)),
+        "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
+        "points": points,
+        "point_columns": point_columns,
+        "antennas": _antennas(solution),
+        "stations": _stations(solution),
+        "rigs": _rigs(solution),
+        "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
+        **_findings(solution),
+        "interior": {
+            group: {row.name: _interior(row) for row in solution.interior if row.group == group}
+            for group in ("templates", "photos")
+        },
+        "inputs": dict(solution.inputs),
+        "residuals_file": residuals_file,
+        "warnings": [{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
+    }
+
+
+def _head(solution: Solution) -> dict[str, object]:
+    """Return which adjustment it is, how it ended, and how it got there."""
+    return {
         "schema": SCHEMA,
         "run": solution.run,
         "project": solution.project,
@@ -59,15 +83,12 @@ def _document(solution: Solution, points: object, point_columns: object, residua
             }
             for row in solution.iterations
         ],
-        "cameras": _cameras(solution),
-        "projections": dict(zip(solution.cameras.names, solution.projections, strict=True)),
-        "photos": _estimates(solution.photos, PHOTO_PARAMETERS),
-        "points": points,
-        "point_columns": point_columns,
-        "antennas": _antennas(solution),
-        "stations": _stations(solution),
-        "rigs": _rigs(solution),
-        "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
+    }
+
+
+def _findings(solution: Solution) -> dict[str, object]:
+    """Return what does not fit, what is weak, and what independent values say."""
+    return {
         "down_weighted": _down_weighted(solution.residuals),
         "singular": [
             {"group": row.group, "name": row.name, "kind": row.kind, "lost_digits": _number(row.lost_digits)}
@@ -84,13 +105,6 @@ def _document(solution: Solution, points: object, point_columns: object, residua
         ],
         "groups": _groups(solution),
         "variance_components": _variance_components(solution),
-        "interior": {
-            group: {row.name: _interior(row) for row in solution.interior if row.group == group}
-            for group in ("templates", "photos")
-        },
-        "inputs": dict(solution.inputs),
-        "residuals_file": residuals_file,
-        "warnings": [{"code": code, "where": where, "text": text} for code, where, text in solution.warnings],
     }
 
 

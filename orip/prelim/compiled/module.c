@@ -339,24 +339,37 @@ static PyObject *py_orient_pair(PyObject *Py_UNUSED(module), PyObject *const *ar
     return PyBool_FromLong(oriented);
 }
 
+/* The arrays of an orientation at a given scale; after them may come those of one function. */
+enum { LEFT, RIGHT, ERRORS, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE, SAMPLES };
+#define AT_SCALE "ddddd" "DDDDDBB"
+
+/* What is given of two photos, with room for what is found of their points. */
+static int at_scale_from(const Arguments *a, Pairs *p, RelativePoints *points)
+{
+    const Pairs given = {a->views[LEFT].buf, a->views[RIGHT].buf, a->views[ERRORS].buf, length_of(a, ERRORS)};
+    const RelativePoints room = {a->views[PARALLAX].buf,    a->views[WEIGHTS].buf,    NULL,
+                                 a->views[COORDINATES].buf, a->views[DEVIATIONS].buf, a->views[IN_FRONT].buf,
+                                 a->views[USABLE].buf};
+    const int64_t count = given.count;
+    *p = given, *points = room;
+    return count >= 5 && has(a, LEFT, 3 * count) && has(a, RIGHT, 3 * count) && has(a, SETS, count - 5)
+        && has(a, RULES, sizeof(RelativeRules) / sizeof(double)) && are_rules_sound(a->views[RULES].buf)
+        && has(a, FOUND, sizeof(RelativeFound) / sizeof(double)) && has(a, PARALLAX, count) && has(a, WEIGHTS, count)
+        && has(a, COORDINATES, 3 * count) && has(a, DEVIATIONS, 3 * count) && has(a, IN_FRONT, count)
+        && has(a, USABLE, count);
+}
+
 static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { LEFT, RIGHT, ERROR, SAMPLES, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "dddldd" "DDDDDBB", 1))
+    Pairs p;
+    RelativePoints points;
+    if (!take_arguments(&a, arguments, given, AT_SCALE "l", 1))
         return NULL;
     const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
-    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
-                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
-                                   a.views[USABLE].buf};
     const int64_t samples = length_of(&a, SAMPLES) / 5;
-    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || !are_rows(&a, SAMPLES, p.count) || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double))
-        || !are_rules_sound(rules) || (double)samples > rules->sampling.at_once
-        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
-        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
-        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+    if (!at_scale_from(&a, &p, &points) || !are_rows(&a, SAMPLES, p.count)
+        || (double)samples > rules->sampling.at_once)
         return refused(&a);
     double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
@@ -372,21 +385,14 @@ static PyObject *py_orient_at_scale(PyObject *Py_UNUSED(module), PyObject *const
 
 static PyObject *py_adjust_at_scale(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
 {
-    enum { LEFT, RIGHT, ERROR, SETS, RULES, FOUND, PARALLAX, WEIGHTS, COORDINATES, DEVIATIONS, IN_FRONT, USABLE };
     Arguments a;
-    if (!take_arguments(&a, arguments, given, "ddddd" "DDDDDBB", 1))
+    Pairs p;
+    RelativePoints points;
+    if (!take_arguments(&a, arguments, given, AT_SCALE, 1))
         return NULL;
-    const RelativeRules *rules = a.views[RULES].buf;
-    const Pairs p = {a.views[LEFT].buf, a.views[RIGHT].buf, a.views[ERROR].buf, length_of(&a, ERROR)};
-    const RelativePoints points = {a.views[PARALLAX].buf,    a.views[WEIGHTS].buf,    NULL,
-                                   a.views[COORDINATES].buf, a.views[DEVIATIONS].buf, a.views[IN_FRONT].buf,
-                                   a.views[USABLE].buf};
-    if (p.count < 5 || !has(&a, LEFT, 3 * p.count) || !has(&a, RIGHT, 3 * p.count) || !has(&a, SETS, p.count - 5)
-        || !has(&a, RULES, sizeof(RelativeRules) / sizeof(double)) || !are_rules_sound(rules)
-        || !has(&a, FOUND, sizeof(RelativeFound) / sizeof(double)) || !has(&a, PARALLAX, p.count)
-        || !has(&a, WEIGHTS, p.count) || !has(&a, COORDINATES, 3 * p.count) || !has(&a, DEVIATIONS, 3 * p.count)
-        || !has(&a, IN_FRONT, p.count) || !has(&a, USABLE, p.count))
+    if (!at_scale_from(&a, &p, &points))
         return refused(&a);
+    const RelativeRules *rules = a.views[RULES].buf;
     double *space = PyMem_Malloc((size_t)pairs->space(rules, p.count) * sizeof(double));
     if (!space) {
         release(&a);
@@ -448,6 +454,38 @@ static PyObject *py_best_triple(PyObject *Py_UNUSED(module), PyObject *const *ar
     return PyFloat_FromDouble(most);
 }
 
+static PyObject *py_assemble(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { POINTS, PHOTOS, COORDINATES, DEVIATIONS, ROTATIONS, CENTRES, STARTS, WHOLE };
+    Arguments a;
+    if (!take_arguments(&a, arguments, given, "lldddd" "l" "LLDDDD", 1))
+        return NULL;
+    const BlocksOfOneSystem blocks = {
+        a.views[POINTS].buf,    a.views[PHOTOS].buf,  a.views[COORDINATES].buf, a.views[DEVIATIONS].buf,
+        a.views[ROTATIONS].buf, a.views[CENTRES].buf, a.views[STARTS].buf,      length_of(&a, STARTS) - 1,
+        length_of(&a, POINTS),  length_of(&a, PHOTOS)};
+    const AssembledBlock whole = {a.views[WHOLE].buf,     a.views[WHOLE + 1].buf, a.views[WHOLE + 2].buf,
+                                  a.views[WHOLE + 3].buf, a.views[WHOLE + 4].buf, a.views[WHOLE + 5].buf};
+    const int64_t lengths[] = {blocks.count, blocks.photo_count, 3 * blocks.count, 3 * blocks.count,
+                               9 * blocks.photo_count, 3 * blocks.photo_count};
+    int sound = blocks.blocks >= 0 && are_starts64(blocks.starts, blocks.blocks, blocks.count);
+    for (int k = 0; k < 6; k++)
+        sound = sound && has(&a, POINTS + k, lengths[k]) && has(&a, WHOLE + k, lengths[k]);
+    if (!sound)
+        return refused(&a);
+    double *space = PyMem_Malloc(space_to_assemble(blocks.count, blocks.photo_count));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    int64_t *places = (int64_t *)(space + 4 * blocks.count);
+    const int64_t photos = assemble_photos(&blocks, places, &whole);
+    const int64_t points = assemble_points(&blocks, a.numbers[0], space, places, &whole);
+    PyMem_Free(space);
+    release(&a);
+    return Py_BuildValue("LL", (long long)photos, (long long)points);
+}
+
 /* The arrays of one of two partial blocks, of which four follow one another and the two of places stand apart. */
 static int part_from(const Arguments *a, int first, int places, PartOfTwo *p)
 {
@@ -487,21 +525,65 @@ static PyObject *py_common_places(PyObject *Py_UNUSED(module), PyObject *const *
     double *source_deviations = a.views[PLACES + 2].buf, *target_deviations = a.views[PLACES + 3].buf;
     common_places(&source, points, photos, n[0], from, source_deviations, space);
     common_places(&target, points, photos, n[0], to, target_deviations, space);
-    At *starts = (At *)(space + (5 + photos) * count);
-    for (int64_t photo = 0; photo < photos; photo++)
-        start_from_photo(&source, &target, photo, from, to, count, space, starts + photo);
-    if (photos == 1)
-        memcpy(a.views[START].buf, starts, sizeof(At));
-    if (photos > 1) {
-        const Judges judges = {from, to, space, space + count, space + 2 * count, count};
-        const Judgement judgement = {(int64_t)n[1], n[2], n[3], n[4]};
-        prepare_judges(&judges, source_deviations, target_deviations);
-        best_of_starts(&judges, &judgement, starts, photos, space + 3 * count, a.views[START].buf);
-    }
+    const Judges judges = {from, to, space, space + count, space + 2 * count, count};
+    const Judgement judgement = {(int64_t)n[1], n[2], n[3], n[4]};
+    start_from_photos(&source, &target, photos, &judges, source_deviations, target_deviations, &judgement, space,
+                      a.views[START].buf);
     const double extent = extent_of(to, count);
     PyMem_Free(space);
     release(&a);
     return PyFloat_FromDouble(extent);
+}
+
+/* The arrays of a partial block, of which there are six. */
+static int block_from(const Arguments *a, int first, PartialBlock *b)
+{
+    const PartialBlock block = {a->views[first].buf,     a->views[first + 1].buf, a->views[first + 2].buf,
+                                a->views[first + 3].buf, a->views[first + 4].buf, a->views[first + 5].buf,
+                                length_of(a, first),     length_of(a, first + 1)};
+    *b = block;
+    return has(a, first + 2, 3 * block.count) && has(a, first + 3, 3 * block.count)
+        && has(a, first + 4, 9 * block.photo_count) && has(a, first + 5, 3 * block.photo_count)
+        && block.photo_count <= MOST_TRIPLES;
+}
+
+static PyObject *py_join_by_photos(PyObject *Py_UNUSED(module), PyObject *const *arguments, Py_ssize_t given)
+{
+    enum { SOURCE, TARGET = 6, RULES = 12, JOINING, AT_SOURCE, TARGETS, RESIDUALS, FACTORS, COORDINATES, DEVIATIONS,
+           ROTATIONS, CENTRES, FOUND };
+    Arguments a;
+    PartialBlock source, target;
+    if (!take_arguments(&a, arguments, given, "lldddd" "lldddd" "dd" "LDDDDDDDD", 0))
+        return NULL;
+    const SimilarityRules *rules = a.views[RULES].buf;
+    if (!block_from(&a, SOURCE, &source) || !block_from(&a, TARGET, &target))
+        return refused(&a);
+    const int64_t room = source.count + source.photo_count;
+    if (!has(&a, RULES, sizeof(SimilarityRules) / sizeof(double)) || !is_whole(rules->steps, 0.0, MOST_ITERATIONS)
+        || !is_whole(rules->free_steps, 0.0, MOST_ITERATIONS)
+        || !has(&a, JOINING, sizeof(JoiningRules) / sizeof(double)) || !has(&a, AT_SOURCE, source.count)
+        || !has(&a, TARGETS, 3 * source.count) || !has(&a, RESIDUALS, 3 * room) || !has(&a, FACTORS, 3 * room)
+        || !has(&a, COORDINATES, 3 * source.count) || !has(&a, DEVIATIONS, 3 * source.count)
+        || !has(&a, ROTATIONS, 9 * source.photo_count) || !has(&a, CENTRES, 3 * source.photo_count)
+        || !has(&a, FOUND, sizeof(SimilarityFound) / sizeof(double)))
+        return refused(&a);
+    double *space = PyMem_Malloc(space_to_join(&source, &target));
+    if (!space) {
+        release(&a);
+        return PyErr_NoMemory();
+    }
+    JoinedBlock joint = {.at_source = a.views[AT_SOURCE].buf, .targets = a.views[TARGETS].buf,
+                         .residuals = a.views[RESIDUALS].buf, .factors = a.views[FACTORS].buf,
+                         .coordinates = a.views[COORDINATES].buf, .deviations = a.views[DEVIATIONS].buf,
+                         .rotations = a.views[ROTATIONS].buf, .centres = a.views[CENTRES].buf,
+                         .found = a.views[FOUND].buf};
+    const int how = join_by_photos(&source, &target, rules, a.views[JOINING].buf, space, &joint);
+    PyMem_Free(space);
+    release(&a);
+    if (how != JOINED)
+        return PyBool_FromLong(how == DISAGREEING);
+    return Py_BuildValue("LLLL", (long long)joint.points, (long long)joint.photos, (long long)joint.first_photo,
+                         (long long)joint.unfit);
 }
 
 #define METHOD(name, text) {#name, (PyCFunction)(void (*)(void))py_##name, METH_FASTCALL, text}
@@ -517,7 +599,9 @@ static PyMethodDef methods[] = {
     METHOD(fitting_points, "Which known points fit their photos."),
     METHOD(orient_pair, "The relative orientation of two photos."),
     METHOD(orient_at_scale, "The relative orientation of two photos that most points fit at a scale."),
+    METHOD(assemble, "Several partial blocks of one system as one."),
     METHOD(common_places, "What two partial blocks have in common, and a start from their common photos."),
+    METHOD(join_by_photos, "A partial block in the system of another one, from their common photos."),
     METHOD(adjust_at_scale, "The relative orientation of two photos at a scale from one that is nearly right."),
     METHOD(best_triple, "The spatial similarity of three points that most others agree with."),
     METHOD(adjust_similarity, "A spatial similarity with Danish weights."),

@@ -6,6 +6,8 @@ photos follows them; that which is usual in the block does not.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from msgspec import Struct
 
@@ -87,26 +89,45 @@ def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution
     return (_compiled if is_compiled() else _with_arrays)(solution, pairs, scale)
 
 
+class _Room(NamedTuple):
+    """What the compiled loops write of n points; `found` is `RelativeFound` in solution.h."""
+
+    found: FloatArray
+    parallax: FloatArray
+    weight_factor: FloatArray
+    coordinates: FloatArray
+    deviations: FloatArray
+    in_front: BoolArray
+    usable: BoolArray
+
+    @property
+    def photos(self) -> TwoPhotos:
+        """Return the orientation."""
+        return TwoPhotos(self.found[:3], self.found[3:12].reshape(3, 3))
+
+
+def _room(count: int) -> _Room:
+    parallax, weights = np.empty((2, count))
+    coordinates, deviations = np.empty((2, count, 3))
+    in_front, usable = np.empty((2, count), dtype=np.bool_)
+    return _Room(np.zeros(28), parallax, weights, coordinates, deviations, in_front, usable)
+
+
 def _compiled(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
     """Do what `_with_arrays` does in the compiled loop."""
     count = len(pairs.error)
-    found, parallax, weights = np.empty(28), np.empty(count), np.empty(count)
-    coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
-    in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    if not kernels.orient_at_scale(
-        *pairs, samples_of(count)[:_SAMPLES], log_of_sets(count), _RULES, found, parallax, weights, coordinates,
-        deviations, in_front, usable, scale,
-    ):  # fmt: skip
+    room = _room(count)
+    if not kernels.orient_at_scale(*pairs, log_of_sets(count), _RULES, *room, samples_of(count)[:_SAMPLES], scale):
         return None
     return replace(
         solution,
-        photos=TwoPhotos(found[:3], found[3:12].reshape(3, 3)),
-        parallax=parallax,
-        weight_factor=weights,
-        coordinates=coordinates,
-        deviations=deviations,
-        in_front=in_front,
-        usable=usable,
+        photos=room.photos,
+        parallax=room.parallax,
+        weight_factor=room.weight_factor,
+        coordinates=room.coordinates,
+        deviations=room.deviations,
+        in_front=room.in_front,
+        usable=room.usable,
         scale=scale,
         seuw=scale,
     )
@@ -159,17 +180,11 @@ def adjusted_at_scale(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtSca
 def _compiled_adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
     """Do what `_adjustment` does in the compiled loop."""
     count = len(pairs.error)
-    found, parallax, weights = np.zeros(28), np.empty(count), np.empty(count)
-    found[:3], found[3:12] = start.base, start.rotation.ravel()
-    coordinates, deviations = np.empty((count, 3)), np.empty((count, 3))
-    in_front, usable = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    if not kernels.adjust_at_scale(
-        *pairs, log_of_sets(count), _RULES_OF_ADJUSTMENT, found, parallax, weights, coordinates, deviations, in_front,
-        usable, scale,
-    ):  # fmt: skip
+    room = _room(count)
+    room.found[:3], room.found[3:12] = start.base, start.rotation.ravel()
+    if not kernels.adjust_at_scale(*pairs, log_of_sets(count), _RULES_OF_ADJUSTMENT, *room, scale):
         return None
-    photos = TwoPhotos(found[:3], found[3:12].reshape(3, 3))
-    return PairAtScale(photos, coordinates, deviations, usable, scale, float(found[27]))
+    return PairAtScale(room.photos, room.coordinates, room.deviations, room.usable, scale, float(room.found[27]))
 
 
 def _adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:

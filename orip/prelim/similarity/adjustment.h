@@ -17,7 +17,7 @@ typedef struct {
     int64_t count, unknowns;
 } Common;
 
-/* _RULES in orip/prelim/similarity/adjustment.py */
+/* RULES in orip/prelim/similarity/adjustment.py */
 typedef struct {
     double limit, floor, least_error, singular, longest_turn, steps, free_steps, median_of_normal;
 } SimilarityRules;

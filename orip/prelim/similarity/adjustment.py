@@ -42,11 +42,15 @@ _STEPS = 40
 _FREE_STEPS = _STEPS // 2
 """Weights that still alternate after half of the steps are held."""
 
-_RULES = np.array(
+RULES = np.array(
     [_LIMIT, LEAST_WEIGHT, LEAST_ERROR, _SINGULAR, LARGEST_TURN, _STEPS, _FREE_STEPS, MEDIAN_OF_NORMAL],
     dtype=np.float64,
 )
 """The constants as the compiled loop takes them: `SimilarityRules` in adjustment.h."""
+
+
+NUMBERS_FOUND = 25
+"""Of `SimilarityFound` in adjustment.h."""
 
 
 class SimilarityAdjustment(Struct, frozen=True):
@@ -93,8 +97,8 @@ class SimilarityAdjustment(Struct, frozen=True):
     @property
     def max_residual(self) -> float:
         """Return the largest residual of full weight."""
-        full = np.abs(self.residuals[(self.weight_factor == 1.0) & np.isfinite(self.residuals)])
-        return float(full.max()) if full.size else 0.0
+        full = np.where(self.weight_factor == 1.0, np.abs(self.residuals), 0.0)
+        return float(np.fmax.reduce(full, axis=None, initial=0.0))
 
 
 def adjust_similarity(
@@ -128,13 +132,18 @@ def adjust_similarity(
 
 def _compiled_adjustment(common: CommonPoints, start: Similarity, unknowns: IntArray) -> SimilarityAdjustment | None:
     """Do what `_adjustment` does in the compiled loop; None where the equations may not be regular."""
-    found, shape = np.empty(25), common.source.shape
+    found, shape = np.empty(NUMBERS_FOUND), common.source.shape
     found[0], found[1:10], found[10:13] = start.scale, start.rotation.ravel(), start.shift
     factors, residuals, space = np.empty(shape), np.empty(shape), np.empty((4, *shape))
     if not kernels.adjust_similarity(
-        *common.arrays, common.trusted, _RULES, found, factors, residuals, space, len(unknowns),
+        *common.arrays, common.trusted, RULES, found, factors, residuals, space, len(unknowns),
     ):  # fmt: skip
         return None
+    return adjustment_of(found, residuals, factors)
+
+
+def adjustment_of(found: FloatArray, residuals: FloatArray, factors: FloatArray) -> SimilarityAdjustment:
+    """Return an adjustment as the compiled loops leave it: `SimilarityFound` in adjustment.h."""
     scale, scale_deviation, s0, iterations = found[[0, 16, 23, 24]].tolist()
     return SimilarityAdjustment(
         Similarity(scale, found[1:10].reshape(3, 3), found[10:13]), found[13:16], scale_deviation, found[17:20],

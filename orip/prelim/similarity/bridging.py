@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 
 from msgspec import Struct
@@ -49,12 +50,29 @@ def bridge(
     return replace(found, step=replace(found.step, remarks=(*found.step.remarks, remark)))
 
 
-def _contents(block: PartialBlock) -> tuple[set[int], set[int]]:
-    return set(block.photos.tolist()), set(block.points.tolist())
+class _Strip:
+    """The models of a strip, and which of them have each photo and each point."""
+
+    def __init__(self, first: PartialBlock) -> None:
+        self.models: list[PartialBlock] = []
+        self._with: defaultdict[int, list[int]] = defaultdict(list)
+        self.add(first)
+
+    def add(self, model: PartialBlock) -> None:
+        for one in _contents(model):
+            self._with[one].append(len(self.models))
+        self.models.append(model)
+
+    def near(self, model: PartialBlock) -> PartialBlock:
+        """Return the models that have photos or points of another one; the last if none has."""
+        places = {place for one in _contents(model) if one in self._with for place in self._with[one]}
+        whole = assembled([self.models[place] for place in sorted(places)] or self.models[-1:])
+        return replace(whole, name=self.models[-1].name)
 
 
-def _have_in_common(one: tuple[set[int], set[int]], other: tuple[set[int], set[int]]) -> bool:
-    return not (one[0].isdisjoint(other[0]) and one[1].isdisjoint(other[1]))
+def _contents(block: PartialBlock) -> list[int]:
+    """Return the points and, as negative numbers, the photos."""
+    return [*block.points.tolist(), *(~block.photos).tolist()]
 
 
 def _runs_back(model: PartialBlock, previous: PartialBlock) -> bool:
@@ -77,22 +95,19 @@ def bridge_row(models: Sequence[PartialBlock], names: Names) -> JoinedSystems:
         Strips. Each model is bridged to the whole strip so far; the step names it with the model before it. A model
         that cannot be bridged begins a new strip.
     """
-    strips: list[list[PartialBlock]] = []
+    strips: list[_Strip] = []
     steps: list[SimilarityStep] = []
     failures: list[NotOriented] = []
-    contents = [_contents(model) for model in models]
-    for place, model in enumerate(models):
+    for model in models:
         if not strips:
-            strips.append([model])
+            strips.append(_Strip(model))
             continue
         strip = strips[-1]
-        before = zip(strip, contents[place - len(strip) : place], strict=True)
-        near = [member for member, has in before if _have_in_common(has, contents[place])] or strip[-1:]
-        found = bridge(model, strip[-1], names, replace(assembled(near), name=strip[-1].name))
+        found = bridge(model, strip.models[-1], names, strip.near(model))
         if isinstance(found, Joined):
             steps.append(found.step)
-            strip.append(found.block)
+            strip.add(found.block)
         else:
             failures.append(found)
-            strips.append([model])
-    return JoinedSystems(tuple(assembled(strip) for strip in strips), tuple(steps), tuple(failures))
+            strips.append(_Strip(model))
+    return JoinedSystems(tuple(assembled(strip.models) for strip in strips), tuple(steps), tuple(failures))

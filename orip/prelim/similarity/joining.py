@@ -6,26 +6,29 @@ that cannot be numbered wrongly and lies far from the ground points, which may a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.medians import median
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
+    NUMBERS_FOUND,
+    RULES,
     SimilarityAdjustment,
     adjust_similarity,
+    adjustment_of,
 )
-from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.in_common import CommonPlaces, common_places, in_common
-from orip.prelim.similarity.partial_blocks import transformed
-from orip.prelim.similarity.start import start_from_triples
+from orip.prelim.similarity.partial_blocks import STEADY, transformed
+from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted
@@ -35,12 +38,18 @@ Step = Literal["bridge", "connect", "absolute"]
 POINTS_WITHOUT_PHOTO = 3
 """Common points that are needed where no photo is common."""
 
+_WITH_ROTATION = 4
+"""Common places that determine the rotation better than a common photo does."""
+
 _AGREEMENT = 0.05
 """Median residual, as a part of the extent of the points, above which two systems are not of the same object:
 measuring errors, however large, stay below 0.01; points with interchanged names lie some 0.3 apart."""
 
 _LARGE = 0.1 * _AGREEMENT
 """Median residual, as a part of the extent, above which most points have to fit."""
+
+_RULES_OF_JOINING = np.array([STEADY, MEDIAN_OF_CHI2, FITTING, _AGREEMENT, _LARGE])
+"""The constants as the compiled loop takes them: `JoiningRules` in joining.h."""
 
 _NAMED = 6
 """Number of points that are named one by one."""
@@ -94,56 +103,138 @@ def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -
         Without a common photo three points off one line are needed; with one, a single point. With fewer than four
         common places (points and projection centres) the rotation is that of the common photo.
     """
-    return _Joint(source, target, names, step).joined()
+    found = _by_compiled_loop(source, target, names) if is_compiled() else _Joint(source, target, names).found()
+    if isinstance(found, str):
+        return NotOriented(source.name, target.name, found)
+    points = [names.points[k] for k in source.points[found.at_source].tolist()]
+    photo = names.photos[found.photo] if found.photo is not None else ""
+    remarks = list(found.remarks)
+    if found.unfit:
+        remarks += misfits(points, found.adjustment)
+    return Joined(
+        found.adjustment.similarity,
+        found.block,
+        similarity_step(
+            found.adjustment,
+            step,
+            (source.name, target.name),
+            points,
+            found.coordinates,
+            common_photo=photo,
+            remarks=remarks,
+        ),
+    )
+
+
+class _Found(Struct, frozen=True):
+    """A partial block that was joined to another one by n common points.
+
+    Parameters
+    ----------
+    at_source : array (n,) of int
+        The common points, as rows of the points of the source.
+    coordinates : array (n, 3)
+        In the target.
+    adjustment : SimilarityAdjustment
+        With the residuals and weight factors of these points.
+    block : PartialBlock
+        The source in the target system.
+    photo : int or None
+        The first common photo.
+    unfit : int
+        Number of points that do not fit.
+    remarks : tuple of str
+    """
+
+    at_source: IntArray
+    coordinates: FloatArray
+    adjustment: SimilarityAdjustment
+    block: PartialBlock
+    photo: int | None
+    unfit: int
+    remarks: tuple[str, ...] = ()
+
+
+def _by_compiled_loop(source: PartialBlock, target: PartialBlock, names: Names) -> _Found | str:
+    """Do what `_Joint` does in the compiled loop, which joins by common photos where these and the points agree."""
+    points, photos = len(source.points), len(source.photos)
+    at_source, targets, moved = np.empty(points, dtype=np.int64), np.empty((points, 3)), np.empty((2, points, 3))
+    residuals, factors = np.empty((2, points + photos, 3))
+    rotations, centres, adjustment = np.empty((photos, 3, 3)), np.empty((photos, 3)), np.empty(NUMBERS_FOUND)
+    joined = kernels.join_by_photos(
+        *_arrays(source), *_arrays(target), RULES, _RULES_OF_JOINING,
+        at_source, targets, residuals, factors, *moved, rotations, centres, adjustment,
+    )  # fmt: skip
+    if isinstance(joined, bool):
+        joint = _Joint(source, target, names)
+        by_points = joined and joint.point_count >= POINTS_WITHOUT_PHOTO
+        return joint.found_by_points() if by_points else joint.found()
+    common, common_photos, row, unfit = joined
+    photo = int(source.photos[row])
+    held = common + common_photos < _WITH_ROTATION
+    return _Found(
+        at_source[:common],
+        targets[:common],
+        adjustment_of(adjustment, residuals[:common], factors[:common]),
+        PartialBlock(source.name, source.photos, rotations, centres, source.points, moved[0], moved[1]),
+        photo,
+        unfit,
+        (_held_rotation(common, [names.photos[photo]]),) if held else (),
+    )
+
+
+def _arrays(block: PartialBlock) -> Iterator[FloatArray | IntArray]:
+    """Return the arrays of a partial block as the compiled loop takes them."""
+    arrays = block.points, block.photos, block.coordinates, block.deviations, block.rotations, block.centres
+    return map(np.ascontiguousarray, arrays)
+
+
+def _held_rotation(points: int, photos: Sequence[str]) -> str:
+    return f"with {counted(points, 'common point')} the rotation is that of photo {', '.join(photos)}"
 
 
 class _Joint:
     """What two partial blocks have in common: points first, then the projection centres of photos."""
 
-    def __init__(self, source: PartialBlock, target: PartialBlock, names: Names, step: Step) -> None:
-        self.source, self.target, self.names, self.step = source, target, names, step
-        self.found = in_common(source, target)
-        self.point_count, self.photo_count = self.found.points, self.found.photos
-
-    @cached_property
-    def points(self) -> list[str]:
-        """The names of the common points."""
-        return [self.names.points[k] for k in self.source.points[self.found.at_source].tolist()]
+    def __init__(self, source: PartialBlock, target: PartialBlock, names: Names) -> None:
+        self.source, self.target, self.names = source, target, names
+        self.common = in_common(source, target)
+        self.point_count, self.photo_count = self.common.points, self.common.photos
 
     @cached_property
     def photos(self) -> list[str]:
         """The names of the common photos."""
-        return [self.names.photos[k] for k in self.source.photos[self.found.photo_source].tolist()]
+        return [self.names.photos[k] for k in self.source.photos[self.common.photo_source].tolist()]
 
     @cached_property
     def places(self) -> CommonPlaces:
         """The common points and projection centres, and the start that the common photos give."""
-        return common_places(self.source, self.target, self.found)
+        return common_places(self.source, self.target, self.common)
 
-    @property
-    def common(self) -> CommonPoints:
-        """The common points, and below them the projection centres."""
-        return self.places.places
-
-    def joined(self) -> Joined | NotOriented:
+    def found(self) -> _Found | str:
+        """Return how the one is joined to the other, or why it cannot be."""
         missing = self._missing()
         if missing:
-            return self._failed(missing)
+            return missing
         remarks: list[str] = []
         try:
             start = self.places.start
-            found = self._by_triples() if start is None else self._by_photos(start, remarks)
-            reason = self._disagreement(found)
-            if reason and self.photo_count and self.point_count >= POINTS_WITHOUT_PHOTO:
-                remarks.append("the rotations of the common photo do not agree; joined by the points")
-                found = self._by_triples()
-                reason = self._disagreement(found)
+            adjustment = self._by_triples() if start is None else self._by_photos(start, remarks)
+            reason = self._disagreement(adjustment)
         except ValueError as error:
-            return self._failed(f"{error}; {self._shared()}")
-        if reason:
-            return self._failed(reason)
-        remarks += misfits(self.points, found)
-        return self._result(found, remarks)
+            return f"{error}; {self._shared()}"
+        if reason and self.photo_count and self.point_count >= POINTS_WITHOUT_PHOTO:
+            return self.found_by_points(remarks)
+        return reason or self._result(adjustment, remarks)
+
+    def found_by_points(self, remarks: Sequence[str] = ()) -> _Found | str:
+        """Return the same where the rotations of the common photos do not agree with the points."""
+        try:
+            adjustment = self._by_triples()
+        except ValueError as error:
+            return f"{error}; {self._shared()}"
+        said = *remarks, "the rotations of the common photo do not agree; joined by the points"
+        return self._disagreement(adjustment) or self._result(adjustment, said)
 
     def _missing(self) -> str:
         points, photos = self.point_count, self.photo_count
@@ -161,19 +252,17 @@ class _Joint:
         return f"in common: {counted(self.point_count, 'point')}{photos}"
 
     def _by_triples(self) -> SimilarityAdjustment:
-        return adjust_similarity(self.common, start_from_triples(self.common))
+        return adjust_similarity(self.places.places, start_from_triples(self.places.places))
 
     def _by_photos(self, start: Similarity, remarks: list[str]) -> SimilarityAdjustment:
         """Adjust from the rotations and centres of the common photos."""
-        if len(self.common.source) >= 4:
+        if self.point_count + self.photo_count >= _WITH_ROTATION:
             try:
-                return adjust_similarity(self.common, start, ALL_UNKNOWNS)
+                return adjust_similarity(self.places.places, start, ALL_UNKNOWNS)
             except ValueError:
                 remarks.append("the common points and the projection centre lie on one line")
-        remarks.append(
-            f"with {counted(self.point_count, 'common point')} the rotation is that of photo {', '.join(self.photos)}"
-        )
-        return adjust_similarity(self.common, start, NO_ROTATION)
+        remarks.append(_held_rotation(self.point_count, self.photos))
+        return adjust_similarity(self.places.places, start, NO_ROTATION)
 
     def _disagreement(self, found: SimilarityAdjustment) -> str:
         """Return why the common points cannot be those of the same object; empty if they can."""
@@ -194,29 +283,17 @@ class _Joint:
             )
         return ""
 
-    def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> Joined:
-        count = self.point_count
+    def _result(self, found: SimilarityAdjustment, remarks: Sequence[str]) -> _Found:
+        count, rows = self.point_count, self.common.at_source
         own = replace(found, residuals=found.residuals[:count], weight_factor=found.weight_factor[:count])
         block = transformed(self.source, found.similarity)
         off = np.flatnonzero(~own.fits)
         if len(off):
             deviations = block.deviations.copy()
-            rows = self.found.at_source[off]
-            deviations[rows] = np.maximum(deviations[rows], np.abs(own.residuals[off]))
+            deviations[rows[off]] = np.maximum(deviations[rows[off]], np.abs(own.residuals[off]))
             block = replace(block, deviations=deviations)
-        step = similarity_step(
-            own,
-            self.step,
-            (self.source.name, self.target.name),
-            self.points,
-            self.common.target[:count],
-            common_photo=self.photos[0] if self.photo_count else "",
-            remarks=remarks,
-        )
-        return Joined(found.similarity, block, step)
-
-    def _failed(self, reason: str) -> NotOriented:
-        return NotOriented(self.source.name, self.target.name, reason)
+        photo = int(self.source.photos[self.common.photo_source[0]]) if self.photo_count else None
+        return _Found(rows, self.places.places.target[:count], own, block, photo, len(off), tuple(remarks))
 
 
 def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
 from orip.arrays import FloatArray
 from orip.geometry.similarity import Similarity
+from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.medians import median, medians
 from orip.records.results.preliminary import PartialBlock
 from orip.structs import replace
@@ -46,6 +48,30 @@ def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
     """
     if len(blocks) == 1:
         return blocks[0]
+    return (_compiled if is_compiled() else _with_arrays)(blocks)
+
+
+def _compiled(blocks: Sequence[PartialBlock]) -> PartialBlock:
+    """Do what `_with_arrays` does in the compiled loop."""
+    points, photos = [block.points for block in blocks], [block.photos for block in blocks]
+    given = (
+        np.concatenate(points),
+        np.concatenate(photos),
+        np.concatenate([block.coordinates for block in blocks]),
+        np.concatenate([block.deviations for block in blocks]),
+        np.concatenate([block.rotations for block in blocks]),
+        np.concatenate([block.centres for block in blocks]),
+    )
+    whole = tuple(map(np.empty_like, given))
+    starts = np.array([0, *accumulate(map(len, points))])
+    seen, known = kernels.assemble(*given, starts, *whole, STEADY)
+    return PartialBlock(
+        blocks[0].name, whole[1][:seen], whole[4][:seen], whole[5][:seen], whole[0][:known], whole[2][:known],
+        whole[3][:known],
+    )  # fmt: skip
+
+
+def _with_arrays(blocks: Sequence[PartialBlock]) -> PartialBlock:
     photos, first = np.unique(np.concatenate([block.photos for block in blocks]), return_index=True)
     all_points = np.concatenate([block.points for block in blocks])
     order = np.argsort(all_points, kind="stable")

@@ -109,6 +109,13 @@ typedef struct {
     double least, median_of_chi2, limit;
 } Judgement;
 
+/* How many points make most of them. */
+static inline int64_t most_points(int64_t count)
+{
+    const int64_t half = count / 2 + 2, others = count - 1;
+    return count <= 3 ? count : half < others ? half : others;
+}
+
 /* Leave the best of several starts in `best`; returns the least d²/s² that `rank` points stay below at one of them,
  * negative where there is none. `space` has room for two numbers for each point, and for all squares.
  */

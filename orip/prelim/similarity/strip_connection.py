@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,19 +50,18 @@ def _connect_all(
 ) -> list[NotOriented]:
     """Move strips from the waiting ones to the members of a block; return why the first of the others does not connect.
 
-    They are tried in turn, until all that wait have been tried with the same block.
+    They are tried in turn, until all that wait have been tried with all of the block that they touch.
     """
     block, seen = members[0], _Seen(names)
     seen.add(block)
-    failed: list[NotOriented] = []
+    tried: dict[str, _Tried] = {}
     turn = failures = 0
     while failures < len(waiting):
         turn %= len(waiting)
         strip = waiting[turn]
-        if turn > 0 and not seen.can_join(strip):
-            turn, failures = turn + 1, failures + 1
-            continue
-        found = connect(strip, block, names)
+        before = tried.get(strip.name)
+        is_due = seen.has_new(strip, before.members) if before else turn == 0 or seen.can_join(strip)
+        found = connect(strip, block, names) if is_due else None
         if isinstance(found, Joined):
             members.append(found.block)
             block = assembled(members)
@@ -69,23 +69,40 @@ def _connect_all(
             steps.append(found.step)
             del waiting[turn]
             failures = 0
-        else:
-            failed = [found] if turn == 0 else failed
-            turn, failures = turn + 1, failures + 1
-    return failed if waiting else []
+            continue
+        if found is not None:
+            tried[strip.name] = _Tried(len(members), found)
+        turn, failures = turn + 1, failures + 1
+    return [tried[waiting[0].name].reason] if waiting else []
+
+
+class _Tried(NamedTuple):
+    """Why a strip could not be connected to a block, and how many members that had."""
+
+    members: int
+    reason: NotOriented
 
 
 class _Seen:
-    """The points and photos of a block, by which most strips of a large one are known not to touch it."""
+    """The points and photos of a block, by which most strips of a large one are known not to touch it.
+
+    They are kept with the number of the last member that has them.
+    """
 
     def __init__(self, names: Names) -> None:
-        self._points = np.zeros(len(names.points), dtype=bool)
-        self._photos = np.zeros(len(names.photos), dtype=bool)
+        self._members = 0
+        self._points = np.zeros(len(names.points), dtype=np.int64)
+        self._photos = np.zeros(len(names.photos), dtype=np.int64)
 
     def add(self, strip: PartialBlock) -> None:
-        self._points[strip.points] = self._photos[strip.photos] = True
+        self._members += 1
+        self._points[strip.points] = self._photos[strip.photos] = self._members
 
     def can_join(self, strip: PartialBlock) -> bool:
         """Tell whether a strip has points or photos enough in common with the block."""
         points = int(np.count_nonzero(self._points[strip.points]))
         return points >= POINTS_WITHOUT_PHOTO or bool(self._photos[strip.photos].any())
+
+    def has_new(self, strip: PartialBlock, members: int) -> bool:
+        """Tell whether members after the first ones have points or photos of a strip: else it would be joined alike."""
+        return bool((self._points[strip.points] > members).any() or (self._photos[strip.photos] > members).any())

@@ -28,8 +28,9 @@ from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 _PARTNERS = 4
 """Photos with which each photo is oriented relatively: those with most common points."""
 
-_SAMPLE = 12
-"""Pairs of photos that are compared first."""
+_SAMPLE, _LOT = 12, 4
+"""Pairs of photos, spread over the block, that tell how large residuals are, and how many of them are oriented at once
+until they do."""
 
 _THIRD_PHOTOS = 4
 """Photos that are resected in each model."""
@@ -111,42 +112,70 @@ class RayComparison:
     rays : ImageRays
     starts : mapping, optional
         Relative orientations of pairs of photos that are nearly right.
+    usual : float, optional
+        Scale of the residuals of models that are not bent; None: samples of points tell.
     """
 
-    def __init__(self, rays: ImageRays, starts: Mapping[tuple[int, int], _Start] | None = None) -> None:
+    def __init__(
+        self,
+        rays: ImageRays,
+        starts: Mapping[tuple[int, int], _Start] | None = None,
+        usual: float | None = None,
+    ) -> None:
         self._rays, self._index = rays, photo_index(rays)
         self._waiting = list(compared_pairs(common_point_counts(rays)))
         self._starts = dict(starts or {})
-        self._usual: float | None = None
+        self._usual = usual
         self._votes = Votes(len(rays.photo))
 
-    def first_votes(self) -> Votes:
-        """Return how often rays agreed with others in a sample of pairs of photos, spread over the block."""
+    def votes_so_far(self) -> Iterator[Votes]:
+        """Yield how often rays agreed with others, as more and more pairs are compared; at the end all of them are."""
         if self._usual is None:
-            self._orient_and_compare(self._waiting[:: max(len(self._waiting) // _SAMPLE, 1)], {})
-        return self._votes
+            self._compare_sample()
+        yield self._votes
+        while self._waiting:
+            ready = [pair for pair in self._waiting if pair in self._starts]
+            self._compare(self._models_of(ready or self._waiting))
+            yield self._votes
 
     def votes(self) -> Votes:
         """Return how often rays agreed with others."""
-        self.first_votes()
-        while self._waiting:
-            ready = [pair for pair in self._waiting if pair in self._starts]
-            self._orient_and_compare(ready or self._waiting, self._starts)
-        return self._votes
+        *_, votes = self.votes_so_far()
+        return votes
 
     def of(self, rows: IntArray) -> RayComparison:
-        """Return a comparison of some of the rays, which begins with what is known of the orientations."""
-        return RayComparison(self._rays.of(rows), self._starts)
+        """Return a comparison of some of the rays, which begins with what is known of the orientations.
 
-    def _orient_and_compare(self, pairs: list[tuple[int, int]], starts: Mapping[tuple[int, int], _Start]) -> None:
-        models = [model for pair in pairs if (model := self._model(pair, starts.get(pair))) is not None]
+        A scale that is unusual itself is found again: more of the models may have been bent.
+        """
+        return RayComparison(self._rays.of(rows), self._starts, self._usual if _is_ordinary(self._usual) else None)
+
+    def _compare_sample(self) -> None:
+        """Compare the pairs that tell the usual scale: no more than needed."""
+        sample = self._waiting[:: max(len(self._waiting) // _SAMPLE, 1)]
+        number = math.ceil(len(sample) / _LOT)
+        models: list[_Model] = []
+        for lot in range(number):
+            models += self._models_of(sample[lot::number])
+            scale = float(np.quantile([model.solution.scale for model in models], _SURE_PART)) if models else None
+            if _is_ordinary(scale):
+                break
+        if number:
+            self._usual = scale
+        self._compare(models)
+
+    def _models_of(self, pairs: list[tuple[int, int]]) -> list[_Model]:
+        """Return the relative orientations of pairs of photos, which no longer wait."""
         taken = set(pairs)
         self._waiting = [pair for pair in self._waiting if pair not in taken]
-        if self._usual is None and models:
-            self._usual = float(np.quantile([model.solution.scale for model in models], _SURE_PART))
+        return [model for pair in pairs if (model := self._model(pair)) is not None]
+
+    def _compare(self, models: list[_Model]) -> None:
+        """Count which rays of models agree with others, and keep what they tell of the orientations of photos."""
         unbent = [model for one in models if (model := self._at_usual_scale(one)) is not None]
         if unbent:
-            told = _compare(self._rays, unbent, self._votes, taken.union(self._waiting))
+            pairs = {model.photos for model in models}
+            told = _compare(self._rays, unbent, self._votes, pairs.union(self._waiting))
             for photos, start in (*_starts_of(unbent), *told):
                 if photos not in self._starts or start.support > self._starts[photos].support:
                     self._starts[photos] = start
@@ -155,10 +184,10 @@ class RayComparison:
         error = np.hypot(self._rays.error[left], self._rays.error[right])
         return Pairs(self._rays.vectors[left], self._rays.vectors[right], error)
 
-    def _model(self, photos: tuple[int, int], start: _Start | None) -> _Model | None:
+    def _model(self, photos: tuple[int, int]) -> _Model | None:
         """Return the relative orientation of two photos, if it is not one by chance."""
         left, right = self._index.common_points(*photos)
-        pairs = self._pairs_of(left, right)
+        pairs, start = self._pairs_of(left, right), self._starts.get(photos)
         if start is not None and self._usual is not None:
             adjusted = adjusted_at_scale(start.photos, pairs, self._usual)
             if adjusted is not None:
@@ -174,6 +203,11 @@ class RayComparison:
         if solution is None or solution.left_by_rotation < _NO_BASE * solution.scale:
             return None
         return model._replace(solution=solution)
+
+
+def _is_ordinary(scale: float | None) -> bool:
+    """Tell whether residuals are about as large as their a-priori errors: none have a smaller scale."""
+    return scale is not None and scale <= _UNUSUAL
 
 
 def _starts_of(models: Sequence[_Model]) -> Iterator[tuple[tuple[int, int], _Start]]:

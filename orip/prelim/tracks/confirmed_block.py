@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from orip.arrays import BoolArray
@@ -20,6 +22,9 @@ _MANY = 0.03
 _PAIRS_LOOKED_AT, _MANY_MISS = 3, 0.14
 """Pairs of photos spread over a block, and the part of their rays that miss each other from which the block may be one
 of tracks: an ordinary one, with twenty photo points in a hundred wrong in no more than a few photos, has less."""
+
+_DECIDED = 3.0
+"""Standard deviations from that limit at which it is decided, wrongly in one of 700 blocks that are just at it."""
 
 _PHOTOS_COMPARED = 3
 """Photos by which a ray is confirmed, itself included."""
@@ -67,7 +72,7 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     control = np.array([name in names for name in all_rays.points], dtype=bool)
     rays = thinned(rays_of_plane_images(measured.block, all_rays), control, _ENOUGH)
     comparison = RayComparison(rays)
-    if _few(comparison.first_votes()):
+    if not _many_contradicted(rays, comparison):
         return None
     refused = rays.of(_contradicted(rays, comparison))
     place = {name: row for row, name in enumerate(all_rays.points)}
@@ -77,6 +82,37 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     left = np.bincount(all_rays.point[kept], minlength=len(control))
     kept |= (control & (left < _LEAST_RAYS))[all_rays.point]
     return measured.with_rays(kept)
+
+
+def _many_contradicted(rays: ImageRays, comparison: RayComparison) -> bool:
+    """Tell whether more than `_MANY` of the rays are contradicted, from as few of them as decide it.
+
+    Sequential test (Wald 1945): pairs are compared until the part is as far from the limit as is unlikely by chance.
+    """
+    excess = 0.0
+    for votes in comparison.votes_so_far():
+        excess, deviation = excess_of_contradicted(rays, votes)
+        if abs(excess) > _DECIDED * deviation:
+            break
+    return excess > 0.0
+
+
+def excess_of_contradicted(rays: ImageRays, votes: Votes) -> tuple[float, float]:
+    """Return by how much the part of the compared rays that are contradicted exceeds 3 %, and its standard deviation.
+
+    Rays of one photo are right or wrong together where it was measured, or oriented, wrong: the deviation is that of a
+    ratio of sums over photos (Cochran 1977, 6.4), and at least that of independent rays.
+    """
+    photos = len(rays.photos)
+    compared = np.bincount(rays.photo[votes.compared], minlength=photos)
+    number = int(compared.sum())
+    if not number:
+        return 0.0, math.inf
+    contradicted = np.bincount(rays.photo[votes.compared & votes.contradicted], minlength=photos)
+    part = int(contradicted.sum()) / number
+    together = float(np.square(contradicted - part * compared).sum())
+    alone = _MANY * (1.0 - _MANY) * number
+    return part - _MANY, math.sqrt(max(together, alone)) / number
 
 
 def _few(votes: Votes) -> bool:

@@ -7,8 +7,6 @@ grown and adjusted a ray is compared with all others of its point, at positions 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
@@ -20,6 +18,7 @@ from orip.prelim.intersection.intersection import intersect
 from orip.prelim.measured_block import MORE, MeasuredBlock
 from orip.prelim.rays.image_rays import ImageRays
 from orip.prelim.routes import by_pairs
+from orip.structs import replace
 
 _ROUNDS = 8
 """How often parts are grown: of more rays they become larger, and tell more rays."""
@@ -34,21 +33,23 @@ _ENOUGH_RAYS = 3
 def confirmed_by_parts(measured: MeasuredBlock) -> MeasuredBlock:
     """Return a block with those of all its rays that its parts confirm, and without those that they contradict.
 
-    Rays on which no part decides stay as they are. More points of each photo are kept, for few may tie the parts.
+    Rays on which no part decides stay as they are. More points of each photo are kept, for few may tie the parts. What
+    has grown last stays for the routes of the block: hardly any of the rays from which it has grown is no longer
+    confirmed.
     """
-    for _ in range(_ROUNDS):
-        confirmed = _confirmed(measured, by_pairs(measured.grower(), 0).systems)
-        changed = np.count_nonzero(confirmed != measured.confirmed)
-        measured = measured.with_rays(confirmed)
-        if changed <= _FEW_CHANGED * len(confirmed):
-            break
-    return measured.with_rays(measured.confirmed, MORE)
+    measured = measured.with_rays(_confirmed(measured), MORE)
+    for _ in range(1, _ROUNDS):
+        confirmed = _confirmed(measured)
+        if np.count_nonzero(confirmed != measured.confirmed) <= _FEW_CHANGED * len(confirmed):
+            return replace(measured, confirmed=confirmed)
+        measured = measured.with_rays(confirmed, MORE)
+    return measured
 
 
-def _confirmed(measured: MeasuredBlock, parts: Sequence[GrowingBlock]) -> BoolArray:
-    """Return which of all rays (n,) are right as parts show them."""
+def _confirmed(measured: MeasuredBlock) -> BoolArray:
+    """Return which of all rays (n,) are right as the parts that grow from the confirmed ones show them."""
     right, paired, wrong = np.zeros((3, len(measured.confirmed)), dtype=bool)
-    for part in parts:
+    for part in by_pairs(measured.grower(), 0).systems:
         fits, number = _fitting(part, measured.all_rays, measured.confirmed)
         many = number >= _ENOUGH_RAYS
         right |= fits & many

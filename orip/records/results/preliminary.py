@@ -7,6 +7,7 @@ left projection centre, axes of the left photo, unit the metre at photo scale (m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -276,7 +277,7 @@ class PreliminaryValues(Struct, frozen=True):
 
     Parameters
     ----------
-    relative : tuple of RelativeOrientation
+    relative : sequence of RelativeOrientation
     bridges, connections : tuples of SimilarityStep
     absolute : SimilarityStep or None
     failures : tuple of NotOriented
@@ -293,7 +294,7 @@ class PreliminaryValues(Struct, frozen=True):
         The block is a free network in a system of its own: no coordinates that are given go with it.
     """
 
-    relative: tuple[RelativeOrientation, ...]
+    relative: Sequence[RelativeOrientation]
     bridges: tuple[SimilarityStep, ...]
     connections: tuple[SimilarityStep, ...]
     absolute: SimilarityStep | None

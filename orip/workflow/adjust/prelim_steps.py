@@ -15,6 +15,7 @@ from orip.prelim.ground.project_coordinates import absolute_in_project, block_in
 from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
 from orip.prelim.rays.image_rays import ImageRays, image_rays
 from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.relative.oriented_models import ListedModels
 from orip.prelim.similarity.bridging import JoinedSystems, bridge
 from orip.prelim.similarity.joining import Joined
 from orip.prelim.similarity.strip_connection import connect
@@ -95,7 +96,7 @@ class PrelimInput(Struct, frozen=True):
 class Relative(Struct, frozen=True):
     """Models that are oriented relatively, and those that could not be."""
 
-    oriented: tuple[RelativeOrientation, ...]
+    oriented: Sequence[RelativeOrientation]
     failures: tuple[NotOriented, ...]
 
 
@@ -117,9 +118,9 @@ def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
     index = photo_index(rays)
     if model is None:
         oriented, failures = orient_models(rays, given.models, index)
-        return Relative(tuple(oriented), tuple(failures))
+        return Relative(ListedModels(rays, oriented), tuple(failures))
     found = orient_model(rays, given.model(model), index)
-    return Relative((found,), ()) if isinstance(found, RelativeOrientation) else Relative((), (found,))
+    return Relative((), (found,)) if isinstance(found, NotOriented) else Relative(ListedModels(rays, [found]), ())
 
 
 def bridges(given: PrelimInput, model: str | None) -> SimilaritySteps:
@@ -211,7 +212,7 @@ def _oriented(rays: ImageRays, model: StereoModel) -> PartialBlock:
     if isinstance(found, NotOriented):
         message = f"model {model.name} cannot be bridged: {found.reason}"
         raise NotSolvableError(message)
-    return found.block
+    return found.pair.block
 
 
 def _strip(given: PrelimInput, rays: ImageRays, row: int) -> PartialBlock:

@@ -36,8 +36,10 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.resection.start import starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.in_common import common_places, in_common
-from orip.prelim.similarity.partial_blocks import transformed
+from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
+from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not is_compiled(), reason="the extension was not built: no compiler here")
 
@@ -155,9 +157,27 @@ def joined_blocks() -> object:
     return common_places(made.source, target, in_common(made.source, target))
 
 
+def joined_by_photos() -> object:
+    """Two models of which two points are wrong, and two with two common points."""
+    made, few = pair(3, wrong=2), pair(5, count=2)
+    made.source.deviations[2, 1] = np.nan
+    found = [join(sample.source, sample.target, sample.names, "bridge") for sample in (made, few)]
+    assert all(isinstance(joint, Joined) for joint in found)
+    return tuple((*astuple(joint.similarity), *astuple(joint.block)[1:], *astuple(joint.step)[5:-1]) for joint in found)
+
+
+def assembled_blocks() -> object:
+    """Three blocks with common photos and points; one has points in another order, and of one no deviation is known."""
+    first, second = pair(3), pair(3, noise=1e-3)
+    first.source.deviations[2, 1] = np.nan
+    third = replace(second.source, points=second.source.points[::-1].copy(), photos=second.source.photos + 1)
+    return astuple(assembled([first.source, transformed(second.target, second.truth), third]))[1:]
+
+
 CASES: dict[str, Callable[[], object]] = {
     "adjust_at_scale": adjusted_pair,
     "adjust_similarity": adjusted_similarity,
+    "assemble": assembled_blocks,
     "best_orientations": chosen_orientations,
     "best_triple": lambda: start_from_triples(common_points(25)[0]),
     "common_places": joined_blocks,
@@ -165,6 +185,7 @@ CASES: dict[str, Callable[[], object]] = {
     "consensus": placed_by_consensus,
     "fitting_points": fitted_photos,
     "intersect": intersected,
+    "join_by_photos": joined_by_photos,
     "orient_at_scale": oriented_at_scale,
     "orient_pair": oriented_pair,
     "rank_triples": ranked_triples,
