@@ -93,6 +93,9 @@ def _write(folder: Path, texts: Mapping[str, str], example: str) -> None:
     faults = parse_project(texts[PROJECT_FILE]).complaints
     if faults:
         raise InputError([Complaint(fault.message) for fault in faults])
+    if os.path.lexists(folder) and not folder.is_dir():  # a link to nothing is not followed
+        message = f"{folder} is not a folder: name another one, '{example}'"
+        raise UsageError(message)
     ordered = {name: texts[name] for name in sorted(texts, key=PROJECT_FILE.__eq__)}
     there = [path for path in map(folder.joinpath, ordered) if os.path.lexists(path) and not was_left(path, ordered)]
     if there:

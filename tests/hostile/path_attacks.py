@@ -162,10 +162,18 @@ def _name_in_text(place: Path, chance: random.Random) -> str:
         name += ".CAM" if key == "camera_file" else ".TIK"
     value = f'["{name}"]' if key == "measurement_files" else f'"{name}"'
     text = place / "orip.toml"
-    if text.is_file() and not text.is_symlink() and os.access(text, os.R_OK) and text.stat().st_size < 1 << 20:
+    if _is_own_text(text):
         old = text.read_text(encoding="utf-8")
         text.write_text(re.sub(r'(project = \{ name = "FIRST")', rf"\1, {key} = {value}", old), encoding="utf-8")
     return f"{key} = {value}"
+
+
+def _is_own_text(path: Path) -> bool:
+    """Tell whether a file can be rewritten by an attack: it is the project's alone, readable, and no huge one."""
+    if not path.is_file() or path.is_symlink() or not os.access(path, os.R_OK):
+        return False
+    status = path.stat()
+    return status.st_nlink == 1 and status.st_size < 1 << 20
 
 
 def attacks(count: int, seed: int, folder: Path) -> Counter[int]:

@@ -88,14 +88,16 @@ def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
     is_empty : function of a Store
         Tells whether a store with its tables has nothing in it.
     """
-    with suppress(OripError, OSError, sqlite3.Error), closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
-        store = _store(path, connection, "main")
-        with _transaction(connection, "BEGIN IMMEDIATE"):
-            if has_undo(file_of(path)):
-                return False
-            if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
-                path.unlink()  # a process that waits for the lock finds that its file has gone, and makes a new one
-                return True
+    with suppress(OripError, OSError, sqlite3.Error):
+        _require_regular(path)
+        with closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
+            store = _store(path, connection, "main")
+            with _transaction(connection, "BEGIN IMMEDIATE"):
+                if has_undo(file_of(path)):
+                    return False
+                if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
+                    path.unlink()  # a process that waits for the lock finds that its file has gone, and makes a new one
+                    return True
     return False
 
 

@@ -19,7 +19,7 @@ from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.older import is_older_store
 from orip.files.stores.schema import SCHEMA_VERSION
-from orip.files.stores.transaction import reading, writing
+from orip.files.stores.transaction import reading, remove_empty, writing
 from orip.records.project.photo import Photo, Temtick
 
 
@@ -388,6 +388,9 @@ def test_two_hundred_kills_leave_both_stores_in_one_state(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/kmsg").exists(), reason="this system has no file that waits for its messages")
 @pytest.mark.timeout(20)
-def test_a_file_of_the_running_system_is_no_older_store_and_is_not_waited_for(tmp_path):
-    (tmp_path / "FIRST.EXT").symlink_to("/proc/kmsg")
-    assert not is_older_store(tmp_path / "FIRST.EXT")
+def test_a_file_of_the_running_system_is_no_store_and_is_not_waited_for(tmp_path):
+    path = tmp_path / "FIRST.EXO"
+    path.symlink_to("/proc/kmsg")
+    assert not is_older_store(path)
+    assert not remove_empty(path, lambda _: True)
+    assert path.is_symlink()

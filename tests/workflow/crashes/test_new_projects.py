@@ -45,3 +45,10 @@ def test_texts_of_a_killed_run_do_not_keep_the_next_one_from_ending(tmp_path: Pa
     with pytest.raises(UsageError, match=rf"has the file {last} already"):
         make_started_project(DRONE, folder)
     assert (folder / last).read_text() == "of the user's own\n"
+
+
+def test_no_folder_is_made_where_a_link_leads_to(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "gone")
+    with pytest.raises(UsageError, match="is not a folder"):
+        make_started_project(DRONE, tmp_path / "link")
+    assert not (tmp_path / "gone").exists()
