@@ -35,7 +35,7 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
-from orip.prelim.tracks.confirmed_block import confirmed_block, has_many_misses
+from orip.prelim.tracks.confirmed_block import block_without_contradicted_rays, confirmed_block, has_many_misses
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.prelim.unknown_cameras import by_unknown_cameras
 from orip.records.block import Block
@@ -155,8 +155,23 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
             return first
     confirmed = confirmed_block(measured)
     if confirmed is None:
-        return _ended(searches)
+        return _search_without_contradicted(_ended(searches))
     return _search_by_parts(confirmed_by_parts(confirmed))
+
+
+def _search_without_contradicted(found: _Search) -> _Search:
+    """Where no route is enough, try them without the few rays that others contradict; no photo may be misplaced then."""
+    doubtful = None if found.is_enough else block_without_contradicted_rays(found.measured)
+    if doubtful is None:
+        return found
+    again = _ended(_searches(doubtful, _routes(doubtful)))
+    return again if again.is_enough and not _has_misplaced_photos(again) else found
+
+
+def _has_misplaced_photos(found: _Search) -> bool:
+    if found.best is None:
+        return False
+    return bool(misplaced_photos(found.measured.rays, found.best.grown, found.lengths, found.measured.blunders).any())
 
 
 def _search_by_parts(told: MeasuredBlock) -> _Search:

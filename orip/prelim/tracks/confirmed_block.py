@@ -68,12 +68,32 @@ def confirmed_block(measured: MeasuredBlock) -> MeasuredBlock | None:
     """
     if not _can_be_compared(measured):
         return None
-    all_rays, names = measured.all_rays, set(measured.control.names)
-    control = np.array([name in names for name in all_rays.points], dtype=bool)
-    rays = thinned(rays_of_plane_images(measured.block, all_rays), control, _ENOUGH)
+    rays = _rays_to_compare(measured)
     comparison = RayComparison(rays)
-    if not _many_contradicted(rays, comparison):
+    return _without_contradicted(measured, rays, comparison) if _many_contradicted(rays, comparison) else None
+
+
+def block_without_contradicted_rays(measured: MeasuredBlock) -> MeasuredBlock | None:
+    """Return the block without the rays that others contradict, however few these are; None where there are none."""
+    if not _can_be_compared(measured):
         return None
+    rays = _rays_to_compare(measured)
+    kept = _without_contradicted(measured, rays, RayComparison(rays))
+    return None if kept.confirmed.all() else kept
+
+
+def _rays_to_compare(measured: MeasuredBlock) -> ImageRays:
+    all_rays = measured.all_rays
+    return thinned(rays_of_plane_images(measured.block, all_rays), _of_control(measured), _ENOUGH)
+
+
+def _of_control(measured: MeasuredBlock) -> BoolArray:
+    names = set(measured.control.names)
+    return np.array([name in names for name in measured.all_rays.points], dtype=bool)
+
+
+def _without_contradicted(measured: MeasuredBlock, rays: ImageRays, comparison: RayComparison) -> MeasuredBlock:
+    all_rays, control = measured.all_rays, _of_control(measured)
     refused = rays.of(_contradicted(rays, comparison))
     place = {name: row for row, name in enumerate(all_rays.points)}
     place_of = np.array([place[name] for name in rays.points], dtype=np.int64)
