@@ -160,7 +160,7 @@ def _search_by_confirmed_rays(measured: MeasuredBlock) -> _Search:
 
 
 def _search_without_contradicted(found: _Search) -> _Search:
-    """Where no route is enough, try them without the few rays that others contradict; no photo may be misplaced then."""
+    """Where no route is enough, try them without the few rays that others contradict; none may be misplaced then."""
     doubtful = None if found.is_enough else block_without_contradicted_rays(found.measured)
     if doubtful is None:
         return found
