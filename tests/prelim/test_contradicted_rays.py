@@ -26,7 +26,12 @@ from orip.prelim.resection.chance import fits_beyond_chance
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.routes import by_pairs
 from orip.prelim.tracks.confirmation import Votes
-from orip.prelim.tracks.confirmed_block import confirmed_block, excess_of_contradicted, has_many_misses
+from orip.prelim.tracks.confirmed_block import (
+    block_without_contradicted_rays,
+    confirmed_block,
+    excess_of_contradicted,
+    has_many_misses,
+)
 from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
 from orip.records.names import record_key
 from orip.structs import replace
@@ -105,6 +110,27 @@ def test_contradicted_rays_are_counted_in_one_sentence():
     (finding,) = values.findings
     number, total = re.match(r"(\d+) of the (\d+) photo points contradict those of other photos", finding).groups()
     assert 100 < int(number) < 0.4 * int(total)
+
+
+def test_a_few_wrong_rays_are_left_out_where_no_route_is_enough():
+    # 1.7 % of the photo points are wrong: too few for tracks; three photos are off by 10° if all of them count
+    records = outlier_records(482)
+    block = gathered(records)
+    measured = measured_block(block)
+    assert confirmed_block(measured) is None
+    without = block_without_contradicted_rays(measured)
+    rays = measured.all_rays
+    names = zip(rays.photo.tolist(), rays.point.tolist(), strict=True)
+    wrong = np.array([(rays.photos[photo], rays.points[point]) in records.wrong for photo, point in names])
+    # a wrong ray may be confirmed by chance, and a right one may meet wrong ones only
+    assert np.mean(without.confirmed[wrong]) < 0.1
+    assert np.mean(without.confirmed[~wrong]) > 0.97
+    turns = [
+        np.degrees((Rotation.from_matrix(photo.rotation).inv() * Rotation.from_matrix(true)).magnitude())
+        for photo in preliminary_values(block).photos
+        for true in (records.orientations[record_key(photo.name)][1],)
+    ]
+    assert max(turns) < 1.0
 
 
 def test_blocks_without_outliers_stay_as_they_are():

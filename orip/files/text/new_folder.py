@@ -51,7 +51,7 @@ def write_new_folder(folder: Path, texts: Mapping[str, str | bytes]) -> None:
 def was_left(path: Path, texts: Mapping[str, str | bytes]) -> bool:
     """Tell whether a killed run has written this file into a folder: one of the texts, except the last."""
     *first, _ = texts
-    if path.name not in first:
+    if path.name not in first or path.is_symlink():
         return False
     text = texts[path.name]
     try:

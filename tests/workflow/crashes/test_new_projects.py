@@ -52,3 +52,13 @@ def test_no_folder_is_made_where_a_link_leads_to(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is not a folder"):
         make_started_project(DRONE, tmp_path / "link")
     assert not (tmp_path / "gone").exists()
+
+
+def test_a_link_to_the_same_text_is_not_taken_for_what_a_killed_run_has_left(tmp_path: Path) -> None:
+    make_started_project(DRONE, tmp_path / "whole")
+    name = next(name for name in texts_in(tmp_path / "whole") if name.endswith(".PNT"))
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / name).symlink_to(tmp_path / "whole" / name)
+    with pytest.raises(UsageError, match=f"has the file {name} already"):
+        make_started_project(DRONE, tmp_path / "other")
+    assert (tmp_path / "other" / name).is_symlink()
