@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from support.declared_extensions import REPOSITORY, Extension, declared_extensions
 
+pytestmark = pytest.mark.skipif(not (REPOSITORY / "orip").is_dir(), reason="not in a clone of the repository")
+
 
 def included_by(source: Path, found: set[Path]) -> set[Path]:
     """Return `found` with all files of the repository that a source includes, directly or by others."""
