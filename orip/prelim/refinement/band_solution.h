@@ -55,26 +55,49 @@ static inline void subtract_column(double *to, const double *column, double fact
         to[i] -= factor * column[i];
 }
 
+/* Rows of L below the diagonal in column k. */
+static inline int64_t rows_below(int64_t size, int64_t width, int64_t k)
+{
+    return width - 1 < size - 1 - k ? width - 1 : size - 1 - k;
+}
+
+/* Replace a vector by L^-1 of it. */
+static void reduce_vector(const double *band, int64_t size, int64_t width, double *vector)
+{
+    for (int64_t k = 0; k < size; k++) {
+        const double *L = band + k * width;
+        vector[k] /= L[0];
+        subtract_column(vector + k + 1, L + 1, vector[k], rows_below(size, width, k));
+    }
+}
+
 /* Replace rows (size, `count` numbers each) by L^-1 of them. */
-static void reduce_by_band(const double *band, int64_t size, int64_t width, double *rows, int64_t count)
+static void reduce_rows(const double *band, int64_t size, int64_t width, double *rows, int64_t count)
 {
     for (int64_t k = 0; k < size; k++) {
         const double *L = band + k * width;
         double *row = rows + k * count;
         for (int64_t i = 0; i < count; i++)
             row[i] /= L[0];
-        for (int64_t below = 1; below < width && k + below < size; below++)
-            subtract_column(row + below * count, row, L[below], count);
+        const int64_t below = rows_below(size, width, k);
+        for (int64_t next = 1; next <= below; next++)
+            subtract_column(row + next * count, row, L[next], count);
     }
 }
 
-/* Replace a vector by L^-T of it. */
+/* Replace a vector by L^-T of it; four sums at a time, as a sum waits for the one before. */
 static void substitute_by_band(const double *band, int64_t size, int64_t width, double *vector)
 {
     for (int64_t k = size - 1; k >= 0; k--) {
-        const double *L = band + k * width;
-        for (int64_t below = 1; below < width && k + below < size; below++)
-            vector[k] -= L[below] * vector[k + below];
-        vector[k] /= L[0];
+        const double *L = band + k * width + 1, *solved = vector + k + 1;
+        const int64_t below = rows_below(size, width, k);
+        double sums[4] = {0.0};
+        int64_t i = 0;
+        for (; i + 4 <= below; i += 4)
+            for (int of = 0; of < 4; of++)
+                sums[of] += L[i + of] * solved[i + of];
+        for (; i < below; i++)
+            sums[0] += L[i] * solved[i];
+        vector[k] = (vector[k] - (sums[0] + sums[1] + sums[2] + sums[3])) / L[-1];
     }
 }

@@ -258,8 +258,8 @@ static int solve_block(RefinementProblem *n, const double *corrections)
     const int64_t width = OF_CAMERA * n->cameras;
     if (!factorise_band(n->band, n->size, n->width))
         return 0;
-    reduce_by_band(n->band, n->size, n->width, n->right, 1);
-    reduce_by_band(n->band, n->size, n->width, n->border, width);
+    reduce_vector(n->band, n->size, n->width, n->right);
+    reduce_rows(n->band, n->size, n->width, n->border, width);
     for (int64_t k = 0; k < width; k++) {
         const double weight = 1.0 / (n->expected[k % OF_CAMERA] * n->expected[k % OF_CAMERA]);
         n->camera_normals[width * k + k] += weight, n->camera_right[k] += weight * corrections[k];
@@ -278,7 +278,7 @@ static int solve_block(RefinementProblem *n, const double *corrections)
     }
     if (!factorise_band(n->camera_normals, width, width))
         return 0;
-    reduce_by_band(n->camera_normals, width, width, n->camera_right, 1);
+    reduce_vector(n->camera_normals, width, width, n->camera_right);
     substitute_by_band(n->camera_normals, width, width, n->camera_right);
     for (int64_t row = 0; row < n->size; row++)
         for (int64_t k = 0; k < width; k++)
