@@ -1,6 +1,6 @@
 """What the chain from nothing takes, as a ratio to the adjustment that starts from it, in the groups of its studies.
 
-    PYTHONPATH=tests python benchmarks/chain_study.py 60
+    PYTHONPATH=tests python benchmarks/chain_study.py 400
 
 Runs that many blocks of the study of preliminary values, grouped by their size, and for every fourth of them one of
 each of the others: weakly joined blocks, gross outliers, outliers near the epipolar line. Prints one line of JSON: for
