@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 FILM, OPERATED, DRIVABLE, JOINED, EXCHANGED = "film", "operated", "drivable", "joined", "exchanged"
+UPDATED, FIRST = "updated", "first"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
 adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
-their stores; adjusted, with what it is in another program."""
+their stores; adjusted, with what it is in another program, and an empty folder; on film, with an update that can be
+undone; digital and adjusted, with what it is in another program and an empty folder."""
 
 MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
 """Those of the joined project; with the other stores it has seventeen."""
@@ -71,7 +73,15 @@ _OTHERS = {
         "bundle delete B03 --with-referents --yes", "observations rename point left P1 P2 --bundle B03",
         "observations kill mark left '*' --yes",
     ),
-    EXCHANGED: ("import colmap model imported", "export colmap written", "adjust model"),
+    EXCHANGED: ("import colmap model imported", "import colmap model empty", "export colmap written", "adjust model"),
+    UPDATED: ("update --undo",),
+    FIRST: (
+        "import colmap model imported", "import colmap model empty", "import micmac Ori-Z imported",
+        "export colmap written", "export colmap empty", "export micmac written", "export opensfm written",
+        "export bingo written", "export csv written", "export metashape written.xml", "export blocks written.xml",
+        "export nvm written.nvm", "export bal written.txt", "export dxf written.dxf", "export geopackage written.gpkg",
+        "adjust model", "solve", "bundle rename MAIN OTHER", "online",
+    ),
 }  # fmt: skip
 
 ONLY_READING = frozenset(
@@ -87,8 +97,15 @@ ONLY_READING = frozenset(
     | {f"control {kind} list" for kind in _CONTROL}
 )  # fmt: skip
 
-UNTIL_A_SIGNAL = frozenset({"drive emulate", "online"})
-"""Run until somebody ends them; killed in tests/link and in tests/cli/test_online_command.py."""
+UNTIL_A_SIGNAL = frozenset({"drive emulate"})
+"""Run until somebody ends them; killed in tests/link."""
+
+ONLINE = "".join(
+    f'{{"do": "measure", "photo": "{photo}", "point": "K{n}", "x": {1500 + 9 * n}.25, "y": {1600 + 7 * n}.5}}\n'
+    for n in range(4)
+    for photo in ("left", "right")
+)
+"""What is told a session on stdin."""
 
 OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
 """Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""

@@ -2,8 +2,9 @@
 
     PYTHONPATH=tests python -m hostile.killing 10000
 
-A child is forked from this process, which has loaded orip, and runs the command; every second one dies before a
-random statement, flush or rename, the others whenever it hits them. So ten thousand kills take minutes.
+A child is forked from this process, which has loaded orip, and runs the command; a third of them die before a random
+statement, flush or rename, a third before a random system call that changes something on the disk, where they can be
+counted, the others whenever it hits them. So ten thousand kills take minutes.
 """
 
 from __future__ import annotations
@@ -27,10 +28,23 @@ from unittest.mock import patch
 from cli.command_line import commands_put_together_once
 from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
-from hostile.killed_commands import CONTROL_TEXTS, DRIVABLE, EXCHANGED, FILM, JOINED, KILLED, MANY_BUNDLES, OPERATED
+from hostile.killed_commands import (
+    CONTROL_TEXTS,
+    DRIVABLE,
+    EXCHANGED,
+    FILM,
+    FIRST,
+    JOINED,
+    KILLED,
+    MANY_BUNDLES,
+    ONLINE,
+    OPERATED,
+    UPDATED,
+)
+from hostile.system_calls import CAN_COUNT, ended_by, let_count
 from msgspec import Struct
 from workflow.killed_orip import Steps, counted
-from workflow.small_projects import film_project, many_bundles, replace_in
+from workflow.small_projects import film_project, first_project, many_bundles, replace_in
 
 from orip.cli.main import main as orip
 from orip.files.log.text import read_measurements
@@ -38,7 +52,7 @@ from orip.files.stores.dump import dump
 from orip.files.stores.schema import TABLES_OF_KIND
 
 PROJECT = "project"
-_AGAIN = 0.1
+_AGAIN = 0.3
 """After this part of the kills the command is run again, and has to end as if nothing had happened."""
 
 _UNFINISHED = ("-journal", "-undo", "-pact")
@@ -53,8 +67,8 @@ class Case(Struct, frozen=True):
     words : tuple of str
     stages : tuple of Path
         The folder before the command, after each of its commits, and after the whole of it, undisturbed.
-    steps : int
-        What the system sees of the command.
+    steps, calls : int
+        What the system sees of the command, and its system calls that change something on the disk.
     seconds : float
         How long it takes here.
     """
@@ -62,36 +76,52 @@ class Case(Struct, frozen=True):
     words: tuple[str, ...]
     stages: tuple[Path, ...]
     steps: int
+    calls: int
     seconds: float
 
     @property
     def is_digitising(self) -> bool:
         """Tell whether the log is written mark by mark, so that it may be anything between old and new."""
-        return self.words[0] == "digitise"
+        return self.words[0] in ("digitise", "online")
 
 
-def fork(folder: Path, words: Sequence[str], steps: Steps, kill_after: float | None = None) -> int:
-    """Run a command in a forked process, perhaps kill it after some seconds, and return its wait status."""
+def fork(
+    folder: Path, words: Sequence[str], steps: Steps, kill_after: float | None = None, last_call: int | None = None
+) -> int:
+    """Run a command in a forked process, and return its wait status.
+
+    Perhaps it is killed after some seconds, or before a system call that changes something; 0 writes how many it did.
+    """
+    given = folder.parent / "given"
+    given.write_text(ONLINE if words[0] == "online" else "")
     child = os.fork()
     if child == 0:
         nowhere = os.open(os.devnull, os.O_RDWR)
-        for descriptor in range(3):
+        for descriptor in (1, 2):
             os.dup2(nowhere, descriptor)
+        os.dup2(os.open(given, os.O_RDONLY), 0)
+        sys.stdin = os.fdopen(0, encoding="utf-8")
         code = 1
         try:
+            if last_call is not None:
+                let_count()
             argv = ["orip", "-q", "-C", str(folder), *words]
             with commands_put_together_once(), patch.object(sys, "argv", argv), counted(steps):
                 orip()
         except SystemExit as end:
             code = int(end.code or 0)
         finally:
-            if steps.last <= 0 and kill_after is None:
+            if steps.last <= 0 and kill_after is None and last_call is None:
                 (folder.parent / "steps").write_text(str(steps.count))
                 (folder.parent / "modules").write_text("\n".join(sys.modules))
             os._exit(code)
     if kill_after is not None:
         time.sleep(kill_after)
         os.kill(child, signal.SIGKILL)
+    if last_call is not None:
+        status, count = ended_by(child, last_call)
+        (folder.parent / "calls").write_text(str(count))
+        return status
     return os.waitpid(child, 0)[1]
 
 
@@ -110,6 +140,15 @@ def prepared(folder: Path) -> Iterator[list[Case]]:
     _done(folder, "init", "--sample", "zurich_city_hall", str(folder / EXCHANGED))
     _done(folder / EXCHANGED, "run", "--no-report")
     _done(folder / EXCHANGED, "export", "colmap", "model")
+    (folder / EXCHANGED / "empty").mkdir()
+    _load_modules(folder)
+    shutil.copytree(folder / FILM, folder / UPDATED)
+    for words in (("run",), ("update", "points")):
+        _done(folder / UPDATED, *words)
+    _done(first_project(folder / FIRST), "run")
+    for form, name in (("colmap", "model"), ("micmac", "Ori-Z")):
+        _done(folder / FIRST, "export", form, name)
+    (folder / FIRST / "empty").mkdir()
     _load_modules(folder)
     for name in ("MAIN.DRV", "report.html"):
         (folder / DRIVABLE / name).unlink()
@@ -177,7 +216,17 @@ def _case(folder: Path, number: int, project: str, words: str) -> Case:
     seconds = time.monotonic() - began
     steps = int((after.parent / "steps").read_text())
     assert steps, f"{words} wrote nothing"
-    return Case(given, (start, *_between(start, after.parent, given), after), steps, seconds)
+    calls = _calls(start, after.parent / "counted", given)
+    return Case(given, (start, *_between(start, after.parent, given), after), steps, calls, seconds)
+
+
+def _calls(start: Path, folder: Path, words: tuple[str, ...]) -> int:
+    """Return how many system calls of a command change something; 0 where they cannot be counted."""
+    if not CAN_COUNT:
+        return 0
+    place = Path(shutil.copytree(start, folder / PROJECT))
+    fork(place, words, Steps(-2), last_call=0)
+    return int((folder / "calls").read_text())
 
 
 def _between(start: Path, folder: Path, words: tuple[str, ...]) -> Iterator[Path]:
@@ -192,8 +241,11 @@ def kill(case: Case, folder: Path, chance: random.Random, *, again: bool) -> boo
     """Kill a command once, look at what it left, and tell whether it was killed in time."""
     place = folder / PROJECT
     shutil.copytree(case.stages[0], place)
-    if chance.random() < 0.5:
+    how = chance.choice(("step", "call", "moment") if case.calls else ("step", "moment"))
+    if how == "step":
         status = fork(place, case.words, Steps(chance.randint(1, max(case.steps, 1))))
+    elif how == "call":
+        status = fork(place, case.words, Steps(-2), last_call=chance.randint(1, case.calls))
     else:
         status = fork(place, case.words, Steps(-2), chance.uniform(0.0, case.seconds))
     check(case, place)
@@ -201,10 +253,22 @@ def kill(case: Case, folder: Path, chance: random.Random, *, again: bool) -> boo
         ended = os.waitstatus_to_exitcode(fork(place, case.words, Steps(-2)))
         assert ended in (0, 2, 3), f"{case.words} run again ended with {ended}"
         check(case, place)
-        left = [path.name for path in place.iterdir() if _is_leftover(path)]
+        left = [str(path.relative_to(place)) for path in place.rglob("*") if _is_leftover(path)]
         assert ended != 0 or not left, f"{case.words} run again left {left}"
+        if ended == 0 and not case.is_digitising:
+            names = {path.name for path in place.iterdir()}
+            more = names - {path.name for path in case.stages[-1].iterdir()}
+            assert not more, f"{case.words} run again left {more}"
+        if case.words[0] in ("import", "export", "solve", "adjust"):
+            assert ended == 0 or _is_done(case, place), f"{case.words} run again ended with {ended}"
     shutil.rmtree(place)
     return os.WIFSIGNALED(status)
+
+
+def _is_done(case: Case, place: Path) -> bool:
+    """Tell whether a command was done before it was killed, so that it cannot be done once more."""
+    done = case.stages[-1]
+    return all(_content(place / path.name, place) == _content(path, done) for path in done.iterdir() if path.is_dir())
 
 
 def check(case: Case, place: Path) -> None:
@@ -268,17 +332,22 @@ def _rows(path: Path) -> list[str]:
     return [*lines[:1], *rows] if rows else []
 
 
-def kills(count: int, seed: int, folder: Path) -> Counter[str]:
-    """Kill commands `count` times; return how often each was killed in time."""
-    chance, killed = random.Random(seed), Counter[str]()
+def kills(count: int, seed: int, folder: Path) -> tuple[Counter[str], list[str]]:
+    """Kill commands `count` times; return how often each was killed in time, and what was wrong afterwards."""
+    chance, killed, faults = random.Random(seed), Counter[str](), list[str]()
     with prepared(folder) as cases:
         for number in range(count):
             case = cases[number % len(cases)]
             if number % 500 == 0:
                 print(f"{time.strftime('%T')} {number} runs, {sum(killed.values())} killed", flush=True)  # noqa: T201
             name = f"{case.stages[0].name}: {' '.join(case.words[:3])}"
-            killed[name] += kill(case, folder, chance, again=chance.random() < _AGAIN)
-    return killed
+            try:
+                killed[name] += kill(case, folder, chance, again=chance.random() < _AGAIN)
+            except AssertionError as fault:
+                faults.append(str(fault).split("\nassert")[0])
+                print(f"{number}: {faults[-1][:300]}", flush=True)  # noqa: T201
+                shutil.rmtree(folder / PROJECT)
+    return killed, faults
 
 
 def main() -> None:
@@ -287,8 +356,9 @@ def main() -> None:
     began = time.monotonic()
     base = "/dev/shm" if Path("/dev/shm").is_dir() else None
     with tempfile.TemporaryDirectory(dir=base) as folder:
-        killed = kills(count, seed, Path(folder))
-    print(f"{count} runs, {sum(killed.values())} killed in {time.monotonic() - began:.0f} s:", dict(killed), flush=True)  # noqa: T201
+        killed, faults = kills(count, seed, Path(folder))
+    print(f"{count} runs, {len(faults)} faults, {sum(killed.values())} killed in {time.monotonic() - began:.0f} s:", dict(killed), flush=True)  # noqa: T201
+    sys.exit(bool(faults))
 
 
 if __name__ == "__main__":

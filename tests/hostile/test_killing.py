@@ -38,6 +38,7 @@ def test_every_command_is_killed_or_only_reads() -> None:
 def test_ten_thousand_kills(tmp_path: Path) -> None:
     from hostile.killing import kills
 
-    killed = kills(10_000, 3, tmp_path)
+    killed, faults = kills(10_000, 3, tmp_path)
+    assert not faults
     # some come too late, as the machine's speed varies; half of them at least must have hit
     assert sum(killed.values()) > 5_000
