@@ -104,5 +104,5 @@ def test_a_link_out_of_the_project_is_refused(project: Path, tmp_path: Path) -> 
     (project / "results").symlink_to(tmp_path / "beside")
     said = orip(project, "run")
     assert said.code == 1
-    assert "it is a link to" in said.err
+    assert "'results' is a link to" in said.err
     assert names_in(tmp_path / "beside") == set()

@@ -116,7 +116,7 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
     problem = blocks.pose(BLOCK)
     for file in (tmp_path / FOLDER).rglob("*.npz"):
         file.write_bytes(b"PK\x03\x04 and nothing else")
-    with pytest.raises(OripError, match=r"is damaged .*; remove .*, then repeat the command"):
+    with pytest.raises(OripError, match=r"is damaged .*; repeat the command, which writes it again"):
         problem.linearise(starting_state(BLOCK))
 
 
@@ -140,7 +140,7 @@ def test_groups_are_subtrees_and_single_nodes_above_them():
 
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():
-    assert len(repr(StoredSubBlock("/folder", 7))) < 200
+    assert len(repr(StoredSubBlock("/folder", 7, "0" * 64))) < 200
 
 
 @contextmanager
