@@ -160,6 +160,11 @@ def delete_record(state: ProjectState, record: RecordName, *, with_referents: bo
     return _change(state, record_edits.deleting(record), alone=None if with_referents else record)
 
 
+def delete_models(state: ProjectState, bundle: str | None) -> Change[RecordsOutcome]:
+    """Delete all models of a bundle, None: of the only one; raises what `delete_record` does."""
+    return _change(state, record_edits.deleting_models(bundle))
+
+
 def dry_run(change: Change[RecordsOutcome]) -> Change[RecordsOutcome]:
     """Return a change that writes nothing, and says so."""
     warnings = tuple(warning for warning in change.outcome.warnings if warning.code != "renamed-bundle")
