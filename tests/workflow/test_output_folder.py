@@ -45,7 +45,7 @@ def test_all_outputs_are_there_and_nothing_else(project: Path) -> None:
         path.name for path in project.iterdir() if path.suffix in {".CAM", ".TIK", ".PHO", ".TEM", ".EXT", ".EXO"}
     }
     assert names_in(project) == texts | stores | {"results", "MAIN.PRE"}
-    assert "wrote    results/report.html" in orip(project, "report").err
+    assert "wrote    results/report.html" in orip(project, "report").out
 
 
 def test_commands_look_for_them_there(project: Path) -> None:

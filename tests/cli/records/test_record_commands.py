@@ -418,7 +418,7 @@ def test_rename_a_bundle_its_files_follow(project: Path) -> None:
     for name in ("orip.toml", "FIRST.MEA"):
         replace_in(project / name, "MAIN", "ALL")
     assert done(orip(project, "init")).err.startswith("init     unchanged")
-    assert "status   converged" in done(orip(project, "run")).err
+    assert "status   converged" in done(orip(project, "run")).out
 
 
 def test_rename_a_bundle_its_solution_follows_and_stays_as_current_as_it_was(project: Path) -> None:
