@@ -281,7 +281,8 @@ def _permissions(project: Path, chance: random.Random) -> str:
     """Take permissions of a file or folder away, or let it run with those of its owner."""
     found = sorted(path for path in (project, *project.rglob("*")) if not path.is_symlink())
     path, mode = chance.choice(found), chance.choice((0, 0o400, 0o500, 0o555, 0o4755, 0o6777, 0o2777, 0o1777))
-    if stat.S_ISREG(path.lstat().st_mode) or path.is_dir():
+    status = path.lstat()
+    if path.is_dir() or (stat.S_ISREG(status.st_mode) and status.st_nlink == 1):
         with suppress(OSError):
             path.chmod(mode)
     return f"{path.relative_to(project)}: {mode:o}"
