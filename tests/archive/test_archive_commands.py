@@ -39,6 +39,7 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 @needs_fork
 @pytest.mark.slow
 def test_a_run_on_this_machine(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography")
     for name in ("a", "b", "c"):
         (tmp_path / "surveys" / name).mkdir(parents=True)
         first_project(tmp_path / "surveys" / name)
@@ -46,7 +47,7 @@ def test_a_run_on_this_machine(tmp_path: Path) -> None:
     first = run(tmp_path, "archive", "run", "surveys", "--no-report", "--json", "--workers", "1")
     assert first.returncode == 0, first.stderr
     assert json.loads(first.stdout)["states"] == {"adjusted": 2, "wrong": 1}
-    assert "dashboard http" in first.stderr
+    assert "dashboard" not in first.stderr
     assert "wrong    b: FIRST.PNT:1" in first.stderr
     assert "Traceback" not in first.stderr
     status = orip(tmp_path, "--json", "archive", "status").document

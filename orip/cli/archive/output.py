@@ -34,7 +34,8 @@ def watcher(terminal: Terminal) -> ArchiveWatcher:
     told, not_adjusted = time.monotonic(), 0
 
     def began(plan: ArchivePlan) -> None:
-        terminal.say(f"archive  {counted(len(plan.projects), 'project')} below {plan.base}; dashboard {plan.dashboard}")
+        dashboard = f"; dashboard {plan.dashboard}" if plan.dashboard else ""
+        terminal.say(f"archive  {counted(len(plan.projects), 'project')} below {plan.base}{dashboard}")
 
     def replied(reply: TaskReply, progress: Progress) -> None:
         nonlocal told, not_adjusted
@@ -98,7 +99,7 @@ def show_status(terminal: Terminal, status: ArchiveStatus) -> None:
         "running" if status.is_running else "finished" if ended else "not running; the same 'orip archive run' goes on"
     )
     lines = [f"archive  {plan.base}, {state}", f"         {progress}"]
-    lines += [f"         dashboard {plan.dashboard}"] if status.is_running else []
+    lines += [f"         dashboard {plan.dashboard}"] if status.is_running and plan.dashboard else []
     shown = status.wrong if terminal.verbose else status.wrong[:_SHOWN]
     lines += [f"wrong    {name}: {message}" for name, message in shown]
     if len(shown) < len(status.wrong):

@@ -30,7 +30,7 @@ class ArchivePlan(Struct, frozen=True):
     orip : str
         Version of orip.
     dashboard : str
-        Address of Dask's dashboard; empty before the run begins.
+        Address of Dask's dashboard; empty where orip has started the workers, which have none.
     began : float
         Seconds since 1970.
     """

@@ -1,10 +1,12 @@
 """A folder with the arrays of each sub-block in a file of its own (NumPy's .npz), named by what is in all of them.
 
-A folder that is complete is never changed; its marker is written last.
+The marker of a folder that is complete is written last. The folder of a project may come from elsewhere: what is there is
+replaced by equal files, and none is removed through a link.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import shutil
 import zipfile
@@ -45,6 +47,8 @@ def write_sub_blocks(within: Path, sub_blocks: Iterable[Arrays]) -> Path:
     """
     root, digest = within / FOLDER, hashlib.sha256()
     with reporting_failure(root, "remove the cause, then repeat the command"):
+        if root.is_symlink():
+            raise OSError(errno.ELOOP, "it is a link, and what it leads to would be cleared")
         root.mkdir(parents=True, exist_ok=True)
         remove_leftovers(root)
         made = temporary_beside(root / "sub-blocks")
@@ -55,10 +59,13 @@ def write_sub_blocks(within: Path, sub_blocks: Iterable[Arrays]) -> Path:
                 with _file(made, number).open("wb") as file:
                     np.savez(file, allow_pickle=False, **arrays)
             folder = root / digest.hexdigest()[:32]
-            if not marker_of(folder).exists():
+            if folder.is_dir() and not folder.is_symlink():
+                for path in made.iterdir():
+                    path.replace(folder / path.name)
+            else:
                 _remove_others(root)
                 made.rename(folder)
-                marker_of(folder).touch()
+            marker_of(folder).touch()
         finally:
             shutil.rmtree(made, ignore_errors=True)
     return folder
