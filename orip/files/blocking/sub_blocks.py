@@ -1,7 +1,7 @@
 """A folder with the arrays of each sub-block in a file of its own (NumPy's .npz), named by what is in all of them.
 
-The marker of a folder that is complete is written last. The folder of a project may come from elsewhere: what is there is
-replaced by equal files, and none is removed through a link.
+The marker of a folder that is complete is written last. The folder of a project may come from elsewhere: what is there
+is replaced by equal files, and none is removed through a link.
 """
 
 from __future__ import annotations

@@ -108,8 +108,8 @@ def connected(address: str | None, workers: int | None, memory: int = 0) -> Iter
 def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     """Start a cluster on this machine, and end it.
 
-    Whoever can connect to a scheduler or a worker has it run any code. So they speak TLS with each other alone, by a key
-    that is made for this run and is in no file.
+    Whoever can connect to a scheduler or a worker has it run any code. So they speak TLS with each other alone, by a
+    key that is made for this run and is in no file.
     """
     import dask
     from distributed import Client, LocalCluster

@@ -162,9 +162,11 @@ def test_workers_that_are_killed_at_each_start_are_told(monkeypatch: pytest.Monk
     killer = _killing(lambda _: True, ended)
     killer.start()
     try:
-        with pytest.raises(LostClusterError, match="ended while they were started, one of them 3 times"):
-            with connected(None, 1):
-                pass
+        with (
+            pytest.raises(LostClusterError, match="ended while they were started, one of them 3 times"),
+            connected(None, 1),
+        ):
+            pass
     finally:
         ended.set()
         killer.join()
@@ -177,7 +179,7 @@ def test_a_worker_that_has_died_before_it_was_asked_is_not_called_unfit(tmp_path
         def run(self, *_: object, **__: object) -> dict[str, object]:
             return {"tls://127.0.0.1:1": CommClosedError("gone"), "tls://127.0.0.1:2": ValueError("no orip")}
 
-    with pytest.raises(OripError, match="^worker tls://127.0.0.1:2: orip cannot be loaded there"):
+    with pytest.raises(OripError, match=r"^worker tls://127\.0\.0\.1:2: orip cannot be loaded there"):
         require_fit_workers(Asked(), tmp_path, forking=False)  # type: ignore[arg-type]
 
 
