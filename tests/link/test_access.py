@@ -61,9 +61,7 @@ def test_who_waits_without_a_token_does_not_become_the_operator(port):
 
 @pytest.mark.parametrize(("given", "what"), [("", "wants a token"), ("wrong@", "does not take this token")])
 def test_a_link_without_the_token_says_what_to_do(port, given, what):
-    with pytest.raises(
-        LinkError, match=f"{what}.*; give the link as 'orip drive emulate --allow-remote' has printed it"
-    ):
+    with pytest.raises(LinkError, match=f"{what}.*; give the link as 'orip drive emulate' has printed it"):
         observe_link(f"tcp://{given}127.0.0.1:{port}")
 
 
