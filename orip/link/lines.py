@@ -199,9 +199,9 @@ class SerialLine:
 def _shown(line: bytes) -> str:
     """Return the text of a reply, which may be shown: characters that steer terminals are written as escapes."""
     text = line.decode("ascii", errors="replace").removesuffix("\r")
-    if text.isprintable():
+    if text.isascii() and text.isprintable():
         return text
-    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in text)
+    return "".join(one if " " <= one <= "~" else one.encode("unicode_escape").decode("ascii") for one in text)
 
 
 def no_answer(url: str) -> LinkError:
