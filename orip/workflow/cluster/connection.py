@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
+import stat
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -115,7 +117,7 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     from distributed import Client, LocalCluster
     from distributed.security import Security
 
-    with dask.config.set(_OWN_CLUSTER):
+    with dask.config.set({**_OWN_CLUSTER, "temporary-directory": str(_own_folder())}):
         try:
             cluster = LocalCluster(
                 n_workers=workers or cores(),
@@ -135,6 +137,25 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
             raise LostClusterError(message) from error
         with cluster, Client(cluster) as client:
             yield client
+
+
+def _own_folder() -> Path:
+    """Return a folder where nobody else writes, for the files of scheduler and workers.
+
+    Workers write there when memory is full, and unpickle it again, and all look there for modules. It stays, as Dask
+    removes in it what killed workers have left.
+    """
+    import dask
+
+    within = dask.config.get("temporary-directory", None) or tempfile.gettempdir()
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(within, f"orip-dask-{user}")
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = folder.lstat()
+    if stat.S_ISDIR(status.st_mode) and (os.name != "posix" or (status.st_uid == user and not status.st_mode & 0o077)):
+        return folder
+    return Path(tempfile.mkdtemp(prefix="orip-dask-", dir=within))
 
 
 def _starting_again() -> type[Any]:

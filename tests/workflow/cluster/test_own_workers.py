@@ -110,6 +110,28 @@ def test_modules_in_the_working_directory_are_not_those_of_workers(
     assert not (tmp_path / "run").exists()
 
 
+def test_values_that_workers_write_to_the_disk_are_where_nobody_else_writes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("cryptography")
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with connected(None, 1) as client:
+        (first,) = client.run(lambda dask_worker: dask_worker.local_directory).values()
+        second = client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.local_directory)
+    own = connection._own_folder()
+    assert own in Path(first).parents
+    assert own in Path(second).parents
+    assert own.parent == tmp_path
+    if os.name == "posix":
+        assert own.stat().st_mode & 0o777 == 0o700
+        own.chmod(0o777)
+        assert connection._own_folder() not in {own, tmp_path}
+    own.rename(tmp_path / "moved")
+    (tmp_path / "elsewhere").mkdir()
+    own.symlink_to(tmp_path / "elsewhere")
+    assert connection._own_folder() not in {own, tmp_path / "elsewhere"}
+
+
 def children(begun_before: set[int]) -> set[int]:
     psutil = pytest.importorskip("psutil")
     started = psutil.Process().children(recursive=True)
