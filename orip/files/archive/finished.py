@@ -17,6 +17,7 @@ from orip.archive.tables import SCHEMA
 from orip.errors import InputError
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_text
+from orip.files.text.own_files import make_folder
 from orip.files.text.regular_file import open_regular, regular_bytes
 
 
@@ -43,7 +44,7 @@ def write_finished(results: ResultsFolder, outcome: ProjectOutcome, settings: st
     OSError
     """
     path = results.project(outcome.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, results.folder)
     head = {
         "schema": SCHEMA,
         "project": outcome.name,

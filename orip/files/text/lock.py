@@ -35,7 +35,7 @@ def locked(path: Path, shown: str, *, timeout: float = 10.0) -> Iterator[None]:
     LockedError
         If another process holds the lock after `timeout`.
     OSError
-        If the file cannot be opened, or is none.
+        If the file cannot be opened, or is no regular file.
     """
     with open_regular(path) as file:
         deadline = time.monotonic() + timeout
