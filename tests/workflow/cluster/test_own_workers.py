@@ -19,7 +19,6 @@ from pathlib import Path
 import pytest
 
 from orip.errors import OripError, UsageError
-from orip.files.blocking.sub_blocks import FOLDER, write_sub_blocks
 from orip.workflow.cluster import connection
 from orip.workflow.cluster.connection import LostClusterError, connected, require_fit_workers
 from orip.workflow.cluster.facts import UnfitWorkerError
@@ -252,13 +251,3 @@ def test_a_task_file_that_somebody_else_has_written_is_not_unpickled(tmp_path: P
             second.read()
         assert time.monotonic() - began < 5.0
     assert not mark.exists()
-
-
-def test_a_link_for_the_folder_of_sub_blocks_has_nothing_removed_behind_it(tmp_path: Path) -> None:
-    kept, project = tmp_path / "photos" / "1975", tmp_path / "project"
-    kept.mkdir(parents=True)
-    project.mkdir()
-    (project / FOLDER).symlink_to(kept.parent)
-    with pytest.raises(OripError, match="it is a link"):
-        write_sub_blocks(project, [])
-    assert kept.is_dir()
