@@ -196,7 +196,10 @@ def _schema(project: Path, chance: random.Random) -> str:
     store = project / chance.choice(STORES)
     if not _is_own(store):
         return f"{store.name}: no view"
-    with suppress(sqlite3.Error), closing(sqlite3.connect(store)) as connection:
+    work = project.parent / "changed"  # beside its journal SQLite would obey it
+    shutil.copyfile(store, work)
+    said = "no view"
+    with suppress(sqlite3.Error), closing(sqlite3.connect(work)) as connection:
         tables = [row[0] for row in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
         table = chance.choice(tables)
         columns = [row[1] for row in connection.execute(f"PRAGMA table_info('{table}')")]
@@ -217,8 +220,11 @@ def _schema(project: Path, chance: random.Random) -> str:
         )
         connection.executescript(statement)
         connection.commit()
-        return f"{store.name}: {statement[:150]}"
-    return f"{store.name}: no view"
+        said = statement[:150]
+        store.write_bytes(work.read_bytes())
+    for end in ("", "-journal"):
+        Path(f"{work}{end}").unlink(missing_ok=True)
+    return f"{store.name}: {said}"
 
 
 class _Runs:

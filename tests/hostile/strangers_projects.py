@@ -195,13 +195,15 @@ def strangers(
 
     Holes are also told as they are found.
     """
-    codes, holes, home = Counter[int](), [], folder / HOME
-    shutil.copytree(home, folder / "kept", symlinks=True, copy_function=_copy_any)
+    codes, holes, home = Counter[int](), list[Hole](), folder / HOME
+    if not (folder / "kept").exists():
+        shutil.copytree(home, folder / "kept", symlinks=True, copy_function=_copy_any)
     sound = state_of(home)
     for number in range(first, first + count):
         chance, place = random.Random(f"{seed} {number}"), folder / PROJECT
         shutil.copytree(folder / chance.choice(("film", "film", "film", "imported")), place)
         planted = tuple(plant(place, chance) for _ in range(chance.choice((1, 1, 2, 3, 4))))
+        assert state_of(home) == sound, f"the generator itself has changed something: {number} {planted}"
         for _ in range(COMMANDS_OF_EACH):
             words = chance.choice(chance.choice((READING, ADJUSTING, CHANGING)))
             before = state_of(place)

@@ -13,6 +13,7 @@ from orip.conversion.error_ellipses import error_ellipses
 from orip.conversion.footprints import footprint
 from orip.conversion.pose_covariances import rotation_vector_covariances
 from orip.conversion.poses import exchanged_poses
+from orip.errors import InputError
 from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
@@ -67,7 +68,7 @@ def exchanged_result(
     Raises
     ------
     InputError
-        If the bundle has not been adjusted.
+        If the bundle has not been adjusted, or the project no longer has one of its photos.
     UnsuitableCameraError
         If a camera has no sensor, or the format has none that comes near enough.
     """
@@ -110,13 +111,24 @@ def exchanged_result(
 
 
 def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
-    """Return the solution of a bundle; with film, cameras without a sensor have a frame in its place."""
+    """Return the solution of a bundle; with film, cameras without a sensor have a frame in its place.
+
+    Raises
+    ------
+    InputError
+        If one of its photos has since been deleted or renamed: nothing else says which camera took it.
+    """
     solution = bundle.adjusted
     records = bundle.records
+    gone = [name for name in solution.photos.names if record_key(name) not in records.photos]
+    if gone:
+        message = (
+            f"the last adjustment has {counted_names('photo', gone)}, which the project does not have any more; "
+            "adjust again with 'orip solve', then repeat the command"
+        )
+        raise InputError.single(message)
     of_photo = {
-        record_key(name): record_key(records.photos[record_key(name)].camera)
-        for name in solution.photos.names
-        if record_key(name) in records.photos
+        record_key(name): record_key(records.photos[record_key(name)].camera) for name in solution.photos.names
     }
     values = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values.tolist(), strict=True))
     cameras = {
@@ -195,8 +207,6 @@ def _photos(
     found = []
     for row, name in enumerate(solution.photos.names):
         key = record_key(name)
-        if key not in adjusted.camera_of_photo:
-            continue
         deviation = solution.photos.sd[row, :3]
         angles = solution.photos.sd[row, 3:]
         is_of_angles = not solution.photo_rotation_sd_about_axes[row] and frame is None

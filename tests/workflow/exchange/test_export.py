@@ -349,3 +349,17 @@ def test_control_goes_where_the_points_go(drone: Path) -> None:
         assert np.abs(given - found).max() < 2.0
         assert np.median(np.abs(given - found)) < 0.05
         assert np.abs(given).max() < 1e4
+
+
+@pytest.mark.parametrize("words", ["photo rename Bild_ä OTHER", "photo delete Bild_ä --with-referents --yes"])
+@pytest.mark.parametrize("form", ["csv", "dxf", "colmap", "bundler"])
+def test_an_adjustment_with_a_photo_that_is_gone_is_not_exported(
+    adjusted: Path, tmp_path: Path, words: str, form: str
+) -> None:
+    project = Path(shutil.copytree(adjusted / "project", tmp_path / "project"))
+    assert orip(project, *words.split()).code == 0
+    said = orip(project, "export", form, "written")
+    assert said.code == 3
+    assert "photo Bild_ä, which the project does not have any more" in said.err
+    assert "'orip solve'" in said.err
+    assert not (project / "written").exists()
