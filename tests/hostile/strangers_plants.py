@@ -208,7 +208,7 @@ def _schema(project: Path, chance: random.Random) -> str:
             (
                 f'ALTER TABLE "{table}" RENAME TO kept; CREATE VIEW "{table}" AS {_ENDLESS} SELECT {listed} FROM r',
                 f'ALTER TABLE "{table}" RENAME TO kept; CREATE VIEW "{table}" AS SELECT * FROM kept',
-                f'CREATE VIEW more AS {_ENDLESS} SELECT n FROM r',
+                f"CREATE VIEW more AS {_ENDLESS} SELECT n FROM r",
                 f'CREATE TRIGGER more AFTER INSERT ON "{table}" BEGIN DELETE FROM "{table}"; END',
                 f'CREATE TRIGGER more BEFORE DELETE ON "{table}" BEGIN SELECT max(n) FROM ({_ENDLESS} SELECT n FROM r); END',
                 f'DROP TABLE "{table}"; CREATE TABLE "{table}" (x)',
@@ -240,14 +240,23 @@ class _Runs:
 def _pickled(project: Path, chance: random.Random) -> str:
     """Put a pickle in the place of a file of arrays, or a text."""
     content = pickle.dumps(_Runs(f"echo run > '{project.parent / HOME / 'thesis.txt'}'"))
-    names = (".orip-sub-blocks/{}/000000.npz", "residuals.npz", "before_update.json", "result.json", "results/archive.json")
+    names = (
+        ".orip-sub-blocks/{}/000000.npz",
+        "residuals.npz",
+        "before_update.json",
+        "result.json",
+        "results/archive.json",
+    )
     name = chance.choice(names).format(_first_below(project))
     path = project / name
     if path.parent.is_dir() and path.parent.resolve().is_relative_to(project.resolve()):
         _put(path, content)
         if path.suffix == ".npz" and chance.random() < 0.5:
             with zipfile.ZipFile(path, "w") as archive:
-                archive.writestr("xy.npy", b"\x93NUMPY\x01\0\x46\0" + b"{'descr':'|O','fortran_order':False,'shape':(1,)}".ljust(70) + content)
+                archive.writestr(
+                    "xy.npy",
+                    b"\x93NUMPY\x01\0\x46\0" + b"{'descr':'|O','fortran_order':False,'shape':(1,)}".ljust(70) + content,
+                )
     return f"{name}: pickle"
 
 
@@ -261,11 +270,18 @@ def _named(project: Path, chance: random.Random) -> str:
         old = {"project": '"FIRST"', "bundle": '"MAIN"', "camera": '"C35"', "photo": '"left"'}[kind]
         toml.write_text(toml.read_text().replace(old, quoted.replace("\\u202e", "\u202e")))
     elif kind == "names":
-        rows = "".join(f'{kind},{orip},"{name}"\n' for kind, orip in (("camera", "C35"), ("photo", "left"), ("point", "P1")))
-        _put(project / "names.csv", f"kind,orip,original\n{rows}".encode("utf-8", "surrogateescape" if name != "\ud800" else "replace"))
+        rows = "".join(
+            f'{kind},{orip},"{name}"\n' for kind, orip in (("camera", "C35"), ("photo", "left"), ("point", "P1"))
+        )
+        _put(
+            project / "names.csv",
+            f"kind,orip,original\n{rows}".encode("utf-8", "surrogateescape" if name != "\ud800" else "replace"),
+        )
     elif kind == "source":
         form = chance.choice(("colmap", "micmac", "opensfm", "blocks", "nvm", "bundler", "bingo", "patb", "bal", "csv"))
-        place = chance.choice(("../home", "/", "/dev/zero", "../home/pipe", "../home/thesis.txt", "../home/Documents", "."))
+        place = chance.choice(
+            ("../home", "/", "/dev/zero", "../home/pipe", "../home/thesis.txt", "../home/Documents", ".")
+        )
         _put(project / "exchange.toml", f'[source]\nformat = "{form}"\npath = {json.dumps(place)}\n'.encode())
         said = f"exchange.toml {form} {place}"
     elif kind == "key" and _is_own(toml):
@@ -275,7 +291,9 @@ def _named(project: Path, chance: random.Random) -> str:
         said = f"{key} = {value}"
     elif kind == "dump" and _is_own(project / "FIRST.dump"):
         text = (project / "FIRST.dump").read_text()
-        (project / "FIRST.dump").write_text(text.replace(chance.choice(('"left"', '"C35"', '"FIRST"')), json.dumps(name)))
+        (project / "FIRST.dump").write_text(
+            text.replace(chance.choice(('"left"', '"C35"', '"FIRST"')), json.dumps(name))
+        )
     elif kind in ("log", "control"):
         path = project / {"log": chance.choice(("FIRST.MEA", "EDITS.MEA")), "control": "FIRST.PNT"}[kind]
         if _is_own(path):
@@ -296,8 +314,21 @@ def _permissions(project: Path, chance: random.Random) -> str:
 
 def _sparse(project: Path, chance: random.Random) -> str:
     """Let a file that is read be large without taking room."""
-    name = chance.choice((*TEXTS, *STORES, "result.json", "names.csv", "exchange.toml", "before_update.json", "MAIN.DRV",
-                          "CAMERAS.CAM-undo", "CAMERAS.CAM-pact", "FIRST.PHO-journal", "CAMERAS.CAM-mj12345678"))
+    name = chance.choice(
+        (
+            *TEXTS,
+            *STORES,
+            "result.json",
+            "names.csv",
+            "exchange.toml",
+            "before_update.json",
+            "MAIN.DRV",
+            "CAMERAS.CAM-undo",
+            "CAMERAS.CAM-pact",
+            "FIRST.PHO-journal",
+            "CAMERAS.CAM-mj12345678",
+        )
+    )
     size = chance.choice((1 << 24, 1 << 28, (1 << 30) - 1))
     path = project / name
     if not path.exists() or _is_own(path):

@@ -27,7 +27,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
@@ -39,7 +38,7 @@ from hostile.confinement import as_plain_user, confined, in_private_mounts
 from hostile.killed_commands import CONTROL_TEXTS
 from hostile.strangers_plants import FOREIGN, HOME, TEMPORARY, plant
 from msgspec import Struct
-from workflow.small_projects import film_project, first_project, replace_in
+from workflow.small_projects import film_project, first_project
 
 from orip.archive.outcome import ProjectOutcome
 from orip.cli.main import main as orip
@@ -88,6 +87,10 @@ ONLINE = '{"do":"show"}\n{"do":"measure","photo":"left","point":"P1","x":104.4,"
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 _TEXTS = ("orip.toml", "FIRST.MEA", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.STA")
 
+_ENCODINGS = (
+    *("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le", "utf-32-be"),
+    *("latin-1", "cp1252", "idna", "unicode_escape", "raw_unicode_escape", "ascii"),
+)
 State = dict[str, tuple[object, ...]]
 
 
@@ -101,7 +104,9 @@ class Hole(Struct, frozen=True):
     told: str
 
     def __str__(self) -> str:
-        return f"{self.what}\n    {self.number}: orip {self.words} with {'; '.join(self.planted)}\n    {self.told[-500:]}"
+        return (
+            f"{self.what}\n    {self.number}: orip {self.words} with {'; '.join(self.planted)}\n    {self.told[-500:]}"
+        )
 
 
 def prepare(folder: Path) -> None:
@@ -145,7 +150,7 @@ def _load_modules(folder: Path) -> None:
             with suppress(ImportError):
                 import_module(name)
     shutil.rmtree(place)
-    for encoding in ("utf-8-sig", "utf-16", "utf-32", "latin-1", "cp1252", "idna", "unicode_escape"):
+    for encoding in _ENCODINGS:
         codecs.lookup(encoding)  # a plain user may not be able to load them
 
 
@@ -254,14 +259,20 @@ def _of_project(before: State, after: State, words: str) -> Iterable[str]:
         mode = state[0]
         if isinstance(mode, int) and stat.S_ISREG(mode) and mode & 0o6000 and before.get(name) != state:
             yield f"set-uid file made: {name}"
-    if left := [name for name in after if name not in before and os.path.basename(name).startswith(".orip-") and name.endswith(".tmp")]:
+    if left := [
+        name
+        for name in after
+        if name not in before and Path(name).name.startswith(".orip-") and name.endswith(".tmp")
+    ]:
         yield f"temporary file left: {left}"
 
 
 def _difference(before: State, after: State) -> str:
     gone, new = sorted(before.keys() - after.keys()), sorted(after.keys() - before.keys())
     changed = sorted(name for name in before.keys() & after.keys() if before[name] != after[name])
-    return "; ".join(f"{what} {', '.join(names)}" for what, names in (("gone", gone), ("new", new), ("changed", changed)) if names)
+    return "; ".join(
+        f"{what} {', '.join(names)}" for what, names in (("gone", gone), ("new", new), ("changed", changed)) if names
+    )
 
 
 def state_of(folder: Path) -> State:
@@ -269,14 +280,14 @@ def state_of(folder: Path) -> State:
     found: State = {}
     for root, folders, files in os.walk(folder):
         for name in (*folders, *files):
-            path = os.path.join(root, name)
-            status = os.lstat(path)
+            path = Path(root, name)
+            status = path.lstat()
             content: object = None
             if stat.S_ISREG(status.st_mode) and status.st_size < 1 << 22:
                 with suppress(OSError):
-                    content = Path(path).read_bytes()
+                    content = path.read_bytes()
             elif stat.S_ISLNK(status.st_mode):
-                content = os.readlink(path)
+                content = str(path.readlink())
             size = status.st_size if stat.S_ISREG(status.st_mode) else 0
             found[os.path.relpath(path, folder)] = (status.st_mode, size, content, stat.S_ISLNK(status.st_mode))
     return found
@@ -333,9 +344,9 @@ def _code_in_time(child: int) -> int:
 def _removed(place: Path) -> None:
     for root, folders, _ in os.walk(place):
         for name in folders:
-            path = os.path.join(root, name)
-            if not os.path.islink(path):
-                os.chmod(path, 0o700)
+            path = Path(root, name)
+            if not path.is_symlink():
+                path.chmod(0o700)
     place.chmod(0o700)
     shutil.rmtree(place)
 

@@ -86,7 +86,9 @@ def put_hot_journal(store: Path, super_journal: str) -> None:
 
 @pytest.mark.parametrize("words", ["status", "run --no-report", "dump FIRST.PHO", "photo edit left X0=1071"])
 @pytest.mark.parametrize("is_absolute", [True, False])
-def test_a_hot_journal_deletes_no_file_beside_the_project(opened: Opened, words: str, is_absolute: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_hot_journal_deletes_no_file_beside_the_project(
+    opened: Opened, words: str, is_absolute: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     victim = opened.home / "thesis.txt"
     name = str(victim) if is_absolute else os.path.relpath(victim, opened.project)
     put_hot_journal(opened.project / "FIRST.PHO", name)
@@ -151,7 +153,11 @@ def _figures(project: Path) -> list[str]:
 def _program(project: Path, *words: str) -> str:
     """Run orip as a program of its own, as Dask's workers need it."""
     ended = subprocess.run(
-        [sys.executable, "-m", "orip", "-C", str(project), *words], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, "-m", "orip", "-C", str(project), *words],
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
     )
     return ended.stdout + ended.stderr
 
@@ -165,7 +171,9 @@ def test_names_of_an_imported_camera_write_nothing_beside_the_copy(opened: Opene
     opened.before = state_of(opened.home)
     rows = io.StringIO()
     table = csv.writer(rows)
-    table.writerows([("kind", "orip", "original"), ("camera", "D1", name.format(home=opened.home)), ("photo", "left", name)])
+    table.writerows(
+        [("kind", "orip", "original"), ("camera", "D1", name.format(home=opened.home)), ("photo", "left", name)]
+    )
     for camera in re.findall(r'^name = "([^"]*)"', (first / "orip.toml").read_text(), re.MULTILINE):
         table.writerow(("camera", camera, name.format(home=opened.home)))
     (first / "names.csv").write_text(rows.getvalue())
@@ -181,7 +189,9 @@ def _names_beside(folder: Path) -> set[str]:
 
 
 def test_photos_with_a_zero_character_in_their_original_name_are_exported_or_refused(opened: Opened) -> None:
-    (opened.project / "names.csv").write_text('kind,orip,original\nphoto,left,"a\0b"\npoint,P1,"a\0b"\ncamera,C35,"a\0b"\n')
+    (opened.project / "names.csv").write_text(
+        'kind,orip,original\nphoto,left,"a\0b"\npoint,P1,"a\0b"\ncamera,C35,"a\0b"\n'
+    )
     for form in ("micmac", "colmap", "opensfm", "bundler", "bingo", "patb", "csv"):
         opened.orip(f"export {form} out-{form}")
 
@@ -277,13 +287,13 @@ def test_an_archive_with_a_pipe_is_not_waited_for(opened: Opened, words: str, na
         {"reference_lla": "x"}, {"points": {"\ud800": {"coordinates": [0, 0, 0]}}}, {"rig_cameras": "x"},
     ],
 )  # fmt: skip
-def test_a_reconstruction_of_other_types_or_with_half_a_character_is_refused(opened: Opened, reconstruction: Any) -> None:
+def test_a_reconstruction_of_other_types_or_with_half_a_character_is_refused(
+    opened: Opened, reconstruction: Any
+) -> None:
     place = opened.folder / "sfm"
     place.mkdir()
     camera = {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.8, "k1": 0.0, "k2": 0.0}
-    shots = {
-        f"{n}.jpg": {"rotation": [3.14, 0, 0], "translation": [n, 0, 10], "camera": "c"} for n in (0, 1)
-    }
+    shots = {f"{n}.jpg": {"rotation": [3.14, 0, 0], "translation": [n, 0, 10], "camera": "c"} for n in (0, 1)}
     sound = {"cameras": {"c": camera}, "shots": shots, "points": {}}
     (place / "reconstruction.json").write_text(json.dumps([{**sound, **reconstruction}]))
     (place / "tracks.csv").write_text("OPENSFM_TRACKS_VERSION_v2\n" + "".join(
@@ -438,7 +448,9 @@ def _children(process: int, words: str) -> list[int]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             with suppress(OSError, IndexError, ValueError):
-                parents.setdefault(int((entry / "stat").read_text().rpartition(")")[2].split()[1]), []).append(int(entry.name))
+                parents.setdefault(int((entry / "stat").read_text().rpartition(")")[2].split()[1]), []).append(
+                    int(entry.name)
+                )
     found, waiting = [], [process]
     while waiting:
         waiting += (children := parents.get(waiting.pop(), []))
@@ -455,7 +467,16 @@ def _command_line(process: int) -> str:
 @contextmanager
 def archive_running(folder: Path) -> Iterator[subprocess.Popen[str]]:
     """Run an archive of a few projects on one worker."""
-    words = ("archive", "run", str(_projects(folder, 3)), "--workers", "1", "--no-report", "--out", str(folder / "results"))
+    words = (
+        "archive",
+        "run",
+        str(_projects(folder, 3)),
+        "--workers",
+        "1",
+        "--no-report",
+        "--out",
+        str(folder / "results"),
+    )
     running = subprocess.Popen(
         [sys.executable, "-m", "orip", *words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -507,7 +528,9 @@ def test_another_user_runs_nothing_on_the_scheduler_of_an_archive(tmp_path: Path
         _until(lambda: _children(running.pid, "spawn_main"))
         ports = _ports([running.pid, *_children(running.pid, "")])
         told = [
-            subprocess.run([sys.executable, "-c", _CLIENT, str(port)], capture_output=True, text=True, timeout=60, check=False).stdout
+            subprocess.run(
+                [sys.executable, "-c", _CLIENT, str(port)], capture_output=True, text=True, timeout=60, check=False
+            ).stdout
             for port in sorted(ports)
         ]
     assert not [line for line in told if "ran" in line], told
@@ -520,7 +543,7 @@ def _ports(processes: list[int]) -> set[int]:
         with suppress(OSError):
             for descriptor in Path(f"/proc/{process}/fd").iterdir():
                 with suppress(OSError):
-                    sockets.add(os.readlink(descriptor))
+                    sockets.add(str(descriptor.readlink()))
     lines = Path("/proc/net/tcp").read_text().splitlines()[1:]
     listening = [line.split() for line in lines if line.split()[3] == "0A"]
     return {int(fields[1].split(":")[1], 16) for fields in listening if f"socket:[{fields[9]}]" in sockets}

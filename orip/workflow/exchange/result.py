@@ -127,9 +127,7 @@ def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
             "adjust again with 'orip solve', then repeat the command"
         )
         raise InputError.single(message)
-    of_photo = {
-        record_key(name): record_key(records.photos[record_key(name)].camera) for name in solution.photos.names
-    }
+    of_photo = {record_key(name): record_key(records.photos[record_key(name)].camera) for name in solution.photos.names}
     values = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values.tolist(), strict=True))
     cameras = {
         key: replace(records.cameras[key], parameters=tuple(values.get(key, records.cameras[key].parameters)))
