@@ -14,7 +14,9 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from orip.errors import InputError
 from orip.files.text.lines import read_bytes
+from orip.files.text.shown import shown_token
 from orip.records.names import record_key
 
 NAMES_FILE = "names.csv"
@@ -61,11 +63,21 @@ def names_text(rows: Iterable[tuple[str, str, str]]) -> str:
 
 
 def read_names(folder: Path) -> NamesTable:
-    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent."""
+    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent.
+
+    Raises
+    ------
+    InputError
+        If a name has a character that cannot be printed: no other program has such names.
+    """
     data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
     found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
     try:
-        for row in csv.reader((data or b"").decode("utf-8-sig").splitlines()):
+        for line, row in enumerate(csv.reader((data or b"").decode("utf-8-sig").splitlines()), start=1):
+            unfit = [word for word in row if not word.isprintable()]
+            if unfit:
+                message = f"'{shown_token(unfit[0])}' has a character that cannot be printed; correct the name"
+                raise InputError.single(message, NAMES_FILE, line)
             if len(row) == len(_HEADING) and row[0] in found:
                 found[row[0]][record_key(row[1]) if row[0] in _RECORDS else row[1]] = row[2]
     except (UnicodeDecodeError, csv.Error):

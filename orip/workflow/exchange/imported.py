@@ -13,9 +13,9 @@ from orip.exchange.names_table import SOURCE_FILE, place_from
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
-from orip.files.text.new_folder import write_new_folder
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
+from orip.workflow.exchange.temporary import write_whole_folder
 from orip.workflow.exchange.texts import ImportedTexts, ImportSource, imported_texts
 
 _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "binary", ""}
@@ -106,13 +106,9 @@ def write_project(imported: ImportedProject, folder: Path) -> None:
     OripError
         If it cannot be written.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        message = (
-            f"{folder} has something in it already; a project is imported into a new or empty folder: name another"
-        )
-        raise UsageError(message)
+    texts = texts_with_source(imported, folder)
     with reporting_failure(str(folder), "name another folder"):
-        write_new_folder(folder, texts_with_source(imported, folder))
+        write_whole_folder(folder, texts, "a project is imported into a new or empty folder: name another")
 
 
 def texts_with_source(imported: ImportedProject, folder: Path) -> dict[str, str]:
