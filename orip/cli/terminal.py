@@ -14,6 +14,7 @@ from msgspec import Struct, field
 
 from orip.cli.progress_bar import ProgressBar
 from orip.errors import OripError, ProjectWarning, by_kind
+from orip.files.text.shown import visible, visible_json
 from orip.progress import listening
 
 if TYPE_CHECKING:
@@ -89,7 +90,9 @@ class Terminal(Struct, frozen=True):
         self._talk(f"error: {text}", "red", len("error:"))
 
     def data(self, text: str) -> None:
-        """Print data on stdout."""
+        """Print data on stdout; on a terminal control characters are shown, and do nothing."""
+        if sys.stdout.isatty():
+            text = visible(text, kept="\n\t")
         with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
@@ -103,7 +106,7 @@ class Terminal(Struct, frozen=True):
         from orip.schemas.catalogue import identifier
 
         document = {"schema": identifier(schema), **content}
-        self.data(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False))
+        self.data(visible_json(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)))
 
     def answer(self, schema: SchemaName, content: dict[str, Any], text: str) -> None:
         """Print what was asked for: with ``--json`` a document, else a text."""
@@ -147,6 +150,7 @@ class Terminal(Struct, frozen=True):
         styled : int or None
             Number of characters that have the style; None: all.
         """
+        text = visible(text, kept="\n")
         if (sys.stderr.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
             text = text.translate(_PLAIN)
         columns = self.columns

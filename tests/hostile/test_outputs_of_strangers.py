@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from cli.command_line import orip
 
-from orip.files.project.file_names import exported_file_names, is_one_file_name
+from orip.files.text.exported_names import exported_file_names, is_one_file_name
 
 FILES = {
     "geojson": "orip.geojson",
@@ -35,8 +34,8 @@ def adjusted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def project(adjusted: Path, tmp_path: Path) -> Iterator[Path]:
-    yield Path(shutil.copytree(adjusted, tmp_path / "deep" / "er" / "p"))
+def project(adjusted: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(adjusted, tmp_path / "deep" / "er" / "p"))
 
 
 @pytest.mark.parametrize("format_name", [*FOLDERS, *FILES])

@@ -1,19 +1,16 @@
-"""Rules for the names of files, checked before any file is opened: of a project, and of what is exported."""
+"""Rules for the names of a project's files, checked before any file is opened."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Sequence
 from pathlib import PurePath
+
+from orip.files.text.exported_names import is_device
+from orip.records.names import name_fault
 
 _UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
 _WILDCARDS = frozenset("*?[")
 _LONGEST_NAME = 200
 """Bytes; file systems take 255, and what stands before and after it (_PRELIM_RESULT.OUT, -journal) needs its room."""
-_DEVICES = frozenset({"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"}) | {
-    f"{port}{number}" for port in ("COM", "LPT") for number in "0123456789¹²³"
-}
-"""What Windows takes for a device, whatever follows after a dot."""
 _LONGEST_PATH = 1000
 """Bytes; the folder before it needs its room in the 4096 that systems take."""
 
@@ -27,55 +24,22 @@ def file_name_fault(name: str) -> str | None:
     unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
     if unfit:
         return f"has {' '.join(unfit)}, which file names cannot have"
+    if is_device(name):
+        return "is the name of a device on Windows, which no file can have"
     return "is not a file name" if name in {".", ".."} else _length_fault(name)
+
+
+def bundle_name_fault(name: str) -> str | None:
+    """Say why a name cannot be that of a bundle, whose files have it too, or return None if it can."""
+    if fault := name_fault(name):
+        return f"is not fit: {fault}"
+    return file_name_fault(name)
 
 
 def fit_file_name(name: str) -> str:
     """Return the file name nearest to a name that cannot be one."""
     fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
     return fit if fit.strip("._") else "PROJECT"
-
-
-def exported_file_names(pattern: str, names: Sequence[str], taken: Iterable[str] = ()) -> list[str]:
-    """Return names of files that an export makes of names in the data: each a file of its own in the export's folder.
-
-    What no file name can have on any system becomes ``_``, a name that is too long is cut, and what is then the same
-    as another, on systems where case does not count, gets a number.
-
-    Parameters
-    ----------
-    pattern : str
-        Of the files, such as ``Orientation-{}.xml``.
-    names : sequence of str
-        From the data: they may be anything.
-    taken : iterable of str
-        Other files of the export.
-    """
-    used = {name.casefold() for name in taken}
-    found = []
-    for name in names:
-        base, number = _fit_exported(name, _LONGEST_NAME - len(pattern.encode()) - 8), 1
-        fit = pattern.format(base)
-        while fit.casefold() in used:
-            number += 1
-            fit = pattern.format(f"{base}_{number}")
-        used.add(fit.casefold())
-        found.append(fit)
-    return found
-
-
-def is_one_file_name(name: str) -> bool:
-    """Tell whether a name is that of a file in the folder that it is put into, and leads nowhere else."""
-    is_windows_path = os.name == "nt" and (":" in name or "\\" in name)
-    return PurePath(name).name == name and name not in {"", ".", ".."} and "\0" not in name and not is_windows_path
-
-
-def _fit_exported(name: str, longest: int) -> str:
-    fit = "".join(c if (c.isprintable() or c == " ") and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
-    while len(fit.encode("utf-8")) > longest:
-        fit = fit[: longest if len(fit) > longest else -1]
-    fit = fit.rstrip(". ") or "_"  # Windows drops dots and blanks at the end
-    return f"_{fit}" if fit.split(".")[0].rstrip().upper() in _DEVICES else fit
 
 
 def store_path_fault(path: str, extension: str) -> str | None:

@@ -11,8 +11,8 @@ from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
-from orip.files.project.file_names import is_one_file_name
 from orip.files.text.atomic import replace_bytes, reporting_failure
+from orip.files.text.exported_names import is_one_file_name
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.original import in_terms_of

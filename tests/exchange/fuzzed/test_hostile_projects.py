@@ -36,6 +36,7 @@ from orip.exchange.tables import project as tables
 from orip.exchange.vision import bundler, nvm
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
+from orip.workflow.exchange.imported import require_names
 from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 SETTINGS = ExchangeSettings(frame=(4000, 3000), corrects_distortion=True)
@@ -125,7 +126,9 @@ def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
     def use(_: Path) -> None:
         project = project_or_complaints(read(source, name))
         if project is not None:
-            imported_texts(imported_block(project, name, SETTINGS), ImportSource(name, "x", "x"), None)
+            require_names(project, name)
+            content = imported_texts(imported_block(project, name, SETTINGS), ImportSource(name, "x", "x"), None)
+            "".join(content.texts.values()).encode("utf-8")
 
     use_mutated_files([(path, path.read_bytes()) for path in files], count, seed, use)
 
