@@ -258,3 +258,13 @@ def _model(tmp_path: Path) -> Path:
     assert orip(folder, "run", "--no-report").code == 0
     assert orip(folder, "export", "colmap", "model").code == 0
     return folder / "model"
+
+
+def test_a_project_whose_points_are_all_at_one_place_ends_in_words(tmp_path: Path) -> None:
+    folder = tmp_path / "s"
+    folder.mkdir()
+    for name, text in GUBAIO.items():
+        (folder / name).write_text(text)
+    said = orip(tmp_path, "adjust", "--frame", "4000x3000", "--exact-distortion", "gubaio", str(folder), "out")
+    assert said.code == 4
+    assert "could not be oriented" in said.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 from pathlib import Path
@@ -11,6 +12,8 @@ import pytest
 from cli.command_line import orip
 from hostile.killing import fork
 from workflow.killed_orip import Steps
+
+from orip.errors import InputError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="processes are forked")
 
@@ -82,3 +85,46 @@ def _with(project: Path, is_there: bool) -> Path:
 
 def _names(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*")} if folder.exists() else set()
+
+
+def _metashape(folder: Path, name: str, *, label: str | None = None) -> Path:
+    """Write the cameras of the adjusted project; all of them with one label, if it is given."""
+    assert orip(folder, "export", "metashape", name).code == 0
+    path = folder / name / "cameras.xml"
+    if label is not None:
+        path.write_text(re.sub(r'(<camera [^>]*label=)"[^"]*"', rf'\1"{label}"', path.read_text()))
+    return folder / name
+
+
+@pytest.mark.parametrize("json", [(), ("--json",)])
+def test_labels_that_occur_twice_are_told_before_the_adjustment(
+    json: tuple[str, ...], made: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(made, tmp_path / "p")
+    source = _metashape(tmp_path / "p", "source", label="DJI_0001")
+    said = orip(tmp_path, "adjust", "metashape", str(source), "out", *json)
+    assert said.code == 3
+    assert "the label 'DJI_0001' is that of several elements <camera>" in said.err
+    assert "iterations" not in said.err
+    assert not (tmp_path / "out").exists()
+    if json:
+        assert said.document["schema"] == "orip.error/1"
+
+
+@pytest.mark.parametrize("json", [(), ("--json",)])
+def test_an_adjustment_whose_export_is_refused_is_kept(
+    json: tuple[str, ...], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        message = "the result cannot be written back; correct it"
+        raise InputError.single(message, "x")
+
+    monkeypatch.setattr("orip.workflow.exchange.exported.write_export", refused)
+    said = orip(tmp_path, "adjust", "colmap", str(made / "model"), "out", *json)
+    assert said.code == 3
+    assert "x: the result cannot be written back; correct it" in said.err
+    assert "out: the project with report.html and result.json; nothing was exported" in said.err
+    assert {"orip.toml", "report.html", "result.json"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    assert orip(tmp_path / "out", "status").code == 0
+    if json:
+        assert said.document["schema"].startswith("orip.result/")
