@@ -260,6 +260,15 @@ def _model(tmp_path: Path) -> Path:
     return folder / "model"
 
 
+GUBAIO = {
+    "gubaio.cam": "[SENSOR]\nname = dcs\ntype = DIGITAL\nSensorElement = 5.0 7.5\nSensorPixels = 1024 1536\n"
+    "CameraConstants = 0.03 0.2 8\nRadialDistortion = 1e-4 0.0 0.0\nEND\n",
+    "gubaio.gcp": "FullControl\n1 118.13 235.51 14.61\nFullControlEnd\nTiePoint\n9 114 235 16\nTiePointEnd\n",
+    "gubaio.img": "[IMAGE]\nname = st1\nsensor = dcs\nInitialPersCenter = 0 0 .8\nInitialRotation = 0 0 0\nPoints\n"
+    " 1  532.04 185.57\n 7  100.5 200.5\nPointsEnd\nImageEnd\n",
+}
+
+
 def test_a_project_whose_points_are_all_at_one_place_ends_in_words(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     folder.mkdir()

@@ -80,7 +80,7 @@ def require_labels(project: ExchangedProject, original: Path) -> None:
     data = None if path is None else read_bytes(path, str(path))[0]
     if path is None or data is None:
         return
-    placed = next(XmlEdit(data).root.within("chunk"), None)
+    placed = next(XmlEdit(data, str(path)).root.within("chunk"), None)
     if placed is None:
         return
     cameras, sensors = _wanted(project)
