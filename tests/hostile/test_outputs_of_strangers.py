@@ -110,7 +110,7 @@ def test_an_output_replaces_another_file_only_when_forced(words: str, project: P
     assert (project / name).read_text() == "my own\n"
     assert orip(project, *words.split(), name, "--force").code == 0
     assert orip(project, *words.split(), name).code == 0  # its own earlier output
-    assert orip(project, *words.split(), "result.json" if "export" in words else "residuals.csv", "--force").code == 2
+    assert orip(project, *words.split(), "names.csv" if "results" in words else "result.json", "--force").code == 2
 
 
 @pytest.mark.parametrize("format_name", FILES)

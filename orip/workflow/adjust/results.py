@@ -137,7 +137,10 @@ def write_residuals(project: ProjectFolder, solution: Solution, output: Path, *,
     with reporting_failure(output, "choose another file with --output"):
         pieces = iter(write(solution.residuals, reliability_of(solution)))
         first = [*islice(pieces, 1)]
-        require_replaceable(project, output, force=force, begins=first_bytes(first))
+        usual = project.outputs(solution.bundle)
+        require_replaceable(
+            project, output, force=force, usual=(usual.residuals, usual.residual_arrays), begins=first_bytes(first)
+        )
         replace_in_pieces(output, chain(first, pieces))
 
 
