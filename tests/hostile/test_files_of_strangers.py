@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import resource
@@ -19,6 +20,8 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import film_project
 
+from orip.cli.terminal import Terminal
+from orip.errors import ProjectWarning
 from orip.files.text.shown import visible, visible_json
 from orip.files.text.toml import NestingError, toml_document
 
@@ -277,3 +280,40 @@ def test_a_project_whose_points_are_all_at_one_place_ends_in_words(tmp_path: Pat
     said = orip(tmp_path, "adjust", "--frame", "4000x3000", "--exact-distortion", "gubaio", str(folder), "out")
     assert said.code == 4
     assert "could not be oriented" in said.err
+
+
+class _OnTerminal(io.StringIO):
+    """A stream that is a terminal."""
+
+    encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_no_command_of_a_terminal_comes_from_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown, told = _OnTerminal(), _OnTerminal()
+    monkeypatch.setattr("sys.stdout", shown)
+    monkeypatch.setattr("sys.stderr", told)
+    hostile = "a\x1b]0;x\x07\x9b2J\u202eb\r\b\x7f\n"
+    terminal = Terminal(color="never")
+    terminal.data(hostile)
+    terminal.document("error", {"exit_code": 1, "errors": [hostile]})
+    terminal.say(hostile)
+    terminal.error(hostile)
+    terminal.point(hostile, hostile)
+    terminal.warn([ProjectWarning("x", hostile, hostile)])
+    for text in (shown.getvalue(), told.getvalue()):
+        assert not set(text) & set("\x1b\x07\x9b\u202e\r\b\x7f")
+        assert "a" in text
+    assert json.loads(shown.getvalue().partition("\n{")[2].join(["{", ""]))["errors"] == [hostile]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes there")
+@pytest.mark.parametrize("words", ["status", "run", "solve", "init", "status --json", "run --json"])
+def test_names_of_files_that_are_listed_are_escaped(words: str, project: Path) -> None:
+    for name in (b"a\x1b[2J.STA", b"\xff\xfe.MEA", "b\u202e.PNT".encode(), b"c\x1b.mea", b"d\x9b.txt"):
+        (project / os.fsdecode(name)).write_bytes(b"")
+    said = orip(project, *words.split())
+    assert "internal error" not in said.err
+    assert not set(said.out + said.err) & set("\x1b\u202e\x9b\udcff\udcfe")

@@ -35,6 +35,7 @@ from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
 from orip.exchange.tables import project as tables
 from orip.exchange.vision import bundler, nvm
+from orip.files.project.reader import parse_project
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
 from orip.workflow.exchange.imported import require_names
@@ -156,8 +157,11 @@ def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
         project = project_or_complaints(read(source, name))
         if project is not None:
             require_names(project, name)
-            content = imported_texts(imported_block(project, name, SETTINGS), ImportSource(name, "x", "x"), None)
+            origin = ImportSource(name, "x", project.name or "x")
+            content = imported_texts(imported_block(project, name, SETTINGS), origin, None)
             "".join(content.texts.values()).encode("utf-8")
+            parsed = parse_project(content.texts["orip.toml"])
+            assert not parsed.complaints, [str(complaint) for complaint in parsed.complaints]
 
     use_mutated_files([(path, path.read_bytes()) for path in files], count, seed, use)
 
