@@ -33,6 +33,11 @@ class Said(Struct, frozen=True):
     err: str
 
     @property
+    def told(self) -> str:
+        """Return messages and results, as a terminal has them together."""
+        return self.err + self.out
+
+    @property
     def document(self) -> Any:
         """Return stdout as one JSON document, strictly; it is as its schema says."""
 

@@ -299,6 +299,7 @@ def test_no_command_of_a_terminal_comes_from_a_file(monkeypatch: pytest.MonkeyPa
     terminal = Terminal(color="never")
     terminal.data(hostile)
     terminal.document("error", {"exit_code": 1, "errors": [hostile]})
+    terminal.result(hostile, hostile)
     terminal.say(hostile)
     terminal.error(hostile)
     terminal.point(hostile, hostile)
@@ -306,7 +307,7 @@ def test_no_command_of_a_terminal_comes_from_a_file(monkeypatch: pytest.MonkeyPa
     for text in (shown.getvalue(), told.getvalue()):
         assert not set(text) & set("\x1b\x07\x9b\u202e\r\b\x7f")
         assert "a" in text
-    assert json.loads(shown.getvalue().partition("\n{")[2].join(["{", ""]))["errors"] == [hostile]
+    assert json.loads(shown.getvalue().partition("\n{")[2].partition("\n}")[0].join(["{", "}"]))["errors"] == [hostile]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes there")

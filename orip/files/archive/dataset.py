@@ -17,6 +17,7 @@ from orip.archive.tables import SCHEMA, TABLES, ColumnType, Row
 from orip.errors import InputError
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_bytes, reporting_failure
+from orip.files.text.own_files import make_folder
 
 _TYPES: Mapping[ColumnType, pa.DataType] = {
     "text": pa.string(),
@@ -40,7 +41,7 @@ def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[
         pq.write_table(pa.Table.from_pylist(list(rows.get(table, ())), schema=schema), buffer, compression="zstd")
         path = results.table(table, shard)
         with reporting_failure(path, "remove the cause; 'orip archive report' writes the tables again"):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_folder(path.parent, results.folder)
             if not path.is_file() or path.read_bytes() != buffer.getvalue():
                 replace_bytes(path, buffer.getvalue())
 

@@ -16,6 +16,7 @@ from orip.archive.outcome import ProjectOutcome, State
 from orip.archive.tables import SCHEMA
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_text
+from orip.files.text.own_files import make_folder
 
 
 class FinishedHead(Struct, frozen=True):
@@ -41,7 +42,7 @@ def write_finished(results: ResultsFolder, outcome: ProjectOutcome, settings: st
     OSError
     """
     path = results.project(outcome.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, results.folder)
     head = {
         "schema": SCHEMA,
         "project": outcome.name,

@@ -12,6 +12,7 @@ from orip.archive.tables import SCHEMA
 from orip.errors import InputError, UsageError
 from orip.files.archive.layout import ResultsFolder
 from orip.files.text.atomic import replace_text, reporting_failure
+from orip.files.text.own_files import make_named_folder
 
 
 class ArchivePlan(Struct, frozen=True):
@@ -53,7 +54,7 @@ def write_plan(results: ResultsFolder, plan: ArchivePlan) -> None:
         If the folder or the disk refuses.
     """
     with reporting_failure(results.plan, "remove the cause, or name another folder with --out"):
-        results.folder.mkdir(parents=True, exist_ok=True)
+        make_named_folder(results.folder)
         replace_text(results.plan, json.dumps({"schema": SCHEMA, **asdict(plan)}, indent=1) + "\n")
 
 

@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from orip.errors import OripError
 from orip.files.text.leftovers import temporary_beside
+from orip.files.text.own_files import make_folder, new_file, remove_file
 from orip.workflow.cluster.facts import UnfitWorkerError
 
 
@@ -70,8 +71,8 @@ def stored_tasks(folder: Path, tasks: Iterable[Any]) -> TaskFile:
     """
     path = temporary_beside(folder / "tasks")
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("xb") as file:
+        make_folder(folder)
+        with new_file(path) as file:
             stored = []
             for task in tasks:
                 start = file.tell()
@@ -88,4 +89,4 @@ def stored_tasks(folder: Path, tasks: Iterable[Any]) -> TaskFile:
 
 def _remove(path: Path) -> None:
     with suppress(OSError):  # those of killed runs are removed by the next one
-        path.unlink()
+        remove_file(path)

@@ -6,13 +6,14 @@ import errno
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from orip.errors import UsageError
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
 from orip.files.text.new_folder import was_left, write_new_folder
+from orip.files.text.own_files import make_named_folder, remove_empty_folder, remove_folder, rename
 from orip.files.text.regular_file import file_of
 
 _REMEDY = "name another folder"
@@ -38,7 +39,7 @@ def folder_in_the_making(folder: Path) -> Iterator[Path]:
         message = f"{folder} has something in it already; name a new or empty folder"
         raise UsageError(message)
     with reporting_failure(str(folder), _REMEDY):
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_named_folder(target.parent)
         remove_leftovers(target.parent)
         temporary = temporary_beside(target)
     try:
@@ -46,7 +47,8 @@ def folder_in_the_making(folder: Path) -> Iterator[Path]:
         with reporting_failure(str(folder), _REMEDY):
             _put_in_place(temporary, target)
     except BaseException:  # an interrupt must not leave the temporary folder behind either
-        shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):
+            remove_folder(temporary)
         raise
 
 
@@ -55,8 +57,8 @@ def _put_in_place(temporary: Path, target: Path) -> None:
     if target.exists():
         shutil.copymode(target, temporary)
         if os.name != "posix":  # elsewhere no folder is replaced
-            target.rmdir()
-    os.replace(temporary, target)  # noqa: PTH105  # as new folders are made
+            remove_empty_folder(target)
+    rename(temporary, target)
 
 
 def write_whole_folder(folder: Path, texts: Mapping[str, str | bytes], rule: str) -> None:
@@ -89,19 +91,17 @@ def write_whole_folder(folder: Path, texts: Mapping[str, str | bytes], rule: str
     if target.is_dir() and (any(target.iterdir()) or _is_worked_in(target)):
         write_new_folder(target, texts)
         return
-    target.parent.mkdir(parents=True, exist_ok=True)
+    make_named_folder(target.parent)
     temporary = temporary_beside(target)
     try:
         write_new_folder(temporary, texts)
         _put_in_place(temporary, target)
-    except OSError as error:
-        shutil.rmtree(temporary, ignore_errors=True)
-        if error.errno not in _CANNOT_GIVE_WAY or not target.is_dir():
+    except BaseException as error:  # an interrupt must not leave the temporary folder behind either
+        with suppress(OSError):
+            remove_folder(temporary)
+        if not isinstance(error, OSError) or error.errno not in _CANNOT_GIVE_WAY or not target.is_dir():
             raise
         write_new_folder(target, texts)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
 
 
 def _is_worked_in(folder: Path) -> bool:
