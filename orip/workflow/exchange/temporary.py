@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,7 +11,7 @@ from orip.errors import UsageError
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
 from orip.files.text.new_folder import was_left, write_new_folder
-from orip.files.text.own_files import make_named_folder, remove_empty_folder, remove_folder, rename
+from orip.files.text.own_files import make_named_folder, remove_folder, rename, replace_empty_folder
 from orip.files.text.regular_file import file_of
 
 _REMEDY = "name another folder"
@@ -55,10 +53,9 @@ def folder_in_the_making(folder: Path) -> Iterator[Path]:
 def _put_in_place(temporary: Path, target: Path) -> None:
     """Give a folder its name; an empty one that has it gives way, and there is one of them at any instant."""
     if target.exists():
-        shutil.copymode(target, temporary)
-        if os.name != "posix":  # elsewhere no folder is replaced
-            remove_empty_folder(target)
-    rename(temporary, target)
+        replace_empty_folder(temporary, target)
+    else:
+        rename(temporary, target)
 
 
 def write_whole_folder(folder: Path, texts: Mapping[str, str | bytes], rule: str) -> None:
