@@ -104,8 +104,9 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
     with _alone(results), connected(request.scheduler, workers) as client:
         require_fit_workers(client, results.lock, forking=True)
         names = tuple(project.name for project in projects)
+        dashboard = client.dashboard_link if request.scheduler else ""
         plan = ArchivePlan(
-            str(base), names, request.settings.digest, request.method, __version__, client.dashboard_link, time.time()
+            str(base), names, request.settings.digest, request.method, __version__, dashboard, time.time()
         )
         write_plan(results, plan)
         watcher.began(plan)
