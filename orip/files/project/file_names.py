@@ -48,6 +48,8 @@ def store_path_fault(path: str, extension: str) -> str | None:
         return f"has characters that cannot be printed; write a file name such as NAME{extension}"
     if PurePath(path).suffix.upper() != extension:
         return f"does not end in {extension}, as this store does; write a file name such as NAME{extension}"
+    if is_device(PurePath(path).name):
+        return f"is the name of a device on Windows; write a file name such as NAME{extension}"
     fault = _length_fault(path)
     return None if fault is None else f"{fault}; choose a shorter one"
 
