@@ -357,11 +357,11 @@ def main() -> None:
     base = "/dev/shm" if Path("/dev/shm").is_dir() else None
     with tempfile.TemporaryDirectory(dir=base) as folder:
         killed, faults = kills(count, seed, Path(folder))
-    print(
+    print(  # noqa: T201
         f"{count} runs, {len(faults)} faults, {sum(killed.values())} killed in {time.monotonic() - began:.0f} s:",
         dict(killed),
         flush=True,
-    )  # noqa: T201
+    )
     sys.exit(bool(faults))
 
 

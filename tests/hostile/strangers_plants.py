@@ -47,7 +47,8 @@ FOREIGN = {
 """What orip did not make, in the project: it stays as it is."""
 
 HOSTILE_NAMES = (
-    "../home/stolen", "/dev/shm/orip-stolen", "..", ".", "a/b", "a\\b", "a\0b", "n" * 300, "\x1b[2J\x1b]0;t\x07", "\u202e",
+    "../home/stolen", "/dev/shm/orip-stolen", "..", ".", "a/b", "a\\b", "a\0b", "n" * 300, "\x1b[2J\x1b]0;t\x07",
+    "\u202e",
     "\x9b31m", "\ud800", "CON", "-rf", "", " ", "../../../../../../home/stolen", "MAIN.EXO", "a\nb", "a\rb", "%s%n{0}",
     "<script>alert(1)</script>",
 )  # fmt: skip
@@ -210,7 +211,7 @@ def _schema(project: Path, chance: random.Random) -> str:
                 f'ALTER TABLE "{table}" RENAME TO kept; CREATE VIEW "{table}" AS SELECT * FROM kept',
                 f"CREATE VIEW more AS {_ENDLESS} SELECT n FROM r",
                 f'CREATE TRIGGER more AFTER INSERT ON "{table}" BEGIN DELETE FROM "{table}"; END',
-                f'CREATE TRIGGER more BEFORE DELETE ON "{table}" BEGIN SELECT max(n) FROM ({_ENDLESS} SELECT n FROM r); END',
+                f'CREATE TRIGGER more BEFORE DELETE ON "{table}" BEGIN DELETE FROM kept; END',
                 f'DROP TABLE "{table}"; CREATE TABLE "{table}" (x)',
                 f'ALTER TABLE "{table}" ADD COLUMN more DEFAULT (zeroblob(1000000000))',
                 f'UPDATE "{table}" SET "{columns[-1]}" = zeroblob(900000000)',

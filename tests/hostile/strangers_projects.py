@@ -74,7 +74,8 @@ CHANGING = (
     "observations remeasure again.txt", "observations kill point left P1 --yes", "control points edit 1 X=1012.5",
     "control points kill 1 --yes", "control distances add D9 from=3 to=4 code=XYZ distance=136.7 a=0.05",
     "control preliminary kill P1 --yes", "camera edit C35 c=35.3", "camera rename C35 OTHER", "photo rename left OTHER",
-    "photo add NEW camera=C35", "photo delete left --with-referents --yes", "template add T temtick=S stage=UPPER photos=[]",
+    "photo add NEW camera=C35", "photo delete left --with-referents --yes",
+    "template add T temtick=S stage=UPPER photos=[]",
     "bundle rename MAIN OTHER", "bundle copy MAIN OTHER", "bundle edit MAIN measurement_precision=0.004",
     "bundle delete MAIN --with-referents --yes", "init MINE new", "init --sample small_frame_block new",
     "stations import flown.csv --camera C35 --replace", "digitise points --list again.txt --simulate FIRST.MEA",
@@ -168,7 +169,7 @@ def _filled(project: Path) -> None:
 
 
 def _home(home: Path, film: Path) -> None:
-    """Write what its owner has beside a stranger's project, with names and contents that orip could take for its own."""
+    """Write what its owner has beside a stranger's project, which orip could take for its own by names and contents."""
     texts = {
         "thesis.txt": "plain text\n", "settings.json": '{"token": "secret"}\n', "list.json": '["a", "b"]\n',
         ".config/settings.json": '"secret"\n', "stolen.xml": "<xml/>\n", "stolen.txt": "mine\n", "names.csv": "a,b\n",
@@ -260,9 +261,7 @@ def _of_project(before: State, after: State, words: str) -> Iterable[str]:
         if isinstance(mode, int) and stat.S_ISREG(mode) and mode & 0o6000 and before.get(name) != state:
             yield f"set-uid file made: {name}"
     if left := [
-        name
-        for name in after
-        if name not in before and Path(name).name.startswith(".orip-") and name.endswith(".tmp")
+        name for name in after if name not in before and Path(name).name.startswith(".orip-") and name.endswith(".tmp")
     ]:
         yield f"temporary file left: {left}"
 
@@ -276,7 +275,7 @@ def _difference(before: State, after: State) -> str:
 
 
 def state_of(folder: Path) -> State:
-    """Return what may not change: kinds, permissions, links, contents of all in a folder; last, whether it is a link."""
+    """Return what may not change: modes, sizes, contents of all in a folder; last, whether it is a link."""
     found: State = {}
     for root, folders, files in os.walk(folder):
         for name in (*folders, *files):
@@ -294,7 +293,7 @@ def state_of(folder: Path) -> State:
 
 
 def run(place: Path, told: Path, words: list[str], *, tell_modules: bool = False) -> tuple[int, str]:
-    """Run a command in a process of its own with its limits; return its exit code, -1 beyond its time, and its words."""
+    """Run a command in a process of its own with its limits; return its exit code (-1: too long) and its words."""
     given = told.with_suffix(".given")
     given.write_text(ONLINE if words == ["online"] else "")
     child = os.fork()

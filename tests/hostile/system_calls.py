@@ -34,7 +34,7 @@ def let_count() -> None:
 
 
 def ended_by(child: int, last: int) -> tuple[int, int]:
-    """Wait for a process that lets count; kill it before its call `last`; return its wait status and how many it did."""
+    """Wait for a process that lets count; kill it before its call `last`; return its status and how many it did."""
     assert _ptrace is not None
     os.waitpid(child, 0)
     _ptrace(_OPTIONS, child, None, _TELL_CALLS)

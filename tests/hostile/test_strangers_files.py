@@ -232,7 +232,8 @@ def test_a_row_of_a_model_beyond_64_bits_is_refused(opened: Opened, key: str, va
 
 
 def test_a_long_dotted_key_takes_no_gigabytes(opened: Opened) -> None:
-    for text in (".".join("a" for _ in range(40_000)) + " = 1", "x = " + "[" * 100_000, "[" + ".".join("a" * 40_000) + "]",
+    for text in (".".join("a" for _ in range(40_000)) + " = 1", "x = " + "[" * 100_000,
+                 "[" + ".".join("a" * 40_000) + "]",
                  "x = " + "{a=" * 20_000, "x = {" + ".".join("a" * 40_000) + " = 1}"):  # fmt: skip
         path = opened.project / "orip.toml"
         before = path.read_text()
@@ -254,8 +255,8 @@ def test_a_view_without_end_in_a_colmap_database_is_refused(opened: Opened) -> N
     with closing(sqlite3.connect(first / "model" / "database.db")) as database:
         database.executescript(
             "CREATE TABLE images(image_id integer, name text, camera_id);INSERT INTO images VALUES(1, 'a', 1);"
-            "CREATE VIEW pose_priors AS WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT 1 AS image_id,"
-            " 1 AS coordinate_system, zeroblob(24) AS position, NULL AS position_covariance FROM r"
+            "CREATE VIEW pose_priors AS WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT 1"
+            " AS image_id, 1 AS coordinate_system, zeroblob(24) AS position, NULL AS position_covariance FROM r"
         )
     began = time.monotonic()
     opened.orip("import colmap model new", first)
@@ -297,7 +298,8 @@ def test_a_reconstruction_of_other_types_or_with_half_a_character_is_refused(
     sound = {"cameras": {"c": camera}, "shots": shots, "points": {}}
     (place / "reconstruction.json").write_text(json.dumps([{**sound, **reconstruction}]))
     (place / "tracks.csv").write_text("OPENSFM_TRACKS_VERSION_v2\n" + "".join(
-        f"{n}.jpg\t{t}\t{t}\t{0.1 * t - 0.05 * n}\t{0.03 * t}\t0.001\t1\t2\t3\t-1\t-1\n" for n in (0, 1) for t in range(6)
+        f"{n}.jpg\t{t}\t{t}\t{0.1 * t - 0.05 * n}\t{0.03 * t}\t0.001\t1\t2\t3\t-1\t-1\n"
+        for n in (0, 1) for t in range(6)
     ))  # fmt: skip
     opened.orip("import opensfm sfm new", opened.folder)
 
