@@ -140,7 +140,8 @@ def test_sub_blocks_that_somebody_changed_are_not_taken(opened: Opened) -> None:
     with np.load(file) as arrays:
         changed = dict(arrays)
     changed["xy"] = changed["xy"] + 0.5
-    np.savez(file.open("wb"), **changed)
+    with file.open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **changed)
     told = _program(opened.project, *words)
     assert _figures(opened.project) == before, told
 

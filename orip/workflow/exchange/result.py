@@ -26,7 +26,7 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
-from orip.wording import counted, counted_names
+from orip.wording import agreeing, counted, counted_names
 from orip.workflow.exchange.film import cameras_with_frames, measured_pixels
 from orip.workflow.exchange.given import given_control, given_stations
 from orip.workflow.project.bundle_state import BundleState
@@ -116,7 +116,7 @@ def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
     Raises
     ------
     InputError
-        If one of its photos has since been deleted or renamed: nothing else says which camera took it.
+        If one of its photos has since been deleted or renamed, or has a camera that is not defined.
     """
     solution = bundle.adjusted
     records = bundle.records
@@ -128,6 +128,15 @@ def _adjusted(bundle: BundleState, *, with_film: bool) -> _Adjusted:
         )
         raise InputError.single(message)
     of_photo = {record_key(name): record_key(records.photos[record_key(name)].camera) for name in solution.photos.names}
+    undefined = sorted(
+        {records.photos[key].camera for key, camera in of_photo.items() if camera not in records.cameras}
+    )
+    if undefined:
+        message = (
+            f"{counted_names('camera', undefined)} of the adjusted photos {agreeing(len(undefined), 'is', 'are')} not "
+            "defined; add what is missing, or load a dump that goes with the other stores"
+        )
+        raise InputError.single(message)
     values = dict(zip(map(record_key, solution.cameras.names), solution.cameras.values.tolist(), strict=True))
     cameras = {
         key: replace(records.cameras[key], parameters=tuple(values.get(key, records.cameras[key].parameters)))
