@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -146,7 +147,9 @@ class ExchangedPhoto(Struct, frozen=True):
 
 
 class ExchangedPoints(Struct, frozen=True):
-    """m points that are measured or have coordinates.
+    """m points that are measured or have coordinates: marks, which have names, and tracks, which have numbers.
+
+    Mark 7 and track 7 are two points. Control and distances are those of marks.
 
     Parameters
     ----------
@@ -171,6 +174,16 @@ class ExchangedPoints(Struct, frozen=True):
     covariance: FloatArray | None = None
     ellipse: FloatArray | None = None
     residual: FloatArray | None = None
+
+    @property
+    def marks(self) -> dict[str, int]:
+        """Return the places of marks by their names."""
+        return {self.names[place]: place for place in np.flatnonzero(~self.is_track).tolist()}
+
+    @property
+    def tracks(self) -> dict[str, int]:
+        """Return the places of tracks by their numbers."""
+        return {self.names[place]: place for place in np.flatnonzero(self.is_track).tolist()}
 
 
 class ExchangedRays(Struct, frozen=True):

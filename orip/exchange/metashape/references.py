@@ -98,9 +98,7 @@ def _is_near(reference: Reference) -> bool:
 def _placed(project: ExchangedProject, table: ReferenceTable) -> _Placed:
     found = _Placed()
     photos = {photo.name for photo in project.photos}
-    tracks = project.points.is_track.tolist()
-    markers = {name for name, is_track in zip(project.points.names, tracks, strict=True) if not is_track}
-    markers |= {point.name for point in project.control}
+    markers = {*project.points.marks, *(point.name for point in project.control)}
     known_stations = {station.photo: station.position_error for station in project.stations}
     known_control = {point.name: point.errors for point in project.control}
     for reference in table.references:

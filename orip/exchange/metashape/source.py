@@ -128,10 +128,15 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
     stations = [station for camera in chunk.cameras() if (station := chunk.station(camera)) is not None]
     control = tuple(marker.control for marker in found if marker.control is not None)
     frame = chunk.frame
-    is_referenced = frame.kind == "geocentric" or (chunk.is_on_the_ground and bool(chunk.crs))
+    is_referenced = chunk.is_on_the_ground
     if not is_referenced and (control or stations):
         notes.append(
             "The chunk has no transform to the ground: positions of cameras and markers are in another system."
+        )
+    elif not chunk.crs and (control or stations):
+        notes.append(
+            "The chunk names no coordinate system: positions of cameras and markers are taken to be in that of its "
+            "transform."
         )
     return ExchangedProject(
         name=document.element.attributes.get("label", ""),
