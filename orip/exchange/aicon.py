@@ -1,8 +1,8 @@
 """Projects of AICON 3D Studio: ``.ior`` cameras, ``.eor`` photos, ``.obc`` points, ``.phc`` measurements, ``.scale``.
 
-Fields are separated by blanks; lengths are millimetres, angles radians. Image coordinates count from the centre of the
-frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in the form of the ISP
-regulations.
+Fields are separated by blanks; lengths and their standard deviations are millimetres, angles radians. Image coordinates
+count from the centre of the frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in
+the form of the ISP regulations.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return Parsed(
         ExchangedProject(
             "", cameras, tuple(photos.values()), points.points(), rays.rays(), (READING,),
-            distances=tuple(distances), ground_unit="mm", precision=0.001, notes=notes,
+            distances=tuple(distances), ground_unit="mm", precision=None, notes=notes,
         )
     )  # fmt: skip
 

@@ -279,7 +279,7 @@ class ExchangedProject(Struct, frozen=True):
     ground_unit : str
     frame : GroundFrame
     precision : float or None
-        A-priori error of a measurement, in the unit of `ray_axes`; None: as the residuals of the import say.
+        A-priori error of a measurement, pixels; None: as the residuals of the import say.
     stated : StatedError or None
     is_calibration : bool
         It has cameras, and no photos.

@@ -9,6 +9,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from orip.exchange.metashape.reference_table import Reference, ReferenceTable, read_reference_table
+from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedProject
@@ -98,10 +99,15 @@ def _is_near(reference: Reference) -> bool:
 def _placed(project: ExchangedProject, table: ReferenceTable) -> _Placed:
     found = _Placed()
     photos = {photo.name for photo in project.photos}
+    names = PhotoNames(photo.name for photo in project.photos)
     markers = {*project.points.marks, *(point.name for point in project.control)}
     known_stations = {station.photo: station.position_error for station in project.stations}
     known_control = {point.name: point.errors for point in project.control}
-    for reference in table.references:
+    for given in table.references:
+        reference = given
+        if given.label not in photos and given.label not in markers:
+            place = names.place(given.label)
+            reference = given if place is None else replace(given, label=project.photos[place].name)
         if reference.label in photos and None in reference.coordinates:
             found.incomplete += 1
         elif reference.label in photos:

@@ -73,6 +73,8 @@ class ImportedBlock(Struct, frozen=True):
         Names that orip gives to marks, control points and ends of distances, by those in `project`.
     pixels : array (k, 2)
         Of the rays, as orip counts them.
+    deviations : array (k,)
+        A-priori errors of the rays, pixels; NaN where the source does not say.
     found : Reprojection
     notes : tuple of str
         What was lost or assumed, a sentence each.
@@ -86,6 +88,7 @@ class ImportedBlock(Struct, frozen=True):
     points: tuple[str, ...]
     marks: Mapping[str, str]
     pixels: FloatArray
+    deviations: FloatArray
     found: Reprojection
     notes: tuple[str, ...]
     datum: ControlDatum | None = None
@@ -148,6 +151,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
         point_names(project.points, marks),
         marks,
         pixels,
+        _deviations(project, cameras),
         found,
         tuple(notes),
         datum,
@@ -239,6 +243,14 @@ def _pixels(
         )
         raise InputError.single(message, shown)
     return pixels
+
+
+def _deviations(project: ExchangedProject, cameras: tuple[ConvertedCamera, ...]) -> FloatArray:
+    """Return the a-priori errors of the measurements in pixels, whatever unit they have in the source."""
+    deviations = np.array(project.rays.deviation, dtype=np.float64)
+    for converted, rows in zip(cameras, rows_of_groups(camera_of_ray(project), len(cameras)), strict=True):
+        deviations[rows] = converted.pixel_errors(deviations[rows])
+    return deviations
 
 
 def _is_corrected(converted: ConvertedCamera) -> bool:

@@ -142,7 +142,7 @@ def _precision(block: ImportedBlock, notes: list[str]) -> float:
         return block.project.precision
     rays = block.project.rays
     found = block.found.measurement_error(rays.photo, rays.point)
-    if not _PIXEL < found < _WORST_PIXELS:
+    if not np.isnan(block.deviations).any() or not _PIXEL < found < _WORST_PIXELS:
         return _PIXEL
     rounded = float(f"{found:.2g}")
     notes.append(
@@ -239,7 +239,7 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
                     photo,
                     names[rays.point[rows]].tolist(),
                     block.pixels[rows],
-                    rays.deviation[rows],
+                    block.deviations[rows],
                     rays.is_active[rows],
                 )
             )
