@@ -268,9 +268,7 @@ def test_names_of_photos_in_lists_may_differ_in_case(tmp_path: Path) -> None:
     own = ~project.points.is_track[project.rays.point]
     assert project.rays.photo[own].tolist() == [0, 1, 2, 3]
     assert [station.photo for station in project.stations] == ["0.jpg"]
-    assert (
-        "4 photos of gcp_list.txt matched without regard to upper and lower case: 0.JPG is 0.jpg." in project.notes
-    )
+    assert "4 photos of gcp_list.txt matched without regard to upper and lower case: 0.JPG is 0.jpg." in project.notes
     assert "2 marks of gcp_list.txt left out, as no oriented photo has the names there: gone.JPG." in project.notes
 
 
@@ -280,5 +278,5 @@ def test_a_name_that_two_photos_have_but_for_case_is_not_guessed() -> None:
     assert names.notes("geo.txt", "place") == [
         "1 photo of geo.txt matched without regard to upper and lower case: B.jpg is b.jpg.",
         "2 places of geo.txt left out, as no photo or, in other upper and lower case, several have the names there: "
-        "a.JPG, ß.jpg.",
+        "a.JPG, ß.jpg."),
     ]
