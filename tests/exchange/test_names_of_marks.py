@@ -139,6 +139,36 @@ def test_a_round_trip_by_way_of_a_project_loses_nothing_that_the_format_has(tmp_
     assert reprojection.rms < (0.005 if name in DIGITS else 1e-6)
 
 
+LOST = {
+    "colmap": "17 control points, 1 check point, 1 distance",
+    "opensfm": "17 control points, 1 check point, 1 distance",
+    "metashape": "1 distance, 40 tie points",
+    "blocks": "1 distance",
+    "micmac": "17 control points, 1 check point, 1 distance, 304 measurements",
+    "bundler": "17 control points, 1 check point, 1 distance",
+    "bal": "17 control points, 1 check point, 1 distance",
+    "nvm": "17 control points, 1 check point, 1 distance",
+    "bingo": "1 distance",
+    "patb": "1 check point, 1 distance",
+}
+
+
+def test_an_export_says_what_the_format_has_no_place_for(tmp_path: Path) -> None:
+    blocks = format_named("blocks")
+    assert blocks.write is not None
+    assert blocks.conventions is not None
+    (tmp_path / "block.xml").write_bytes(blocks.write(colliding(in_conventions(blocks.conventions)), None)["block.xml"])
+    assert orip(tmp_path, "import", "block.xml", "p").code == 0
+    (tmp_path / "p" / "orip.LEN").write_text("bar 0 1 XYZ 21.1 1\n", encoding="utf-8")
+    run = orip(tmp_path / "p", "run", "--no-report")
+    assert run.code == 0, run.err
+    assert LOST.keys() == set(BOTH_WAYS)
+    for name, lost in LOST.items():
+        said = orip(tmp_path / "p", "export", name, f"../{name}", "--exact-distortion")
+        assert said.code == 0, said.err
+        assert f"has no place for it: {lost}." in " ".join((said.out + said.err).split()), name
+
+
 @pytest.mark.parametrize("write", [psz, psx])
 def test_markers_called_as_tracks_keep_their_control(tmp_path: Path, write: Callable[..., Path]) -> None:
     """Every project of Metashape whose markers are called 0, 1, 2 has tracks of these numbers, too."""

@@ -277,6 +277,8 @@ def test_a_name_that_two_photos_have_but_for_case_is_not_guessed() -> None:
     assert [names.place(name) for name in ("A.JPG", "a.JPG", "B.jpg", "ß.jpg")] == [1, None, 2, None]
     assert names.notes("geo.txt", "place") == [
         "1 photo of geo.txt matched without regard to upper and lower case: B.jpg is b.jpg.",
-        "2 places of geo.txt left out, as no photo or, in other upper and lower case, several have the names there: "
-        "a.JPG, ß.jpg."),
+        (
+            "2 places of geo.txt left out, as no photo or, in other upper and lower case, several have the names "
+            "there: a.JPG, ß.jpg."
+        ),
     ]
