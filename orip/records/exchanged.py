@@ -267,6 +267,8 @@ class ExchangedProject(Struct, frozen=True):
         Of the poses; more than one where the format does not say, the likeliest first.
     control : tuple of ControlPoint
         By the name of the point; negative errors: a check point. Errors are None where the file has none.
+    checks : frozenset of str
+        Names of control points that the other program only compares, whether it gives them errors or not.
     control_crs : str
         What control coordinates refer to, x or longitude first; empty: the system of all others.
     stations : tuple of Station
@@ -296,6 +298,7 @@ class ExchangedProject(Struct, frozen=True):
     rays: ExchangedRays
     readings: tuple[PoseReading, ...] = (PoseReading(),)
     control: tuple[ControlPoint, ...] = ()
+    checks: frozenset[str] = frozenset()
     control_crs: str = ""
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT

@@ -92,11 +92,11 @@ def film(folder: Path, kind: str = "SCAN", marks: dict[str, tuple[float, float]]
 
 @pytest.mark.parametrize(("kind", "columns"), [("SCAN", 9280), ("FRAME", 46400)])
 def test_points_on_film_are_millimetres_from_the_fiducial_centre(tmp_path: Path, kind: str, columns: int) -> None:
-    """Column 4890 and row 4605 are 39 · 10 and 0.5 · 10 from the centre: x = 10, y = 0. A point at -115.4 widens the frame to 232 mm."""
+    """Column 4890 and row 4605 are 39 · 10 and 0.5 · 10 from the centre: x = 10, y = 0."""
     project = read_well(read_gubaio, film(tmp_path, kind))
     assert project.rays.image[0].tolist() == pytest.approx([10.0, 0.0], abs=1e-9)
     assert project.cameras[0].parameters["f"] == 303.1
-    assert project.cameras[0].columns == columns
+    assert project.cameras[0].columns == columns  # 232 mm, for a point at x = -115.4
     assert "Fiducial marks of 1 photo fit by 0.0 µm (RMS)." in project.notes
 
 

@@ -202,3 +202,25 @@ def _rename_in_zip(path: Path) -> None:
         text = text.replace('<marker id="2" label="M0"/>', '<marker id="2" label="unmeasured"/>')
         members["doc.xml"] = re.sub(r'label="M(\d+)"', lambda m: f'label="{int(m[1]) + 100}"', text).encode()
     packed(path, members)
+
+
+def test_check_points_without_accuracies_stay_check_points(tmp_path: Path) -> None:
+    """A reference that is not enabled, or a check point, has no weight even where no file says how good it is."""
+    blocks = format_named("blocks")
+    assert blocks.write is not None
+    assert blocks.conventions is not None
+    given = colliding(in_conventions(blocks.conventions))
+    text = blocks.write(given, None)["block.xml"].decode()
+    (tmp_path / "block.xml").write_text(re.sub(r"<(Horizontal|Vertical)Accuracy>.*?Accuracy>", "", text), "utf-8")
+    assert orip(tmp_path, "import", "block.xml", "blocks").code == 0
+    metashape = format_named("metashape")
+    assert metashape.write is not None
+    assert metashape.conventions is not None
+    files = metashape.write(colliding(in_conventions(metashape.conventions)), None)
+    text = re.sub(r' s[xyz]="[^"]*"', "", files["cameras.xml"].decode())
+    (tmp_path / "cameras.xml").write_text(text, "utf-8")
+    assert orip(tmp_path, "import", "cameras.xml", "metashape").code == 0
+    for folder in ("blocks", "metashape"):
+        held = Held(tmp_path / folder).control
+        assert held.pop("4")[1] == (-0.02, -0.02, -0.02)
+        assert {errors for _, errors in held.values()} == {(0.02, 0.02, 0.02)}

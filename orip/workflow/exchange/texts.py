@@ -180,8 +180,9 @@ def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]
             value is not None and error is None for value, error in zip(point.coordinates, point.errors, strict=True)
         ):
             assumed += 1
+        sign = -1.0 if point.name in block.project.checks else 1.0
         first, second, third = (
-            None if value is None else _CONTROL_ERROR if error is None else error
+            None if value is None else sign * _CONTROL_ERROR if error is None else error
             for value, error in zip(point.coordinates, point.errors, strict=True)
         )
         control.append(replace(point, name=block.marks[point.name], errors=(first, second, third)))
