@@ -138,7 +138,7 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
         )
     elif stations and not is_referenced:
         notes.append(
-            f"The chunk is on the earth and names no coordinate system: positions of {counted(len(stations), 'camera')} "
+            f"The chunk is on the earth and names no system: positions of {counted(len(stations), 'camera')} "
             "left out; export the cameras with it."
         )
     elif not chunk.crs and (control or stations):
