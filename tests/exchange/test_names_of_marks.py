@@ -224,3 +224,21 @@ def test_check_points_without_accuracies_stay_check_points(tmp_path: Path) -> No
         held = Held(tmp_path / folder).control
         assert held.pop("4")[1] == (-0.02, -0.02, -0.02)
         assert {errors for _, errors in held.values()} == {(0.02, 0.02, 0.02)}
+
+
+def test_what_a_run_would_refuse_is_refused_at_its_line_of_the_source(tmp_path: Path) -> None:
+    blocks = format_named("blocks")
+    assert blocks.write is not None
+    assert blocks.conventions is not None
+    text = blocks.write(colliding(in_conventions(blocks.conventions)), None)["block.xml"].decode()
+    text = text.replace("<Name>3</Name>", "<Name>2</Name>").replace(
+        "<HorizontalAccuracy>0.02", "<HorizontalAccuracy>1e-12", 1
+    )
+    (tmp_path / "b.xml").write_text(text, "utf-8")
+    lines = [n for n, line in enumerate(text.splitlines(), start=1) if line.startswith("<ControlPoint>")]
+    said = orip(tmp_path, "import", "b.xml", "p")
+    assert said.code == 3
+    message = " ".join(said.err.split())
+    assert f"b.xml:{lines[0]}: point 0: an a-priori error of 1e-12 is smaller" in message
+    assert f"b.xml:{lines[3]}: point 2: point '2' is already on line {lines[2]};" in message
+    assert not (tmp_path / "p").exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -126,7 +127,7 @@ def _refused(texts: Mapping[str, str], block: ImportedBlock, source: Path) -> It
         line = min((line for one in several if (line := places.line(one))), default=None)
         own = "" if line is None or source.is_file() else f" (line {line} of its file)"
         where = f"{', '.join(named[:_PLACES_NAMED])}{more}{own}: "
-        yield Complaint(where + message, str(source), line if source.is_file() else None)
+        yield Complaint(where + places.in_source(message, several[0]), str(source), line if source.is_file() else None)
 
 
 class _Places:
@@ -153,15 +154,19 @@ class _Places:
             return f"{self._points.get(word, word)} in photo {self._photo_above(complaint)}"
         return complaint.path
 
-    def line(self, complaint: Complaint) -> int | None:
-        """Return the line of the source; None where it is not known."""
+    def line(self, complaint: Complaint, line: int | None = None) -> int | None:
+        """Return the line of the source, of the complaint or of another line of its file; None: it is not known."""
         records: Sequence[ControlPoint] | Sequence[ControlDistance] = ()
         if complaint.path.endswith(".PNT"):
             records = self._project.control
         elif complaint.path.endswith(".LEN"):
             records = self._project.distances
-        number = (complaint.line or 0) - 1
+        number = (line or complaint.line or 0) - 1
         return (records[number].line or None) if 0 <= number < len(records) else None
+
+    def in_source(self, message: str, complaint: Complaint) -> str:
+        """Return a message whose lines are those of the source."""
+        return re.sub(r"\bline (\d+)", lambda found: f"line {self.line(complaint, int(found[1])) or found[1]}", message)
 
     def _text(self, complaint: Complaint) -> str:
         lines = self._lines.get(complaint.path, [])
