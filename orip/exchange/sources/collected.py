@@ -95,8 +95,8 @@ class PhotoNames:
             (self._unknown if place is None else self._otherwise)[name] += 1
         return place
 
-    def notes(self, file: str, noun: str) -> list[str]:
-        """Return what was not asked for by its exact name: counts of `noun`, and the first names."""
+    def notes(self, file: str, noun: str, fate: str = "left out") -> list[str]:
+        """Return what was not asked for by its exact name: counts of `noun`, what becomes of them, the first names."""
         notes = []
         if self._otherwise:
             first = min(self._otherwise)
@@ -110,7 +110,7 @@ class PhotoNames:
             doubtful = any(name.casefold() in self._by_key for name in self._unknown)
             why = "no photo or, in other upper and lower case, several have" if doubtful else "no oriented photo has"
             notes.append(
-                f"{lost} of {file} left out, as {why} the names there: "
+                f"{lost} of {file} {fate}, as {why} the names there: "
                 f"{first_names(sorted(self._unknown)[:_FIRST], _FIRST, len(self._unknown))}."
             )
         return notes
