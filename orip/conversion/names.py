@@ -49,14 +49,13 @@ def mark_names(names: Iterable[str]) -> dict[str, str]:
 
 def point_names(points: ExchangedPoints, marks: Mapping[str, str]) -> tuple[str, ...]:
     """Return names of points: those of marks (`mark_names`), and of tracks T and their number, different from these."""
-    numbers = [TRACK_MARK + name for name, is_track in zip(points.names, points.is_track, strict=True) if is_track]
+    is_track = points.is_track.tolist()
+    numbers = [TRACK_MARK + name for name, track in zip(points.names, is_track, strict=True) if track]
     taken = set(marks.values())
     if not taken.isdisjoint(numbers) or len(set(numbers)) < len(numbers) or any(map(_UNFIT.search, numbers)):
         numbers = list(unique_names(numbers, "track", ignoring_case=False, taken=taken))
     tracks = iter(numbers)
-    return tuple(
-        next(tracks) if is_track else marks[name] for name, is_track in zip(points.names, points.is_track, strict=True)
-    )
+    return tuple(next(tracks) if track else marks[name] for name, track in zip(points.names, is_track, strict=True))
 
 
 def _without_folder(name: str) -> str:

@@ -13,7 +13,6 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
-from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.text import read_control
 from orip.files.log.text import read_measurements
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
@@ -105,18 +104,18 @@ def _refused(texts: Mapping[str, str], block: ImportedBlock, source: Path) -> It
 
     Complaints that say the same are one, with the first places and their number.
     """
-    definition = parse_project(texts[_DEFINITION])
+    found = list(parse_project(texts[_DEFINITION]).complaints)
     control = [name for name in texts if name.endswith(_CONTROL)]
+    # a .PRE file has names of the measurements, and numbers that are known to be possible
+    measurements = [name for name in texts if name.endswith(".MEA")]
     with TemporaryDirectory() as folder:
-        for name in (*control, *(name for name in texts if name.endswith((".MEA", ".PRE")))):
+        for name in (*control, *measurements):
             (Path(folder) / name).write_text(texts[name], encoding="utf-8", newline="")
-        base = control[0].rpartition(".")[0] if control else ""
-        found = [*definition.complaints, *read_control(Path(folder), base).complaints]
-        for name in texts:
-            if name.endswith(".MEA"):
-                found += read_measurements(Path(folder) / name, name).complaints
-            elif name.endswith(".PRE"):
-                found += read_preliminary(Path(folder) / name, name).complaints
+        found += read_control(Path(folder), control[0].rpartition(".")[0]).complaints if control else ()
+        for name in measurements:
+            found += read_measurements(Path(folder) / name, name).complaints
+    if not found:
+        return
     groups: dict[tuple[str, str], list[Complaint]] = {}
     for complaint in found:
         groups.setdefault((complaint.path.rpartition(".")[2], complaint.message), []).append(complaint)
@@ -148,7 +147,7 @@ class _Places:
             return f"distance {word}"
         if complaint.path.endswith(".STA"):
             return f"position of photo {self._photos.get(word, word)}"
-        if complaint.path.endswith((".PNT", ".PRE")):
+        if complaint.path.endswith(".PNT"):
             return self._points.get(word, word)
         if complaint.path.endswith(".MEA"):
             return f"{self._points.get(word, word)} in photo {self._photo_above(complaint)}"
