@@ -80,6 +80,13 @@ class ConvertedCamera(Struct, frozen=True):
         """Return orip's columns and rows (n, 2) of image coordinates (n, 2) in the axes of the source's rays."""
         return pixels_from_axes(image, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
 
+    def pixel_errors(self, deviations: FloatArray) -> FloatArray:
+        """Return standard deviations (n,) in the unit of the source's rays as pixels."""
+        sensor = self.camera.sensor
+        if sensor is None or self.source.ray_axes.unit == "pixel":
+            return deviations
+        return deviations * (sensor.columns / sensor.width)
+
     def rays_of_pixels(self, pixels: FloatArray) -> FloatArray:
         """Return image coordinates (n, 2) in the axes of the source's rays of orip's columns and rows (n, 2)."""
         return axes_from_pixels(pixels, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))

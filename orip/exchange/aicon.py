@@ -1,8 +1,8 @@
 """Projects of AICON 3D Studio: ``.ior`` cameras, ``.eor`` photos, ``.obc`` points, ``.phc`` measurements, ``.scale``.
 
-Fields are separated by blanks; lengths are millimetres, angles radians. Image coordinates count from the centre of the
-frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in the form of the ISP
-regulations.
+Fields are separated by blanks; lengths and their standard deviations are millimetres, angles radians. Image coordinates
+count from the centre of the frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in
+the form of the ISP regulations.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
 from orip.files.text.parsed import Parsed
@@ -61,13 +61,13 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = _photos(files[".eor"], codes, faults_of(".eor"))
     points, rays = CollectedPoints(), CollectedRays()
     datum = _add_points(files[".obc"], points, faults_of(".obc"))
-    _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
+    lost = _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
     distances = _distances(files[".scale"], faults_of(".scale")) if ".scale" in files else ()
-    notes = (
-        (f"The datum of the file is that of {counted(len(datum), 'point')}; set datum_points in orip.toml.",)
-        if datum
-        else ()
-    )
+    notes = list(lost)
+    if datum:
+        notes.insert(
+            0, f"The datum of the file is that of {counted(len(datum), 'point')}; set datum_points in orip.toml."
+        )
     if not photos and not complaints:
         complaints.append(Complaint("there is no oriented photo", shown))
     if complaints:
@@ -75,7 +75,7 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return Parsed(
         ExchangedProject(
             "", cameras, tuple(photos.values()), points.points(), rays.rays(), (READING,),
-            distances=tuple(distances), ground_unit="mm", precision=0.001, notes=notes,
+            distances=tuple(distances), ground_unit="mm", precision=None, notes=tuple(notes),
         )
     )  # fmt: skip
 
@@ -147,14 +147,17 @@ def _add_points(path: Path, points: CollectedPoints, faults: Faults) -> list[str
 
 def _add_rays(
     path: Path, photos: dict[str, ExchangedPhoto], points: CollectedPoints, rays: CollectedRays, faults: Faults
-) -> None:
-    places = {name: place for place, name in enumerate(photos)}
+) -> list[str]:
+    """Add measurements; return what belongs to no photo."""
+    names = PhotoNames(photos)
     for number, words in _rows(path, ".phc", faults):
         x, y, sx, sy = (faults.decimal(word, "x and y and their deviations", number) for word in words[2:6])
-        if words[0] in places:
+        photo = names.place(words[0])
+        if photo is not None:
             deviation = max(sx, sy)
             active = words[9] != "0"
-            rays.add(places[words[0]], points.add(words[1]), (x, y), deviation or float("nan"), is_active=active)
+            rays.add(photo, points.add(words[1]), (x, y), deviation or float("nan"), is_active=active)
+    return names.notes(path.name, "measurement")
 
 
 def _distances(path: Path, faults: Faults) -> Iterable[ControlDistance]:

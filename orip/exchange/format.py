@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Literal
 
 from msgspec import Struct
 
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
+
+Given = Literal["control points", "check points", "stations", "distances", "tie points", "measurements"]
+"""What a project may have that a format may lack."""
 
 Read = Callable[[Path, str], Parsed[ExchangedProject | None]]
 """From a file or folder, and its name for messages, to the project in it; None where there are complaints."""
@@ -48,6 +52,8 @@ class Conventions(Struct, frozen=True):
         Tells whether a result is put into a copy of an original. None: every original is copied.
     has_terms_of_original : bool
         A copy has the ground frame of its original, and the cameras that have not changed.
+    lacks : tuple of str
+        What the files of a new project in the format have no place for, and what an export says is not written.
     """
 
     lens: Lens | None
@@ -61,6 +67,7 @@ class Conventions(Struct, frozen=True):
     is_drawn: bool = False
     is_copied: Callable[[Path], bool] | None = None
     has_terms_of_original: bool = False
+    lacks: tuple[Given, ...] = ()
 
 
 class Format(Struct, frozen=True):

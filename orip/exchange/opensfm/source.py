@@ -15,7 +15,7 @@ from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
 from orip.exchange.opensfm.tracks import Features, read_features
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
 from orip.files.text.parsed import Parsed
@@ -138,13 +138,13 @@ def _project(
         features = read_features(files.tracks, faults, photos, points.tracks)
         notes += _add_features(features, reconstruction, rays)
         complaints += faults.complaints
-    control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays)
+    control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays, notes)
     stations, reference = reconstruction.stations, IN_PROJECT
     if files.places is not None:
         faults = faults_of(files.places)
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
-        stations, reference = _stations(places, photos), StationReference(places.crs)
+        stations, reference = _stations(places, reconstruction, notes), StationReference(places.crs)
     precision: float | None = None
     if files.settings is not None:
         faults = faults_of(files.settings)
@@ -201,6 +201,7 @@ def _add_control(
     reconstruction: Reconstruction,
     points: CollectedPoints,
     rays: CollectedRays,
+    notes: list[str],
 ) -> tuple[tuple[ControlPoint, ...], str]:
     """Add the marks of control points; return the control points and what their coordinates refer to."""
     marked: Sequence[MarkedPoint] = ()
@@ -215,8 +216,12 @@ def _add_control(
         document = read_json(files.control_document, faults)
         marked, crs = () if document is None else marked_points_of_document(document), "EPSG:4979"
         complaints += faults.complaints
+    names = PhotoNames(photo.name for photo in reconstruction.photos)
     for item in marked:
-        _add_marks(item, reconstruction, points, rays, in_pixels=in_pixels)
+        _add_marks(item, names, reconstruction, points, rays, in_pixels=in_pixels)
+    if marked:
+        file = files.control_list or files.control_document
+        notes += names.notes("" if file is None else file.name, "mark")
     nothing = (None, None, None)
     return tuple(
         ControlPoint(item.name, item.coordinates, nothing, line=item.line)
@@ -226,21 +231,30 @@ def _add_control(
 
 
 def _add_marks(
-    item: MarkedPoint, reconstruction: Reconstruction, points: CollectedPoints, rays: CollectedRays, *, in_pixels: bool
+    item: MarkedPoint,
+    names: PhotoNames,
+    reconstruction: Reconstruction,
+    points: CollectedPoints,
+    rays: CollectedRays,
+    *,
+    in_pixels: bool,
 ) -> None:
-    place_of_photo = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
     point = points.add(item.name)
     for name, (x, y) in item.marks:
-        photo = place_of_photo.get(name)
+        photo = names.place(name)
         if photo is not None:
             camera = reconstruction.cameras[reconstruction.photos[photo].camera]
             rays.add(photo, point, (x + 0.5, y + 0.5) if in_pixels else _pixel(camera, x, y))
 
 
-def _stations(places: PlaceList, photos: dict[str, int]) -> tuple[Station, ...]:
+def _stations(places: PlaceList, reconstruction: Reconstruction, notes: list[str]) -> tuple[Station, ...]:
+    names = PhotoNames(photo.name for photo in reconstruction.photos)
     found = []
     for place in places.places:
-        if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # not NaN
+        photo = names.place(place.photo)
+        if photo is not None and place.coordinates[2] == place.coordinates[2]:  # not NaN
             horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
-            found.append(Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+            name = reconstruction.photos[photo].name
+            found.append(Station(name, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+    notes += names.notes("geo.txt", "place")
     return tuple(found)

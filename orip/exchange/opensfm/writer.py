@@ -17,6 +17,7 @@ from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.held_terms import require_without
 from orip.exchange.sources.json_tree import read_json
+from orip.exchange.sources.short_names import distinct_names
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _NAME = "reconstruction.json"
@@ -81,25 +82,15 @@ def _new(project: ExchangedProject) -> dict[str, Any]:
         if photo.rotation
     }
     found: dict[str, Any] = {"cameras": cameras, "shots": shots, "points": {}}
-    names = _track_names(project)
+    names = distinct_names(project.points)
     for row, values in _points(project).items():
         found["points"][names[row]] = {"color": _GREY, **values}
     return found
 
 
-def _track_names(project: ExchangedProject) -> list[str]:
-    """Return the names of all points as tracks; those that are no tracks are different from those that are."""
-    points = project.points
-    tracks = {name for name, is_track in zip(points.names, points.is_track.tolist(), strict=True) if is_track}
-    return [
-        name if is_track or name not in tracks else f"point {name}"
-        for name, is_track in zip(points.names, points.is_track.tolist(), strict=True)
-    ]
-
-
 def _tracks(project: ExchangedProject) -> bytes:
     """Return the measurements as ``tracks.csv``; a feature has its number among all of them."""
-    rays, names = project.rays, _track_names(project)
+    rays, names = project.rays, distinct_names(project.points)
     lines = ["OPENSFM_TRACKS_VERSION_v2"]
     for feature in np.flatnonzero(rays.is_active).tolist():
         photo = project.photos[int(rays.photo[feature])]
@@ -127,9 +118,8 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
         shot.update(_precision(photo))
         if before != _pose(shot):
             _follow(part.get("rig_instances"), photo.name, before, shot)
-    points = {
-        project.points.names[row]: values for row, values in _points(project).items() if project.points.is_track[row]
-    }
+    coordinates_of = _points(project)
+    points = {name: coordinates_of[row] for name, row in project.points.tracks.items() if row in coordinates_of}
     kept = {name: point for name, point in (part.get("points") or {}).items() if name in points}
     for name, point in kept.items():
         coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, conv
 from orip.conversion.control_datum import ControlDatum
 from orip.conversion.ground import in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
-from orip.conversion.names import photo_names, point_names, unique_names
+from orip.conversion.names import mark_names, photo_names, point_names, unique_names
 from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
 from orip.errors import Complaint, InputError
 from orip.records.exchanged import ExchangedProject
@@ -69,8 +69,12 @@ class ImportedBlock(Struct, frozen=True):
     cameras : tuple of ConvertedCamera
     photos, points : tuple of str
         Names that orip gives them.
+    marks : mapping of str to str
+        Names that orip gives to marks, control points and ends of distances, by those in `project`.
     pixels : array (k, 2)
         Of the rays, as orip counts them.
+    deviations : array (k,)
+        A-priori errors of the rays, pixels; NaN where the source does not say.
     found : Reprojection
     notes : tuple of str
         What was lost or assumed, a sentence each.
@@ -82,7 +86,9 @@ class ImportedBlock(Struct, frozen=True):
     cameras: tuple[ConvertedCamera, ...]
     photos: tuple[str, ...]
     points: tuple[str, ...]
+    marks: Mapping[str, str]
     pixels: FloatArray
+    deviations: FloatArray
     found: Reprojection
     notes: tuple[str, ...]
     datum: ControlDatum | None = None
@@ -137,16 +143,27 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
         *([] if datum is None else said_of_datum(datum, project.ground_unit)),
         *_said_of_cameras(cameras),
     ]
+    marks = mark_names(_names_of_marks(project))
     return ImportedBlock(
         project,
         cameras,
         photo_names([photo.name for photo in project.photos]),
-        point_names(project.points.names, project.points.is_track.tolist()),
+        point_names(project.points, marks),
+        marks,
         pixels,
+        _deviations(project, cameras),
         found,
         tuple(notes),
         datum,
     )
+
+
+def _names_of_marks(project: ExchangedProject) -> Iterator[str]:
+    """Yield the names of all that is no track, whether it is measured or not."""
+    yield from project.points.marks
+    yield from (point.name for point in project.control)
+    for distance in project.distances:
+        yield from (distance.start, distance.end)
 
 
 def _impossible(project: ExchangedProject) -> Iterator[str]:
@@ -226,6 +243,14 @@ def _pixels(
         )
         raise InputError.single(message, shown)
     return pixels
+
+
+def _deviations(project: ExchangedProject, cameras: tuple[ConvertedCamera, ...]) -> FloatArray:
+    """Return the a-priori errors of the measurements in pixels, whatever unit they have in the source."""
+    deviations = np.array(project.rays.deviation, dtype=np.float64)
+    for converted, rows in zip(cameras, rows_of_groups(camera_of_ray(project), len(cameras)), strict=True):
+        deviations[rows] = converted.pixel_errors(deviations[rows])
+    return deviations
 
 
 def _is_corrected(converted: ConvertedCamera) -> bool:

@@ -49,8 +49,8 @@ def _control_rays(
         if None not in point.coordinates and not any(error is not None and error < 0.0 for error in point.errors)
     }
     targets = np.full((len(project.points.names), 3), np.nan)
-    for place, (name, is_track) in enumerate(zip(project.points.names, project.points.is_track.tolist(), strict=True)):
-        if name in full and not is_track:
+    for name, place in project.points.marks.items():
+        if name in full:
             targets[place] = full[name]
     rays = project.rays
     rows = np.flatnonzero(np.isfinite(targets[rays.point]).all(axis=1) & rays.is_active)

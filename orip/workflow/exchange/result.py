@@ -97,7 +97,7 @@ def exchanged_result(
             for one in exported.values()
         ),
         photos,
-        _points(adjusted, names, frame),
+        _points(bundle, adjusted, names, frame),
         rays,
         (conventions.reading,),
         control=given_control(bundle, names, frame, float(np.median(heights)) if len(heights) else 0.0),
@@ -261,9 +261,13 @@ def _with_footprints(
     return tuple(found)
 
 
-def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
+def _points(bundle: BundleState, adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
     solution = adjusted.solution
-    original = [names.original_point(name) for name in solution.points.names]
+    control = {point.name for point in bundle.state.texts.control.value.points}
+    original = [
+        (names.original_mark(name), False) if name in control else names.original_point(name)
+        for name in solution.points.names
+    ]
     covariance = _covariances(solution.points.sd, solution.point_correlations)
     return ExchangedPoints(
         tuple(name for name, _ in original),

@@ -9,8 +9,9 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, rows_of_groups
+from orip.conversion.names import unique_names
 from orip.conversion.poses import described_reading
-from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, names_text
+from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text
 from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
@@ -141,7 +142,7 @@ def _precision(block: ImportedBlock, notes: list[str]) -> float:
         return block.project.precision
     rays = block.project.rays
     found = block.found.measurement_error(rays.photo, rays.point)
-    if not _PIXEL < found < _WORST_PIXELS:
+    if not np.isnan(block.deviations).any() or not _PIXEL < found < _WORST_PIXELS:
         return _PIXEL
     rounded = float(f"{found:.2g}")
     notes.append(
@@ -173,18 +174,18 @@ def _photos(block: ImportedBlock) -> Iterable[Photo]:
 
 def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]:
     """Return control by the names that orip gives the points, with errors where there are none."""
-    names = dict(zip(block.project.points.names, block.points, strict=True))
     control, assumed = [], 0
     for point in block.project.control:
         if any(
             value is not None and error is None for value, error in zip(point.coordinates, point.errors, strict=True)
         ):
             assumed += 1
+        sign = -1.0 if point.name in block.project.checks else 1.0
         first, second, third = (
-            None if value is None else _CONTROL_ERROR if error is None else error
+            None if value is None else sign * _CONTROL_ERROR if error is None else error
             for value, error in zip(point.coordinates, point.errors, strict=True)
         )
-        control.append(replace(point, name=names.get(point.name, point.name), errors=(first, second, third)))
+        control.append(replace(point, name=block.marks[point.name], errors=(first, second, third)))
     if assumed:
         notes.append(
             f"{counted(assumed, 'control point')} had no a-priori errors: {_CONTROL_ERROR} {block.project.ground_unit} "
@@ -239,7 +240,7 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
                     photo,
                     names[rays.point[rows]].tolist(),
                     block.pixels[rows],
-                    rays.deviation[rows],
+                    block.deviations[rows],
                     rays.is_active[rows],
                 )
             )
@@ -292,10 +293,10 @@ def _stations(block: ImportedBlock, base: str, notes: list[str]) -> dict[str, st
 
 
 def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
-    names = dict(zip(block.project.points.names, block.points, strict=True))
+    names = unique_names([one.name for one in block.project.distances], "distance", ignoring_case=True)
     return [
-        replace(one, start=names.get(one.start, one.start), end=names.get(one.end, one.end))
-        for one in block.project.distances
+        replace(one, name=name, start=block.marks[one.start], end=block.marks[one.end])
+        for name, one in zip(names, block.project.distances, strict=True)
     ]
 
 
@@ -306,8 +307,13 @@ def _names(block: ImportedBlock) -> str:
     rows += [("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True)]
     rows += [
         ("point", name, original)
-        for name, original, is_track in zip(block.points, points.names, points.is_track.tolist(), strict=True)
-        if name != (TRACK_MARK + original if is_track else original)
+        for original, name in block.marks.items()
+        if name != original or is_named_as_track(original)
+    ]
+    rows += [
+        ("track", name, original)
+        for original, name in ((original, block.points[place]) for original, place in points.tracks.items())
+        if name != TRACK_MARK + original or not is_named_as_track(name)
     ]
     return names_text(rows)
 
