@@ -113,5 +113,11 @@ def _camera(number: int, values: tuple[int | float, ...]) -> ExchangedCamera:
     columns, rows, *numbers = values
     names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
     return ExchangedCamera(
-        f"camera{number}", int(columns), int(rows), "opencv", dict(zip(names, numbers, strict=True)), "Pix4D"
+        f"camera{number}",
+        int(columns),
+        int(rows),
+        "opencv",
+        dict(zip(names, numbers, strict=True)),
+        "Pix4D",
+        free=names,
     )

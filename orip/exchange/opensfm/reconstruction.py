@@ -36,6 +36,9 @@ LENSES: Mapping[str, tuple[Lens, tuple[str, ...]]] = MappingProxyType(
 )
 """Formula of each projection type that can be converted, with the parameters of its distortion."""
 
+_WITH_PRINCIPAL_POINT = ("brown", "fisheye_opencv")
+"""Projection types whose principal point OpenSfM estimates with the rest."""
+
 _WORST_ACCURACY = 1000.0
 """Metres; OpenSfM writes 999999 where a position is not known."""
 
@@ -126,7 +129,8 @@ def camera_of(name: str, value: JsonValue) -> ExchangedCamera | None:
         "cy": height / 2.0 + shift_y * longer,
     }
     known = {term: number for term, number in distortion.items() if number is not None}
-    return ExchangedCamera(name, int(width), int(height), lens, parameters | known, kind)
+    free = ("fx", "fy", *(("cx", "cy") if kind in _WITH_PRINCIPAL_POINT else ()), *terms)
+    return ExchangedCamera(name, int(width), int(height), lens, parameters | known, kind, free=free)
 
 
 def _focal_lengths(value: JsonValue) -> tuple[float | None, float | None]:

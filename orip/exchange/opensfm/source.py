@@ -10,9 +10,9 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
-from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
+from orip.exchange.opensfm.settings import Settings, read_settings
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
 from orip.exchange.opensfm.tracks import Features, read_features
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -22,6 +22,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.structs import replace
 from orip.wording import counted
 
 _RECONSTRUCTIONS = (
@@ -145,19 +146,22 @@ def _project(
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
         stations, reference = _stations(places, photos), StationReference(places.crs)
-    precision: float | None = None
+    settings = Settings()
     if files.settings is not None:
         faults = faults_of(files.settings)
-        larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
-        precision = feature_precision(files.settings, faults, larger)
+        settings = read_settings(files.settings, faults)
         complaints += faults.complaints
+    larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
+    precision = settings.feature_precision(larger)
     if precision is not None and precision > 1.0:
         notes.append(
             f"Features were found in smaller images: their a-priori error is one pixel there, {precision:.1f} px."
         )
     return ExchangedProject(
         name="",
-        cameras=reconstruction.cameras,
+        cameras=tuple(
+            replace(camera, free=()) if settings.holds_cameras else camera for camera in reconstruction.cameras
+        ),
         photos=reconstruction.photos,
         points=points.points(),
         rays=rays.rays(),

@@ -11,6 +11,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
 from orip.conversion.control_datum import ControlDatum
+from orip.conversion.determined import determined_parameters
 from orip.conversion.ground import in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.names import photo_names, point_names, unique_names
@@ -18,7 +19,7 @@ from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_r
 from orip.errors import Complaint, InputError
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.wording import counted
+from orip.wording import counted, counted_names
 from orip.workflow.exchange.moved import datum_of_control, moved_block, said_of_datum
 
 _CAMERA = "CAMERA"
@@ -128,6 +129,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     datum = datum_of_control(project, cameras, pixels, found)
     if datum is not None:
         project, found = moved_block(project, found, datum)
+    cameras, held = _determined(project, cameras, pixels, found)
     said = said_of_reading(found, is_declared=is_declared)
     coarse = [] if found.fits else [_coarse(found)]
     notes = [
@@ -136,6 +138,7 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
         *([] if said is None else [f"{said[0].upper()}{said[1:]}."]),
         *([] if datum is None else said_of_datum(datum, project.ground_unit)),
         *_said_of_cameras(cameras),
+        *held,
     ]
     return ImportedBlock(
         project,
@@ -189,6 +192,27 @@ def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) 
     if complaints:
         raise InputError(_at_once(complaints, project, settings, shown))
     return tuple(cameras)
+
+
+def _determined(
+    project: ExchangedProject, cameras: tuple[ConvertedCamera, ...], pixels: FloatArray, found: Reprojection
+) -> tuple[tuple[ConvertedCamera, ...], list[str]]:
+    """Return cameras without those unknowns that nothing determines, and a sentence that names them."""
+    known = determined_parameters(project, cameras, pixels, found)
+    lost: dict[tuple[str, ...], list[str]] = {}
+    for converted, names in zip(cameras, known, strict=True):
+        gone = tuple(name for name in converted.camera.unknown if name not in names)
+        if gone:
+            lost.setdefault(gone, []).append(converted.camera.name)
+    said = [
+        f"{', '.join(gone)} of {counted_names('camera', names)} held: the photos cannot determine it, as there are too "
+        "few measurements or the points are too level."
+        for gone, names in lost.items()
+    ]
+    return tuple(
+        replace(converted, camera=replace(converted.camera, unknown=names))
+        for converted, names in zip(cameras, known, strict=True)
+    ), said
 
 
 def _at_once(
