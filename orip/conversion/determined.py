@@ -12,15 +12,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
-from orip.conversion.cameras import ConvertedCamera, directions_of_pixels, pixels_of_directions
+from orip.conversion.cameras import ConvertedCamera, pixels_of_directions
 from orip.conversion.reprojection import Reprojection, with_intersections
 from orip.geometry.rotation import rotated_back
 from orip.records.exchanged import ExchangedProject
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.structs import replace
 
-_MOST_UNSURE = 0.05
-"""Of half the frame's diagonal: what an error of 1 px in the measurements may do to the image at the frame's edge."""
+_MOST_UNSURE = 0.5
+"""Of the radius of what is measured: what errors of 1 px in the measurements may do to the image there."""
 
 _HELD_FIRST = ("A9", "A7", "B2", "B1", "A5", "P2", "P1", "DY", "DX", "A3", "C")
 """The order in which parameters are given up."""
@@ -32,13 +32,13 @@ _FEWEST_PHOTOS = 4
 """In a block; with three, distortion hides in poses and points, most of which have two rays."""
 
 _STEP_PX = 1e-3
-"""By which a parameter moves the image at the edge of the frame for its partials."""
+"""By which a parameter moves the image for its partials."""
 
 _SINGULAR = 1e-11
 """Of the largest eigenvalue of the scaled normal equations."""
 
-_EDGE = 5
-"""Places along each side of the frame at which the effect of a parameter is seen."""
+_NOTHING = 1e-200
+"""In place of an eigenvalue of 0."""
 
 
 def determined_parameters(
@@ -133,21 +133,18 @@ def _determined(
     camera: Camera, names: tuple[str, ...], offset: FloatArray, photo: IntArray, weights: FloatArray
 ) -> tuple[str, ...]:
     """Return those of the names that are determined, dropping one after the other until all that are left are."""
-    sensor = camera.sensor
-    if sensor is None:
-        return names
-    half = float(np.hypot(sensor.columns, sensor.rows)) / 2.0
-    sides = np.meshgrid(np.linspace(0.0, sensor.columns, _EDGE), np.linspace(0.0, sensor.rows, _EDGE))
-    edge = directions_of_pixels(camera, np.stack(sides, axis=-1).reshape(-1, 2))
-    effect = np.nanmax(np.linalg.norm(_by_parameters(camera, names, edge, half), axis=1), axis=0, initial=0.0)
     tangents = offset[:, :2] / -offset[:, 2:]
-    by_parameters = _by_parameters(camera, names, tangents, half) / np.where(effect > 0.0, effect, 1.0)
+    reach = pixels_of_directions(camera, tangents) - pixels_of_directions(camera, np.zeros((1, 2)))
+    radius = float(np.nanmax(np.hypot(*reach.T), initial=1.0))
+    by_parameters = _by_parameters(camera, names, tangents, radius)
     by_pose = _by_pose(camera, tangents, -offset[:, 2])
     sound = np.isfinite(by_parameters).all(axis=(1, 2)) & np.isfinite(by_pose).all(axis=(1, 2))
-    normal = _reduced(by_parameters[sound], by_pose[sound], photo[sound], weights)
+    effect = np.linalg.norm(by_parameters[sound], axis=1).max(axis=0, initial=0.0)
+    by_parameters = by_parameters[sound] / np.where(effect > 0.0, effect, 1.0)
+    normal = _reduced(by_parameters, by_pose[sound], photo[sound], weights)
     left = list(range(len(names)))
     while left:
-        unsure = _deviations(normal[np.ix_(left, left)]) > _MOST_UNSURE * half
+        unsure = _deviations(normal[np.ix_(left, left)]) > _MOST_UNSURE * radius
         if not unsure.any():
             break
         given_up = min((names[left[n]] for n in np.flatnonzero(unsure)), key=_HELD_FIRST.index)
@@ -155,12 +152,12 @@ def _determined(
     return tuple(names[n] for n in left)
 
 
-def _by_parameters(camera: Camera, names: tuple[str, ...], tangents: FloatArray, half: float) -> FloatArray:
-    """Return the partials (n, 2, u) of pixels by parameters in units that move the edge of the frame by some pixels."""
+def _by_parameters(camera: Camera, names: tuple[str, ...], tangents: FloatArray, reach: float) -> FloatArray:
+    """Return the partials (n, 2, u) of pixels by parameters, in units that move what is `reach` pixels out by some."""
     base = pixels_of_directions(camera, tangents)
     found = np.empty((len(tangents), 2, len(names)))
     pixel = 1.0 if camera.sensor is None else camera.sensor.width / camera.sensor.columns
-    radius = half * pixel
+    radius = reach * pixel
     for column, name in enumerate(names):
         power = int(name[1]) if name[0] == "A" else 2 if name[0] == "P" else 1 if name[0] == "B" else 0
         unit = pixel / radius**power
@@ -210,5 +207,5 @@ def _reduced(by_parameters: FloatArray, by_pose: FloatArray, photo: IntArray, we
 def _deviations(normal: FloatArray) -> FloatArray:
     """Return the standard deviations (u,) that normal equations give; very large where they do not determine them."""
     values, vectors = np.linalg.eigh(normal)
-    least = _SINGULAR * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
+    least = max(_SINGULAR * float(values.max(initial=0.0)), _NOTHING)
     return np.asarray(np.sqrt(vectors**2 @ (1.0 / np.maximum(values, least))))

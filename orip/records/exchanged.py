@@ -19,8 +19,9 @@ RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kap
 AngleUnit = Literal["radian", "degree", "gon"]
 
 Lens = Literal[
-    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
-]
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
+    "agisoft_fisheye", "unsupported",
+]  # fmt: skip
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 

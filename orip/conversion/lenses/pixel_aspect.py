@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from orip.conversion.lenses.formulas import Parameters
 from orip.records.exchanged import Lens
 
-_FX: frozenset[Lens] = frozenset(("opencv", "equidistant"))
+_FX: frozenset[Lens] = frozenset(("opencv", "equidistant", "fisheye624", "fov", "eucm"))
 _B1: frozenset[Lens] = frozenset(("agisoft", "agisoft_fisheye"))
 
 

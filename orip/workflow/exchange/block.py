@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
-from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.cameras import FAITHFUL_PX, ConvertedCamera, UnsuitableCameraError, convert_camera
 from orip.conversion.control_datum import ControlDatum
 from orip.conversion.determined import determined_parameters
 from orip.conversion.ground import in_local_ground, local_ground
@@ -26,9 +26,6 @@ _CAMERA = "CAMERA"
 
 _VISIBLE_PX = 0.001
 """Differences of cameras that are worth a note."""
-
-_FAITHFUL_PX = 0.01
-"""Differences of cameras above this are corrected in the measurements: fifty times less than these are good for."""
 
 _LARGEST_IMAGE, _LARGEST_PLACE = 1e7, 1e12
 """Coordinates in a photo (pixels, mm) and on the ground beyond which a file is damaged."""
@@ -254,7 +251,7 @@ def _pixels(
 
 def _is_corrected(converted: ConvertedCamera) -> bool:
     """Return whether measurements are corrected for what a camera of orip does not hold, without being asked."""
-    return converted.worst_px > _FAITHFUL_PX
+    return converted.worst_px > FAITHFUL_PX
 
 
 def _coarse(found: Reprojection) -> str:
@@ -279,8 +276,9 @@ def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
     for converted in cameras:
         if converted.worst_px >= _VISIBLE_PX:
             done = "; measurements are corrected by that" if _is_corrected(converted) else ""
+            model = f" ({converted.source.model})" if converted.source.model else ""
             yield (
-                f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
+                f"Camera {converted.camera.name}{model} is fitted: over "
                 f"the frame it differs by up to {converted.worst_px:.3f} px, RMS {converted.rms_px:.3f} px{done}."
             )
     assumed = [converted.camera.name for converted in cameras if converted.size_is_assumed]

@@ -376,8 +376,8 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         sensor = converted.camera.sensor
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
-        model = converted.source.model or converted.source.lens
-        lines.append(f"- {converted.camera.name}: {model}, {size}; {kind}; {_said_of_camera(converted)}")
+        model = f"{converted.source.model}, " if converted.source.model else ""
+        lines.append(f"- {converted.camera.name}: {model}{size}; {kind}; {_said_of_camera(converted)}")
     lines += [
         "",
         "What the other program has estimated of a camera is adjusted; `unknown` in `orip.toml` changes that.",
