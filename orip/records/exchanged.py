@@ -220,10 +220,13 @@ class GroundFrame(Struct, frozen=True):
         and up (m) at an origin.
     origin : tuple of 3 float
         Longitude, latitude (degrees) and ellipsoidal height (m) of a topocentric frame's origin.
+    named : str
+        What the file calls it, for messages.
     """
 
     kind: Literal["plain", "geocentric", "topocentric"] = "plain"
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    named: str = "the place of the photos"
 
 
 class MappedPlaces(Struct, frozen=True):
@@ -257,6 +260,8 @@ class ExchangedProject(Struct, frozen=True):
         By the name of the point; negative errors: a check point. Errors are None where the file has none.
     control_crs : str
         What control coordinates refer to, x or longitude first; empty: the system of all others.
+    control_named : str
+        Where that is said, for messages.
     stations : tuple of Station
         By the name of the photo.
     station_reference : StationReference
@@ -285,6 +290,7 @@ class ExchangedProject(Struct, frozen=True):
     readings: tuple[PoseReading, ...] = (PoseReading(),)
     control: tuple[ControlPoint, ...] = ()
     control_crs: str = ""
+    control_named: str = ""
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
     distances: tuple[ControlDistance, ...] = ()

@@ -127,7 +127,8 @@ def _denominators(profile: RadialProfile, powers: FloatArray) -> list[FloatArray
         divisor = 1.0 + powers @ reweighted
         weight = profile.weight / np.where(np.abs(divisor) > _LEAST_DENOMINATOR, divisor, 1.0)
         rows = np.column_stack([np.ones(len(powers)), powers, -profile.factor[:, None] * powers])
-        reweighted = np.linalg.lstsq(rows * weight[:, None], profile.factor * weight, rcond=None)[0][4:]
+        solved, *_ = np.linalg.lstsq(rows * weight[:, None], profile.factor * weight, rcond=None)
+        reweighted = np.asarray(solved[4:], dtype=np.float64)
     return [*map(np.array, _STARTS), reweighted]
 
 

@@ -211,4 +211,6 @@ def _frame(part: JsonValue) -> GroundFrame:
     height = reference.number("altitude", 0.0)
     if longitude is None or latitude is None or height is None:
         return GroundFrame()
-    return GroundFrame("topocentric", (longitude, latitude, height))
+    if longitude == 0.0 == latitude:  # what OpenSfM writes where no photo has a position
+        return GroundFrame()
+    return GroundFrame("topocentric", (longitude, latitude, height), "reference_lla")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -35,6 +36,12 @@ _RECONSTRUCTIONS = (
 
 _UNKNOWN_ACCURACY = 10.0
 """Metres that OpenDroneMap takes for the position of a photo where nothing is known."""
+
+
+_ANGLE_ERROR = 5.0
+"""Degrees; drones write the angles of a gimbal, or of the aircraft, by a magnetic compass."""
+
+_ANGLE_ERRORS = (math.radians(_ANGLE_ERROR),) * 3
 
 
 class _Files(Struct, frozen=True):
@@ -145,7 +152,14 @@ def _project(
         faults = faults_of(files.places)
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
-        stations, reference = _stations(places, photos), StationReference(places.crs)
+        stations = _stations(places, photos)
+        has_angles = any(station.has_angles for station in stations)
+        reference = StationReference(places.crs, navigation=has_angles)
+        if has_angles:
+            notes.append(
+                "Yaw, pitch and roll of geo.txt are observed attitudes; no file says how good they are: "
+                f"{_ANGLE_ERROR:g}° was assumed."
+            )
     settings = Settings()
     if files.settings is not None:
         faults = faults_of(files.settings)
@@ -168,6 +182,7 @@ def _project(
         readings=(READING,),
         control=control,
         control_crs=crs,
+        control_named=f"the header of {files.control_list.name}" if files.control_list is not None else "",
         stations=stations,
         station_reference=reference,
         ground_unit="m",
@@ -242,9 +257,15 @@ def _add_marks(
 
 
 def _stations(places: PlaceList, photos: dict[str, int]) -> tuple[Station, ...]:
+    """Return positions, with attitudes where there are any; angles that are 0 in all photos say nothing."""
+    has_angles = any(any(place.angles or ()) for place in places.places)
     found = []
     for place in places.places:
         if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # not NaN
             horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
-            found.append(Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+            station = Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line)
+            if has_angles and place.angles is not None:
+                yaw, pitch, roll = (math.radians(angle) for angle in place.angles)
+                station = replace(station, angles=(roll, pitch, yaw), angle_error=_ANGLE_ERRORS)
+            found.append(station)
     return tuple(found)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import InputError, UsageError
+from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
@@ -75,12 +77,33 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         raise UsageError(message)
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
-        raise InputError(parsed.complaints)
+        raise InputError(_merged(parsed.complaints))
     project = _with_references(found, parsed.value, settings)
     block = imported_block(project, str(source), settings)
     title = project.name or _title(source)
     origin = ImportSource(found.name, source.absolute().name, title, found.write is not None)
     return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
+
+
+def _merged(complaints: Sequence[Complaint]) -> list[Complaint]:
+    """Return complaints; the first one, with a count, of many that differ in numbers and names alone."""
+    alike: dict[tuple[str, str], list[Complaint]] = {}
+    for one in complaints:
+        alike.setdefault((one.path, _DETAILS.sub("#", one.message)), []).append(one)
+    found = []
+    for group in alike.values():
+        first = group[0]
+        others = len(group) - 1
+        if others < _MANY:
+            found += group
+        else:
+            found.append(Complaint(f"{first.message} ({others} more like this)", first.path, first.line, first.column))
+    return found
+
+
+_DETAILS = re.compile(r"'[^']*'|[0-9]+")
+_MANY = 3
+"""Complaints of a kind beside the first one, which are counted and no more."""
 
 
 def _with_references(found: Format, project: ExchangedProject, settings: ExchangeSettings) -> ExchangedProject:
