@@ -9,7 +9,13 @@ from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
 from orip.conversion.lenses.from_orip import lens_of_polynomial
-from orip.conversion.lenses.pixel_aspect import has_aspect, in_given_pixels, in_square_pixels, pixel_aspect
+from orip.conversion.lenses.pixel_aspect import (
+    aspect_of_sensor,
+    in_given_pixels,
+    in_square_pixels,
+    pixel_aspect,
+    stretched_image,
+)
 from orip.conversion.lenses.polynomial import (
     Polynomial,
     middle_of_frame,
@@ -40,9 +46,6 @@ _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fish
 
 _LARGEST_ASPECT = 2.0
 """Of pixels that are not square; more is a damaged file."""
-
-_SQUARE = 1e-12
-"""By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
 
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
@@ -258,13 +261,13 @@ def export_camera(
     directions = directions_of_pixels(camera, pixels)
     seen = np.isfinite(directions).all(axis=1)
     up = 1.0 if lens_axes.y == "up" else -1.0
-    aspect, pixel_mm = _aspect_of_sensor(sensor, lens, lens_axes)
+    aspect, pixel_mm = aspect_of_sensor(sensor, lens, lens_axes)
     polynomial = polynomial_from_parameters(
         camera.parameters, lens_axes, frame, pixel_mm, at_measured=camera.distortion_at == "measured"
     )
     middle, _ = middle_of_frame(lens_axes, frame)
     unit = 1.0 if lens_axes.unit == "pixel" else pixel_mm
-    image = _stretched(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
+    image = stretched_image(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
     found = lens_of_polynomial(
         polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms, enough=FAITHFUL_PX * unit
     )
@@ -345,18 +348,6 @@ def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
     return lens.polynomial(in_square_pixels(source.lens, parameters, middle)), aspect
 
 
-def _aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
-    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
-    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
-    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel" and abs(width / height - 1.0) > _SQUARE
-    return (width / height, height) if is_aspect_of_lens else (1.0, width)
-
-
-def _stretched(image: FloatArray, aspect: float, middle: float) -> FloatArray:
-    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
-    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])
-
-
 def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
     """Return the sensor, with pixels of that aspect where the lens is in pixels, and whether its size is assumed."""
     columns, rows = _frame(source)
@@ -376,7 +367,7 @@ def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Pol
         message = f"{_named(source)}: its formula has no inverse over the whole frame, so that it cannot be fitted"
         raise UnsuitableCameraError(message)
     middle, _ = middle_of_frame(source.lens_axes, (columns, rows))
-    stretched = _stretched(image, aspect, middle)
+    stretched = stretched_image(image, aspect, middle)
     lens = LENSES[source.lens]
     tried: tuple[Projection, ...] = ("perspective", "equidistant") if lens.suits_any_projection else (lens.projection,)
     found = [
