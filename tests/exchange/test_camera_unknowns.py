@@ -147,7 +147,7 @@ def test_a_camera_over_level_ground_keeps_its_principal_distance() -> None:
     flat = level(replace(given, readings=(replace(READING, form="matrix"),)))
     names, said = unknown(flat)
     assert names == ("A3",)
-    assert "C of camera CAMERA1 held: the photos cannot determine it" in said
+    assert "C of camera CAMERA1 held: the photos cannot determine that" in said
     names, said = unknown(given)
     assert names == ("C", "A3")
     assert "held" not in said

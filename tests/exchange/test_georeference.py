@@ -41,6 +41,7 @@ TURN = rotation_from_angles(np.array([0.4, -0.9, 2.0]))
         ("EPSG:32633", "EPSG:32633"),
         ("epsg: 4326", "EPSG:4326"),
         ("+init=epsg:32633", "EPSG:32633"),
+        ("EPSG:25832+7837", "EPSG:25832+7837"),
         ("WGS84 UTM 33N", "EPSG:32633"),
         ("WGS84 UTM zone 60G", "EPSG:32760"),
         ("WGS 84 / UTM zone 16N", "EPSG:32616"),
@@ -137,6 +138,17 @@ def test_a_wrong_control_point_does_not_place_a_block(tmp_path: Path) -> None:
     assert any("Control point GCP2 does not fit the others" in note for note in imported.notes)
     _, centres = orip_poses(given.photos, READING)
     assert imported.found.centres == pytest.approx(centres + ORIGIN, abs=0.05)
+
+
+def test_two_control_points_do_not_place_a_block(tmp_path: Path) -> None:
+    given = block(READING)
+    lines = control_list(given, "WGS84 UTM 33N").splitlines()
+    few = [lines[0], *(line for line in lines[1:] if line.endswith(("GCP0", "GCP1")))]
+    folder = folder_of(tmp_path, in_own_frame(given), None, "\n".join(few) + "\n")
+    imported = imported_block(read_well(read_opensfm, folder), "source", ExchangeSettings())
+    assert imported.datum is None
+    assert imported.project.crs is None
+    assert any("no three control points tell" in note for note in imported.notes)
 
 
 def test_a_block_without_gnss_is_placed_by_longitudes_and_latitudes(tmp_path: Path) -> None:

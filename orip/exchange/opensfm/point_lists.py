@@ -20,7 +20,7 @@ from orip.files.text.shown import shown_token
 
 _UTM = re.compile(r"WGS\s*84\s*/?\s*UTM\s*(?:zone)?\s*([0-9]{1,2})\s*([A-Z]|north|south)", re.IGNORECASE)
 _UPS = re.compile(r"WGS\s*84\s*/?\s*UPS\s*(N|S|north|south)(?:\s*pole)?(?:\s*\(.*\))?", re.IGNORECASE)
-_EPSG = re.compile(r"(?:\+init\s*=\s*)?EPSG\s*:\s*([0-9]{4,6})", re.IGNORECASE)
+_EPSG = re.compile(r"(?:\+init\s*=\s*)?EPSG\s*:\s*([0-9]{4,6}(?:\+[0-9]{4,6})?)", re.IGNORECASE)
 _ZONE = re.compile(r"\+zone=([0-9]{1,2})([A-Z])\b", re.IGNORECASE)
 _GEOGRAPHIC = "EPSG:4326"
 _UPS_CODES = {"N": "EPSG:5041", "S": "EPSG:5042"}

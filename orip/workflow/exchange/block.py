@@ -257,8 +257,8 @@ def _determined(
         if gone:
             lost.setdefault(gone, []).append(converted.camera.name)
     said = [
-        f"{', '.join(gone)} of {counted_names('camera', names)} held: the photos cannot determine it, as there are too "
-        "few measurements or the points are too level."
+        f"{', '.join(gone)} of {counted_names('camera', names)} held: the photos cannot determine that, as there are "
+        "too few measurements or the points are too level."
         for gone, names in lost.items()
     ]
     return tuple(

@@ -132,20 +132,20 @@ def placed_at_control(
     )
     own = replace(project, control=local, control_crs="", stations=())
     datum, left_out = _robust_datum(own, cameras, pixels, found)
-    named = project.control_named or "the control points"
+    if datum is None:
+        said = (
+            "The reconstruction has a frame and scale of its own, and no three control points tell how it lies in "
+            "their system: it stays as it is."
+        )
+        return project, found, None, [said]
     lost = ["Positions of the photos are in a frame that no file describes: left out."] if project.stations else []
     result = replace(
         own,
         control=project.control if there.crs else local,
         crs=there.crs or None,
         ground_unit="m",
-        notes=(*project.notes, *lost),
+        notes=(*project.notes, *lost, *([] if there.ground is None else [said_of_ground(there.ground)])),
     )
-    if there.ground is not None:
-        result = replace(result, notes=(*result.notes, said_of_ground(there.ground)))
-    if datum is None:
-        said = "The reconstruction has a frame and scale of its own, and too few control points fit it to place it."
-        return result, found, None, [said]
     result, moved = moved_block(result, found, datum)
     if there.frame is not None:
         centres = there.frame.to_project(moved.centres)
@@ -153,6 +153,7 @@ def placed_at_control(
         result = replace(
             result, points=replace(result.points, coordinates=there.frame.to_project(result.points.coordinates))
         )
+    named = project.control_named or "the control points"
     said = (
         f"The reconstruction has a frame and scale of its own: it was placed by its control points in the system of "
         f"{named}{f' ({there.crs})' if there.crs else ''}, scaled by {datum.similarity.scale:.4g}; the rays to them "
@@ -184,13 +185,16 @@ def _robust_datum(
     project: ExchangedProject, cameras: Sequence[ConvertedCamera], pixels: FloatArray, found: Reprojection
 ) -> tuple[ControlDatum | None, str]:
     """Return the datum of all control points, else the best one of all but one, whose name follows."""
+    if not _has_plane(project):
+        return None, ""
     whole = datum_of_control(project, cameras, pixels, found)
     if whole is not None or len(project.control) > _MOST_LEFT_OUT:
         return whole, ""
     tried = []
     for point in project.control:
         control = tuple(other for other in project.control if other is not point)
-        datum = datum_of_control(replace(project, control=control), cameras, pixels, found)
+        others = replace(project, control=control)
+        datum = datum_of_control(others, cameras, pixels, found) if _has_plane(others) else None
         if datum is not None:
             tried.append((datum.misfit_after, point.name, datum))
     if not tried:
@@ -198,6 +202,22 @@ def _robust_datum(
     _, name, datum = min(tried, key=lambda one: one[0])
     return datum, name
 
+
+def _has_plane(project: ExchangedProject) -> bool:
+    """Return whether measured control points are three and not on one line: else a rotation about it stays free."""
+    measured = {project.points.names[row] for row in np.unique(project.rays.point[project.rays.is_active]).tolist()}
+    places = np.array(
+        [one.coordinates for one in project.control if one.name in measured and None not in one.coordinates],
+        dtype=np.float64,
+    ).reshape(-1, 3)
+    if len(places) < 3:
+        return False
+    along, across, _ = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(across > _LEAST_BREADTH * along)
+
+
+_LEAST_BREADTH = 0.02
+"""Of control points beside their line, in its length."""
 
 _MOST_LEFT_OUT = 50
 """Control points of which each one is left out in turn."""
