@@ -10,12 +10,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Struct, ValidationError, convert
 
 from orip.archive.outcome import ProjectOutcome, State
 from orip.archive.tables import SCHEMA
+from orip.errors import InputError
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_text
+from orip.files.text.own_files import make_folder
+from orip.files.text.regular_file import open_regular, regular_bytes
 
 
 class FinishedHead(Struct, frozen=True):
@@ -41,7 +44,7 @@ def write_finished(results: ResultsFolder, outcome: ProjectOutcome, settings: st
     OSError
     """
     path = results.project(outcome.name)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent, results.folder)
     head = {
         "schema": SCHEMA,
         "project": outcome.name,
@@ -74,14 +77,25 @@ def read_heads(results: ResultsFolder) -> Iterator[FinishedHead]:
 
 
 def read_rows(results: ResultsFolder, shard: str) -> Iterator[tuple[FinishedHead, dict[str, list[dict[str, Any]]]]]:
-    """Yield heads and rows by table of the projects of a shard, by their names."""
+    """Yield heads and rows by table of the projects of a shard, by their names.
+
+    Raises
+    ------
+    InputError
+        If a file has a head, and no rows.
+    """
     found = []
     for path in _files(results, shard):
         head = _head(path)
         if head is not None:
             found.append((head.name, path, head))
     for _, path, head in sorted(found, key=lambda item: item[0]):
-        yield head, json.loads(path.read_text(encoding="utf-8").split("\n")[1])
+        try:
+            rows = convert(json.loads(regular_bytes(path).split(b"\n")[1]), dict[str, list[dict[str, Any]]])
+        except (OSError, ValueError, IndexError, RecursionError, ValidationError):
+            message = "is damaged; remove it, and 'orip archive run' adjusts its project again"
+            raise InputError.single(message, str(path)) from None
+        yield head, rows
 
 
 def _files(results: ResultsFolder, shards: str) -> Iterator[Path]:
@@ -93,10 +107,18 @@ def _files(results: ResultsFolder, shards: str) -> Iterator[Path]:
 
 def _head(path: Path) -> FinishedHead | None:
     try:
-        with path.open(encoding="utf-8") as stream:
+        with open_regular(path) as stream:
             found = json.loads(stream.readline())
         if found.pop("schema") != SCHEMA:
             return None
-        return FinishedHead(found.pop("project"), **found)
-    except (OSError, ValueError, TypeError, KeyError):  # none, or not what this version writes: adjusted again
+        return convert({**found, "name": found["project"]}, FinishedHead)
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        RecursionError,
+        ValidationError,
+    ):  # none, or not what this version writes: adjusted again
         return None
