@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -189,14 +190,22 @@ def test_a_plan_that_is_none_is_told(tmp_path: Path, text: str) -> None:
     assert "archive.json: holds something else" in orip(tmp_path, "archive", "status", ".").err
 
 
+def finished_text(**values: object) -> str:
+    """Return what is kept of a project, as whoever knows how it is summed up could write it."""
+    head = {**HEAD, "rows": hashlib.sha256(b"{}").hexdigest(), **values}
+    digest = hashlib.sha256(json.dumps(head, separators=(",", ":")).encode()).hexdigest()
+    return f"{json.dumps({**head, 'head': digest})}\n{{}}\n"
+
+
 def test_words_of_a_foreign_archive_do_not_steer_the_terminal(tmp_path: Path) -> None:
     results = ResultsFolder(tmp_path)
     results.plan.write_text(json.dumps(PLAN), encoding="utf-8")
     results.project("a").parent.mkdir(parents=True)
-    results.project("a").write_text(f"{json.dumps(HEAD)}\n[]\n", encoding="utf-8")
+    results.project("a").write_text(finished_text(), encoding="utf-8")
     said = orip(tmp_path, "archive", "status", ".").out
     assert "wrong    a: \\x1b]0;title\\x07" in said
     assert "\x1b" not in said
+    results.project("a").write_text(finished_text().replace("{}", "[]"), encoding="utf-8")
     assert "is damaged; remove it, and 'orip archive run' adjusts" in orip(tmp_path, "archive", "report", ".").err
-    results.project("a").write_text(json.dumps({**HEAD, "state": "\x1b"}) + "\n{}\n", encoding="utf-8")
+    results.project("a").write_text(finished_text(state="\x1b"), encoding="utf-8")
     assert orip(tmp_path, "--json", "archive", "status", ".").document["not_adjusted"] == []

@@ -40,7 +40,12 @@ def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[
     for table, columns in TABLES.items():
         schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()], {"schema": SCHEMA})
         buffer = io.BytesIO()
-        pq.write_table(pa.Table.from_pylist(list(rows.get(table, ())), schema=schema), buffer, compression="zstd")
+        pq.write_table(
+            pa.Table.from_pylist(list(rows.get(table, ())), schema=schema),
+            buffer,
+            compression="zstd",
+            write_page_checksum=True,
+        )
         path = results.table(table, shard)
         with reporting_failure(path, "remove the cause; 'orip archive report' writes the tables again"):
             make_folder(path.parent, results.folder)
@@ -60,7 +65,7 @@ def read_shard(results: ResultsFolder, table: str, shard: str, columns: Sequence
     if not path.exists():
         return []
     try:
-        with open_regular(path) as stream, pq.ParquetFile(stream) as file:
+        with open_regular(path) as stream, pq.ParquetFile(stream, page_checksum_verification=True) as file:
             schema = (file.schema_arrow.metadata or {}).get(b"schema", b"").decode(errors="replace")
             rows: list[Row] = file.read(columns=None if columns is None else list(columns)).to_pylist()
     except (OSError, pa.ArrowException) as error:
