@@ -193,3 +193,16 @@ def test_an_adjusted_camera_of_opencv_stays_one() -> None:
     adjusted = (*camera.parameters[:place], 5e-5, *camera.parameters[place + 1 :])
     back = written_back(replace(camera, parameters=adjusted), given)
     assert back.model == "OPENCV"
+
+
+def test_an_adjusted_rational_camera_has_a_quotient_although_the_nearest_one_has_a_pole() -> None:
+    """Without regard to poles the best quotients have one in the frame, and no denominator leaves 2.1 px."""
+    given = source("FULL_OPENCV", 1071.3, 1069.7, 1003.0, 748.0, 0.46, 0.362, 3e-4, -2e-4, 0.0387, 0.702, 0.367, 0.0454)
+    camera = convert_camera(given, "K1").camera
+    factors = dict.fromkeys(CAMERA_PARAMETERS, 1.0) | {"C": 1.001, "A3": 1.02, "A5": 1.02, "A7": 0.98, "A9": 1.02}
+    values = tuple(value * factors[name] for name, value in zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
+    camera = replace(camera, parameters=values)
+    back = export_camera(camera, "1", "opencv", PIXELS, PIXELS)
+    assert back.worst_px < 0.1
+    corners = directions_of_pixels(camera, np.array([[0.0, 0.0], [WIDTH, 0.0], [0.0, HEIGHT], [WIDTH, HEIGHT]]))
+    assert not has_pole(back.camera.parameters, float(np.square(corners).sum(axis=1).max()))

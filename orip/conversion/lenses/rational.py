@@ -43,6 +43,12 @@ _BEYOND = 1.25
 _LEAST_DENOMINATOR = 0.02
 """Of its value in the centre; where less is left of it, a pole is near in the complex plane."""
 
+_AVOIDED, _PENALTY = 0.05, 10.0
+"""A denominator below this value is a misfit of the difference, in focal lengths times the penalty."""
+
+_PLACES = 60
+"""At which the denominator is seen while a lens is fitted."""
+
 _TOLERANCE = 1e-14
 
 Misfit = Callable[[Mapping[str, Any]], Any]
@@ -99,9 +105,21 @@ def fitted_rational(
         }
         radial |= {name: value / unit**n for n, (name, value) in enumerate(zip(RATIONAL, fit.below, strict=True), 1)}
         values = {**start, **radial, "fx": scale * start["fx"], "fy": scale * start["fy"]}
-        fitted = fitted_parameters(values, names, misfit)
+        fitted = fitted_parameters(values, names, _without_pole(misfit, unit, start["fy"]))
         found += [one for one in (values, fitted) if not has_pole(one, unit)]
     return min(found, key=lambda one: float(np.square(misfit(one)).sum()), default=None)
+
+
+def _without_pole(misfit: Misfit, unit: float, focal: float) -> Misfit:
+    """Return a misfit to which denominators that are too small are added, in the unit of the focal length."""
+    squares = np.linspace(0.0, _BEYOND**2 * unit, _PLACES)
+
+    def with_penalty(values: Mapping[str, Any]) -> Any:
+        divisor = 1.0 + squares * (values["k4"] + squares * (values["k5"] + squares * values["k6"]))
+        short = np.where(divisor.real < _AVOIDED, _PENALTY * focal * (_AVOIDED - divisor), 0.0)
+        return np.concatenate([misfit(values).ravel(), short])
+
+    return with_penalty
 
 
 class _ProfileFit(Struct, frozen=True):
@@ -138,15 +156,21 @@ def _profile_fit(profile: RadialProfile, powers: FloatArray, below: FloatArray) 
 
     rows = np.column_stack([np.ones(len(powers)), powers])
 
+    beyond = np.linspace(0.0, _BEYOND**2, _PLACES)[:, None] ** np.arange(1, 4)
+
     def residuals(values: FloatArray) -> FloatArray:
-        found = (rows @ values[:4]) / (1.0 + powers @ values[4:]) - profile.factor
-        return np.nan_to_num(found * profile.weight, nan=_FAR, posinf=_FAR, neginf=-_FAR)
+        found = ((rows @ values[:4]) / (1.0 + powers @ values[4:]) - profile.factor) * profile.weight
+        short = _PENALTY * np.maximum(0.0, _AVOIDED - 1.0 - beyond @ values[4:])
+        return np.nan_to_num(np.concatenate([found, short]), nan=_FAR, posinf=_FAR, neginf=-_FAR)
 
     def partials(values: FloatArray) -> FloatArray:
         divisor = 1.0 + powers @ values[4:]
         by_above = rows / divisor[:, None]
         by_below = -(by_above @ values[:4] / divisor)[:, None] * powers
-        return np.nan_to_num(np.column_stack([by_above, by_below]) * profile.weight[:, None])
+        is_short = _AVOIDED - 1.0 - beyond @ values[4:] > 0.0
+        of_short = np.where(is_short[:, None], -_PENALTY * beyond, 0.0)
+        of_profile = np.column_stack([by_above, by_below]) * profile.weight[:, None]
+        return np.nan_to_num(np.vstack([of_profile, np.column_stack([np.zeros((_PLACES, 4)), of_short])]))
 
     with np.errstate(all="ignore"):  # a step may meet a pole
         weight = (profile.weight / (1.0 + powers @ below))[:, None]
