@@ -161,7 +161,7 @@ def _profile_fit(profile: RadialProfile, powers: FloatArray, below: FloatArray) 
     def residuals(values: FloatArray) -> FloatArray:
         found = ((rows @ values[:4]) / (1.0 + powers @ values[4:]) - profile.factor) * profile.weight
         short = _PENALTY * np.maximum(0.0, _AVOIDED - 1.0 - beyond @ values[4:])
-        return np.nan_to_num(np.concatenate([found, short]), nan=_FAR, posinf=_FAR, neginf=-_FAR)
+        return np.asarray(np.nan_to_num(np.concatenate([found, short]), nan=_FAR, posinf=_FAR, neginf=-_FAR))
 
     def partials(values: FloatArray) -> FloatArray:
         divisor = 1.0 + powers @ values[4:]
@@ -170,7 +170,7 @@ def _profile_fit(profile: RadialProfile, powers: FloatArray, below: FloatArray) 
         is_short = _AVOIDED - 1.0 - beyond @ values[4:] > 0.0
         of_short = np.where(is_short[:, None], -_PENALTY * beyond, 0.0)
         of_profile = np.column_stack([by_above, by_below]) * profile.weight[:, None]
-        return np.nan_to_num(np.vstack([of_profile, np.column_stack([np.zeros((_PLACES, 4)), of_short])]))
+        return np.asarray(np.nan_to_num(np.vstack([of_profile, np.column_stack([np.zeros((_PLACES, 4)), of_short])])))
 
     with np.errstate(all="ignore"):  # a step may meet a pole
         weight = (profile.weight / (1.0 + powers @ below))[:, None]
