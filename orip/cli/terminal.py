@@ -14,6 +14,7 @@ from msgspec import Struct, field
 
 from orip.cli.progress_bar import ProgressBar
 from orip.errors import OripError, ProjectWarning, by_kind
+from orip.files.text.shown import visible, visible_json
 from orip.progress import listening
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class Terminal(Struct, frozen=True):
             whole = style is None or style.startswith("bold")
             line = f"{label:{LABEL_WIDTH}}{text}"
             with self._bars[-1].aside() if self._bars else nullcontext():
-                self.data("\n".join(self._lines(line, style, None if whole else len(label), sys.stdout)))
+                self._write("\n".join(self._lines(line, style, None if whole else len(label), sys.stdout)))
                 self.flush()
 
     def detail(self, text: str) -> None:
@@ -100,7 +101,13 @@ class Terminal(Struct, frozen=True):
         self._talk(f"error: {text}", "red", len("error:"))
 
     def data(self, text: str) -> None:
-        """Print data on stdout."""
+        """Print data on stdout; on a terminal control characters are shown, and do nothing."""
+        if sys.stdout.isatty():
+            text = visible(text, kept="\n\t")
+        self._write(text)
+
+    def _write(self, text: str) -> None:
+        """Print a text on stdout as it is."""
         with _reader_may_leave(sys.stdout), output_taken():
             sys.stdout.write(text if text.endswith("\n") else f"{text}\n")
 
@@ -114,7 +121,7 @@ class Terminal(Struct, frozen=True):
         from orip.schemas.catalogue import identifier
 
         document = {"schema": identifier(schema), **content}
-        self.data(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False))
+        self.data(visible_json(json.dumps(document, ensure_ascii=False, indent=2, allow_nan=False)))
 
     def answer(self, schema: SchemaName, content: dict[str, Any], text: str) -> None:
         """Print what was asked for: with ``--json`` a document, else a text."""
@@ -162,6 +169,7 @@ class Terminal(Struct, frozen=True):
 
     def _lines(self, text: str, style: Style | None, styled: int | None, stream: TextIO) -> list[str]:
         """Return a text as the lines that a stream shows; see `_talk`."""
+        text = visible(text, kept="\n")
         if (stream.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
             text = text.translate(_PLAIN)
         columns = _columns_of(stream)

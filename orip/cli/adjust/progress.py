@@ -41,7 +41,9 @@ AllPhotos = Annotated[
 def solve_watcher(terminal: Terminal) -> SolveWatcher:
     """Return what shows the progress of an adjustment on the terminal and lets Ctrl-C stop it."""
     from orip.solving.solve import SolveWatcher
+    from orip.workflow.status import not_compiled
 
+    terminal.warn(not_compiled())
     return SolveWatcher(
         oriented=partial(tell_preliminary_values, terminal),
         doubted=partial(tell_doubt, terminal),

@@ -97,17 +97,6 @@ def remove_folder(path: Path) -> None:
     shutil.rmtree(path)
 
 
-def remove_empty_folder(path: Path) -> None:
-    """Remove a folder with nothing in it, which gives way to one that is whole.
-
-    Raises
-    ------
-    OSError
-        If it is no folder, or has something in it.
-    """
-    path.rmdir()
-
-
 def make_folder(path: Path, within: Path | None = None) -> None:
     """Make a folder of orip's own where there is none.
 
@@ -181,6 +170,20 @@ def rename(source: Path, target: Path) -> None:
         If that cannot be.
     """
     os.replace(source, target)  # noqa: PTH105  # the tests of crashes count the steps of os
+
+
+def replace_empty_folder(source: Path, target: Path) -> None:
+    """Give a folder the name and the permissions of an empty one; at any instant one of them has the name.
+
+    Raises
+    ------
+    OSError
+        If there is something in the folder, or it cannot give way.
+    """
+    source.chmod(stat.S_IMODE(target.lstat().st_mode))
+    if os.name != "posix":  # elsewhere no folder is replaced
+        target.rmdir()
+    rename(source, target)
 
 
 def require_no_link_between(folder: Path, within: Path) -> None:
