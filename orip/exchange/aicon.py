@@ -7,7 +7,7 @@ the form of the ISP regulations.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from orip.errors import Complaint
@@ -26,6 +26,7 @@ _SUFFIXES = (".ior", ".eor", ".obc", ".phc")
 _CAMERA_FIELDS = (6, 1, 2, 2, 4)
 _LINES_OF_CAMERA = 5
 _CAMERA = ("f", "cx", "cy", "a1", "a2", "r0", "a3", "p1", "p2", "b1", "b2")
+_PLANE = ("f", "cx", "cy")
 _FIELDS = {".eor": 11, ".obc": 10, ".phc": 11, ".scale": 7}
 _NOT_ORIENTED = 1
 
@@ -115,9 +116,16 @@ def _cameras(path: Path, faults: Faults) -> tuple[dict[str, int], tuple[Exchange
         codes[name] = len(cameras)
         size = (int(columns), int(rows))
         cameras.append(
-            ExchangedCamera(name, *size, "isp", parameters, "AICON", _AXES, _AXES, sensor_mm=(width, height))
+            ExchangedCamera(
+                name, *size, "isp", parameters, "AICON", _AXES, _AXES, (width, height), _estimated(parameters)
+            )
         )
     return codes, tuple(cameras)
+
+
+def _estimated(parameters: Mapping[str, float]) -> tuple[str, ...]:
+    """Return what the network has estimated: all but the radius at which distortion is 0, and terms that are 0."""
+    return tuple(name for name, value in parameters.items() if name in _PLANE or (value and name != "r0"))
 
 
 def _photos(path: Path, codes: dict[str, int], faults: Faults) -> dict[str, ExchangedPhoto]:

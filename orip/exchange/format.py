@@ -42,8 +42,8 @@ class Conventions(Struct, frozen=True):
         one.
     fisheye_lens : Lens or None
         Of fisheye cameras, if the format has any.
-    terms : tuple of str, or None
-        Parameters of the lens that the format has a place for; None: all.
+    terms, fisheye_terms : tuple of str, or None
+        Parameters of these lenses that the format has a place for; None: all.
     counts_from_principal_point : bool
         Image coordinates have the principal point as their origin, which the format has no place for.
     is_drawn : bool
@@ -63,6 +63,7 @@ class Conventions(Struct, frozen=True):
     is_cartesian: bool = True
     fisheye_lens: Lens | None = None
     terms: tuple[str, ...] | None = None
+    fisheye_terms: tuple[str, ...] | None = None
     counts_from_principal_point: bool = False
     is_drawn: bool = False
     is_copied: Callable[[Path], bool] | None = None

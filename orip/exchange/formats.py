@@ -17,7 +17,7 @@ from orip.exchange.blocks_exchange.writer import READING as BLOCKS
 from orip.exchange.blocks_exchange.writer import write_blocks_exchange
 from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
-from orip.exchange.colmap.writer import write_model
+from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, write_model
 from orip.exchange.format import Conventions, Format, Given
 from orip.exchange.gis.dxf import write_dxf
 from orip.exchange.gis.geojson import write_geojson
@@ -38,7 +38,12 @@ from orip.exchange.micmac.source import is_micmac, read_micmac
 from orip.exchange.micmac.writer import is_copied_folder, write_micmac
 from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
-from orip.exchange.opensfm.writer import is_copied_reconstruction, write_opensfm
+from orip.exchange.opensfm.writer import (
+    OPENSFM_FISHEYE_TERMS,
+    OPENSFM_TERMS,
+    is_copied_reconstruction,
+    write_opensfm,
+)
 from orip.exchange.patb import AXES as PATB_AXES
 from orip.exchange.patb import READINGS as PATB
 from orip.exchange.patb import is_patb, read_patb
@@ -70,7 +75,9 @@ FORMATS: tuple[Format, ...] = (
         read_model,
         is_model,
         write_model,
-        Conventions("opencv", COLMAP, fisheye_lens="equidistant", lacks=_WITHOUT_GROUND),
+        Conventions(
+            "opencv", COLMAP, fisheye_lens="equidistant", fisheye_terms=COLMAP_FISHEYE_TERMS, lacks=_WITHOUT_GROUND
+        ),
     ),
     Format(
         "opensfm",
@@ -82,6 +89,8 @@ FORMATS: tuple[Format, ...] = (
             "opencv",
             OPENSFM,
             fisheye_lens="equidistant",
+            terms=OPENSFM_TERMS,
+            fisheye_terms=OPENSFM_FISHEYE_TERMS,
             is_copied=is_copied_reconstruction,
             lacks=_WITHOUT_GROUND,
         ),

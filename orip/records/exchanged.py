@@ -20,8 +20,9 @@ RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kap
 AngleUnit = Literal["radian", "degree", "gon"]
 
 Lens = Literal[
-    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
-]
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
+    "agisoft_fisheye", "unsupported",
+]  # fmt: skip
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 
@@ -232,10 +233,13 @@ class GroundFrame(Struct, frozen=True):
         and up (m) at an origin.
     origin : tuple of 3 float
         Longitude, latitude (degrees) and ellipsoidal height (m) of a topocentric frame's origin.
+    named : str
+        What the file calls it, for messages.
     """
 
     kind: Literal["plain", "geocentric", "topocentric"] = "plain"
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    named: str = "the place of the photos"
 
 
 class MappedPlaces(Struct, frozen=True):
@@ -271,6 +275,8 @@ class ExchangedProject(Struct, frozen=True):
         Names of control points that the other program only compares, whether it gives them errors or not.
     control_crs : str
         What control coordinates refer to, x or longitude first; empty: the system of all others.
+    control_named : str
+        Where that is said, for messages.
     stations : tuple of Station
         By the name of the photo.
     station_reference : StationReference
@@ -300,6 +306,7 @@ class ExchangedProject(Struct, frozen=True):
     control: tuple[ControlPoint, ...] = ()
     checks: frozenset[str] = frozenset()
     control_crs: str = ""
+    control_named: str = ""
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
     distances: tuple[ControlDistance, ...] = ()

@@ -237,7 +237,8 @@ def _camera(group: XmlElement, number: int, fields: XmlFields) -> tuple[Exchange
     distortion = {tag.lower(): fields.optional(group, f"Distortion/{tag}") for tag in _DISTORTION}
     size = (pixel * width, pixel * height) if pixel > 0 else None
     parameters = {"f": focal, "cx": x, "cy": y} | distortion
-    return ExchangedCamera(name, int(width), int(height), "agisoft", parameters, kind, AXES, AXES, size), axes
+    free = ("f", "cx", "cy", *(term for term, value in distortion.items() if value))
+    return ExchangedCamera(name, int(width), int(height), "agisoft", parameters, kind, AXES, AXES, size, free), axes
 
 
 def _principal_point(

@@ -174,7 +174,9 @@ def _camera(name: str, camera: Calibration) -> ExchangedCamera:
     terms = {"p1": p1 / unit, "p2": p2 / unit, "b1": b1, "b2": b2}
     parameters = {"f": camera.focal, "cx": cx, "cy": cy, **shift, **radial, **terms}
     stem = PurePosixPath(name.replace("\\", "/")).name.removesuffix(".xml")
-    return ExchangedCamera(stem, *camera.size, "fraser", parameters, "Fraser" if any((p1, p2, b1, b2)) else "radial")
+    model = "Fraser" if any((p1, p2, b1, b2)) else "radial"
+    free = ("f", "cx", "cy", *(name for name, value in (radial | terms).items() if value))
+    return ExchangedCamera(stem, *camera.size, "fraser", parameters, model, free=free)
 
 
 def _control(point: GroundPoint) -> ControlPoint:

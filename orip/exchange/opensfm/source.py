@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,9 +11,9 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
-from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
+from orip.exchange.opensfm.settings import Settings, read_settings
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
 from orip.exchange.opensfm.tracks import Features, read_features
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
@@ -22,6 +23,7 @@ from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.structs import replace
 from orip.wording import counted
 
 _RECONSTRUCTIONS = (
@@ -34,6 +36,12 @@ _RECONSTRUCTIONS = (
 
 _UNKNOWN_ACCURACY = 10.0
 """Metres that OpenDroneMap takes for the position of a photo where nothing is known."""
+
+
+_ANGLE_ERROR = 5.0
+"""Degrees; drones write the angles of a gimbal, or of the aircraft, by a magnetic compass."""
+
+_ANGLE_ERRORS = (math.radians(_ANGLE_ERROR),) * 3
 
 
 class _Files(Struct, frozen=True):
@@ -144,26 +152,37 @@ def _project(
         faults = faults_of(files.places)
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
-        stations, reference = _stations(places, reconstruction, notes), StationReference(places.crs)
-    precision: float | None = None
+        stations = _stations(places, reconstruction, notes)
+        has_angles = any(station.has_angles for station in stations)
+        reference = StationReference(places.crs, navigation=has_angles)
+        if has_angles:
+            notes.append(
+                "Yaw, pitch and roll of geo.txt are observed attitudes; no file says how good they are: "
+                f"{_ANGLE_ERROR:g}° was assumed."
+            )
+    settings = Settings()
     if files.settings is not None:
         faults = faults_of(files.settings)
-        larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
-        precision = feature_precision(files.settings, faults, larger)
+        settings = read_settings(files.settings, faults)
         complaints += faults.complaints
+    larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
+    precision = settings.feature_precision(larger)
     if precision is not None and precision > 1.0:
         notes.append(
             f"Features were found in smaller images: their a-priori error is one pixel there, {precision:.1f} px."
         )
     return ExchangedProject(
         name="",
-        cameras=reconstruction.cameras,
+        cameras=tuple(
+            replace(camera, free=()) if settings.holds_cameras else camera for camera in reconstruction.cameras
+        ),
         photos=reconstruction.photos,
         points=points.points(),
         rays=rays.rays(),
         readings=(READING,),
         control=control,
         control_crs=crs,
+        control_named=f"the header of {files.control_list.name}" if files.control_list is not None else "",
         stations=stations,
         station_reference=reference,
         ground_unit="m",
@@ -248,13 +267,19 @@ def _add_marks(
 
 
 def _stations(places: PlaceList, reconstruction: Reconstruction, notes: list[str]) -> tuple[Station, ...]:
+    """Return positions, with attitudes where there are any; angles that are 0 in all photos say nothing."""
     names = PhotoNames(photo.name for photo in reconstruction.photos)
+    has_angles = any(any(place.angles or ()) for place in places.places)
     found = []
     for place in places.places:
         photo = names.place(place.photo)
         if photo is not None and place.coordinates[2] == place.coordinates[2]:  # not NaN
             horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
             name = reconstruction.photos[photo].name
-            found.append(Station(name, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+            station = Station(name, place.coordinates, (horizontal, horizontal, vertical), line=place.line)
+            if has_angles and place.angles is not None:
+                yaw, pitch, roll = (math.radians(angle) for angle in place.angles)
+                station = replace(station, angles=(roll, pitch, yaw), angle_error=_ANGLE_ERRORS)
+            found.append(station)
     notes += names.notes("geo.txt", "place")
     return tuple(found)

@@ -27,6 +27,9 @@ _SAME = 1e-11
 _RADIAL = ("k1", "k2", "k3")
 _DECENTRING = ("p1", "p2")
 _FISHEYE = ("k1", "k2", "k3", "k4")
+_PLANE = ("fx", "fy", "cx", "cy")
+OPENSFM_TERMS = (*_PLANE, *_RADIAL, *_DECENTRING)
+OPENSFM_FISHEYE_TERMS = (*_PLANE, *_FISHEYE, *_DECENTRING)
 _SCALE = 0.001
 """Size of a feature; it has no part in OpenSfM's adjustment unless it is asked for."""
 
@@ -204,18 +207,23 @@ def _new_camera(camera: ExchangedCamera) -> dict[str, Any]:
 def _updated_fisheye(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
     new = _fisheye(camera)
     if old.get("projection_type") == "fisheye":
-        extra = ("c_x", "c_y", "k3", "k4")
-        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new[key]) > _SAME for key in extra):
+        extra = ("c_x", "c_y", "k3", "k4", *_DECENTRING)
+        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new.get(key, 0.0)) > _SAME for key in extra):
             return new
         new["focal"] = new["focal_x"]
-    elif old.get("projection_type") != "fisheye_opencv":
+    elif old.get("projection_type") != new["projection_type"]:
         return new
     own = {key: new[key] for key in old if key in new and key not in ("projection_type", "width", "height")}
     return old | {key: value for key, value in own.items() if not _is_same([old.get(key)], [value])}
 
 
 def _fisheye(camera: ExchangedCamera) -> dict[str, Any]:
-    return _plane(camera, "fisheye_opencv") | {name: camera.parameters.get(name, 0.0) for name in _FISHEYE}
+    """Return a fisheye camera, with decentring where it has any."""
+    value = camera.parameters
+    if not any(value.get(name) for name in _DECENTRING):
+        return _plane(camera, "fisheye_opencv") | {name: value.get(name, 0.0) for name in _FISHEYE}
+    terms = (*_FISHEYE, "k5", "k6", *_DECENTRING)
+    return _plane(camera, "fisheye62") | {name: value.get(name, 0.0) for name in terms}
 
 
 def _brown(camera: ExchangedCamera) -> dict[str, Any]:

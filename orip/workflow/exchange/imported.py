@@ -88,7 +88,7 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         raise UsageError(message)
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
-        raise InputError(parsed.complaints)
+        raise InputError(_merged(parsed.complaints))
     require_names(parsed.value, str(source))
     project = _with_references(found, parsed.value, settings)
     block = imported_block(project, str(source), settings)
@@ -179,6 +179,27 @@ class _Places:
                 name = line.split()[2]
                 return self._photos.get(name, name)
         return ""
+
+
+def _merged(complaints: Sequence[Complaint]) -> list[Complaint]:
+    """Return complaints; the first one, with a count, of many that differ in numbers and names alone."""
+    alike: dict[tuple[str, str], list[Complaint]] = {}
+    for one in complaints:
+        alike.setdefault((one.path, _DETAILS.sub("#", one.message)), []).append(one)
+    found = []
+    for group in alike.values():
+        first = group[0]
+        others = len(group) - 1
+        if others < _MANY:
+            found += group
+        else:
+            found.append(Complaint(f"{first.message} ({others} more like this)", first.path, first.line, first.column))
+    return found
+
+
+_DETAILS = re.compile(r"'[^']*'|[0-9]+")
+_MANY = 3
+"""Complaints of a kind beside the first one, which are counted and no more."""
 
 
 def require_names(project: ExchangedProject, shown: str) -> None:

@@ -143,7 +143,7 @@ def _cameras(
                 lens,
                 conventions.lens_axes,
                 conventions.ray_axes,
-                terms=None if is_fisheye else conventions.terms,
+                terms=conventions.fisheye_terms if is_fisheye else conventions.terms,
                 accepts_any_fit=accepts_any_fit,
             )
     return found

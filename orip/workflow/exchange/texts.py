@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, rows_of_groups
+from orip.conversion.cameras import ConvertedCamera
 from orip.conversion.names import unique_names
 from orip.conversion.poses import described_reading
 from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text
@@ -21,6 +22,7 @@ from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.antenna import Antenna
+from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
 from orip.structs import replace
@@ -326,7 +328,25 @@ def summary_lines(block: ImportedBlock) -> list[str]:
     if found.lengths.size:
         lines.append(f"reprojection RMS {found.rms:.4g} px{_stated(block)}")
         lines.append(f"rotations read as: {described_reading(found.reading)}")
-    return lines
+    return [*lines, _said_of_unknowns(block)] if project.rays.photo.size else lines
+
+
+def _said_of_unknowns(block: ImportedBlock) -> str:
+    """Return which cameras are adjusted, and what of them."""
+    free = [converted.camera.unknown for converted in block.cameras if converted.camera.unknown]
+    if not free:
+        return f"{counted(len(block.cameras), 'camera')} held"
+    every = [name for name in CAMERA_PARAMETERS if any(name in unknown for unknown in free)]
+    held = len(block.cameras) - len(free)
+    also = f"; {held} held" if held else ""
+    return f"{counted(len(free), 'camera')} adjusted ({', '.join(every)}){also}"
+
+
+def _said_of_camera(converted: ConvertedCamera) -> str:
+    """Return what of a camera is adjusted, and why nothing is."""
+    if converted.camera.unknown:
+        return f"adjusted: {', '.join(converted.camera.unknown)}"
+    return "held" if converted.source.free else "held, as the source held it or does not say that it has estimated it"
 
 
 def what_to_write(block: ImportedBlock) -> str:
@@ -362,7 +382,12 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         sensor = converted.camera.sensor
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
-        lines.append(f"- {converted.camera.name}: {converted.source.model or converted.source.lens}, {size}; {kind}")
+        model = f"{converted.source.model}, " if converted.source.model else ""
+        lines.append(f"- {converted.camera.name}: {model}{size}; {kind}; {_said_of_camera(converted)}")
+    lines += [
+        "",
+        "What the other program has estimated of a camera is adjusted; `unknown` in `orip.toml` changes that.",
+    ]
     lines += ["", "## What was lost, and what was assumed", ""]
     lines += [f"- {note}" for note in notes] or ["- Nothing."]
     lines += ["", f"Names that are not the original ones are in `{NAMES_FILE}`; tie point {TRACK_MARK}17 is track 17."]

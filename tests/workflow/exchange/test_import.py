@@ -174,11 +174,11 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(tmp_path: Path) -> 
     assert said.code == 3
     assert "do not fit the measurements in any reading of the rotations" in said.err
     assert not (tmp_path / "new").exists()
-    damaged = replace(model, cameras=(ColmapCamera(1, "FOV", 4000, 3000, (3000.0, 3000.0, 2000.0, 1500.0, 0.9)),))
-    said = orip(tmp_path, "import", "colmap", str(written(tmp_path / "fov", damaged, "txt")), "new")
+    damaged = replace(model, cameras=(ColmapCamera(1, "EQUIRECTANGULAR", 4000, 3000, (4000.0, 3000.0)),))
+    said = orip(tmp_path, "import", "colmap", str(written(tmp_path / "sphere", damaged, "txt")), "new")
     assert said.code == 3
-    assert "camera '1' (FOV): orip has no such camera model" in said.err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["fov", "given"]
+    assert "camera '1' (EQUIRECTANGULAR): orip has perspective and fisheye lenses" in said.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["given", "sphere"]
 
 
 def test_import_and_run_from_the_command_line(tmp_path: Path) -> None:
