@@ -17,6 +17,7 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
 from orip.progress import stage
@@ -83,7 +84,7 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
     if not columns:
         return
-    lost_digits = normals.lost_digits
+    lost_digits, most = normals.lost_digits, solved.block.definition.max_lost_digits
 
     def record(column: int) -> tuple[str, str]:
         name = names[column]
@@ -96,7 +97,8 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         kinds = ", ".join(of_record)
         digits = float(lost_digits[listed].max())
         cause, remedy = cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name)
-        text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
+        known = f"{digits:.0f} digits lost" if digits > most else f"a standard deviation above {LOOSE:.0%} of C"
+        text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({known})"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
 
 
