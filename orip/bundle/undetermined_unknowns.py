@@ -104,7 +104,7 @@ def with_undetermined_held(
 def loose_calibration(
     problem: BlockProblem, start: BlockState, found: Adjustment[BlockState], variances: FloatArray, held: IntArray
 ) -> IntArray:
-    """Return the unknown C, DX or DY of cameras that is known least, if it is hardly known at all; else nothing.
+    """Return which of C, DX and DY of each camera is known least, if it is hardly known at all.
 
     Where the iterations did not converge, it may also be one that has left its start by far.
 
@@ -129,8 +129,9 @@ def loose_calibration(
         moved = np.abs(after - before) / before[:, :1]
         parts = np.maximum(parts, np.where(moved > _FAR, moved, 0.0))
     parts = np.where(free, parts, 0.0)
-    worst = np.unravel_index(int(np.argmax(parts)), parts.shape)
-    return columns[worst][None] if parts[worst] > LOOSE else held[:0]
+    least_known = parts.argmax(axis=1)[:, None]
+    loose = np.take_along_axis(parts, least_known, axis=1) > LOOSE
+    return np.unique(np.take_along_axis(columns, least_known, axis=1)[loose])
 
 
 def with_calibration_held(
@@ -141,11 +142,8 @@ def with_calibration_held(
     settings: IterationSettings,
     on_iteration: Callable[[IterationRecord], None],
     stop_asked: Callable[[], bool],
-) -> Adjustment[BlockState] | None:
-    """Return the adjustment from the start with some unknowns (k,) of cameras held there, which count as removed.
-
-    None where it does not converge, or the observations contradict the values held: then they do know the unknowns.
-    """
+) -> Adjustment[BlockState]:
+    """Return the adjustment from the start with some unknowns (k,) of cameras held there, which count as removed."""
     held = np.zeros(problem.layout.size, dtype=bool)
     held[columns] = True
     before, count = len(found.iterations), int(np.count_nonzero(held | found.normals.removed & problem.layout.fixed))
@@ -154,9 +152,6 @@ def with_calibration_held(
     again = with_undetermined_held(
         fewer, start, adjust(fewer, start, settings, told, stop_asked), settings, told, stop_asked
     )
-    allowed = _MUCH_WORSE * found.robust_cost + _CONTRADICTING
-    if again.reason is not TerminationReason.CONVERGED or again.robust_cost > allowed:
-        return None
     lost = np.full(problem.layout.size, np.nan) if again.normals.lost_before is None else again.normals.lost_before
     # what iterations that did not converge have lost says nothing
     own = np.where(found.normals.removed, 0.0, found.normals.lost_digits)
@@ -167,6 +162,12 @@ def with_calibration_held(
         normals=replace(again.normals, removed=again.normals.removed | held, lost_before=lost),
         iterations=iterations,
     )
+
+
+def agrees_with_held(again: Adjustment[BlockState], found: Adjustment[BlockState]) -> bool:
+    """Return whether observations agree with values that were held: if not, they do know the unknowns."""
+    allowed = _MUCH_WORSE * found.robust_cost + _CONTRADICTING
+    return again.reason is TerminationReason.CONVERGED and again.robust_cost <= allowed
 
 
 def _told_after(
