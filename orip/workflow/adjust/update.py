@@ -131,7 +131,7 @@ def update(bundle: BundleState, what: What, names: Sequence[str] = (), *, force:
 
 def _require_converged(solution: Solution) -> None:
     if solution.status not in {"converged", "doubtful"}:
-        ended = {"stopped": "was stopped", "not_determined": "determines nothing"}.get(
+        ended = {"stopped": "was stopped", "not_determined": "is not determined"}.get(
             solution.status, "did not converge"
         )
         message = (
