@@ -35,5 +35,5 @@ def test_a_photo_left_out_for_want_of_points_is_not_accused(left: int, tmp_path:
     day = tmp_path / "DAY2.MEA"
     day.write_text(without_most_points(day.read_text(encoding="ascii"), "206", left), encoding="ascii")
     said = orip(tmp_path, "run")
-    assert "it does not fit them" not in said.err
-    assert "photo 206" not in said.err or "photo 206 is left out, since it could not be oriented" in said.err
+    assert "it does not fit them" not in said.told
+    assert "photo 206" not in said.told or "photo 206 is left out, since it could not be oriented" in said.told

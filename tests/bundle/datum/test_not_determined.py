@@ -34,8 +34,8 @@ def run(folder: Path, name: str) -> tuple[Said, dict[str, object]]:
 def test_control_on_a_line_is_not_converged_with_a_rotation_of_86_degrees(tmp_path: Path) -> None:
     said, result = run(tmp_path, "collinear_control")
     assert said.code == 4
-    assert f"not determined: {ABOUT_LINE.format(5)}" in said.err
-    assert "converged" not in said.err
+    assert f"not determined: {ABOUT_LINE.format(5)}" in said.told
+    assert "converged" not in said.told
     assert result["status"] == "not_determined"
     assert "NOT DETERMINED" in (tmp_path / "collinear_control" / "BUNDLE_RESULT.OUT").read_text(encoding="utf-8")
     shown = orip(tmp_path / "collinear_control", "status", "--json")
@@ -58,7 +58,7 @@ def test_iterations_whose_first_step_lost_all_photo_points_do_not_converge(
     said, result = run(tmp_path, name)
     assert said.code == 4
     assert result["status"] not in ("converged", "doubtful")
-    assert f"the ground system is not fixed {free}" in said.err
+    assert f"the ground system is not fixed {free}" in said.told
     unknowns, removed = result["unknowns"], result["singular"]
     assert isinstance(unknowns, int)
     assert isinstance(removed, list)
