@@ -129,7 +129,7 @@ def solve_problem(
             adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
         solved = _with_precision(problem, adjustment)
         held, tried = np.empty(0, dtype=np.int64), solved
-        while len(loose := _loose(problem, start, tried, held)):
+        while len(loose := _loose(problem, tried, held)):
             held = np.append(held, loose)
             with stage("adjusting"):
                 again = with_calibration_held(problem, start, solved, held, settings, on_iteration, stop_asked)
@@ -140,12 +140,12 @@ def solve_problem(
         return solved
 
 
-def _loose(problem: BlockProblem, start: BlockState, solved: SolvedBlock, held: IntArray) -> IntArray:
+def _loose(problem: BlockProblem, solved: SolvedBlock, held: IntArray) -> IntArray:
     """Return the next unknowns of cameras to be held at its start; sigma0 counts only where it is below 1."""
     if solved.reason is TerminationReason.STOPPED:
         return held[:0]
     variances = min(solved.deviation_scale, 1.0) ** 2 * solved.cofactors.reduced.diagonal()
-    return loose_calibration(problem, start, solved, variances, held)
+    return loose_calibration(problem, solved, variances, held)
 
 
 def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:

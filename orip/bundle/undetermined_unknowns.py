@@ -38,9 +38,6 @@ LOOSE = 0.1
 """Standard deviation of C, DX or DY as a part of C from which the photos do not determine it. The photos turn or
 move by as much with it, and twice that is beyond what linear equations can tell."""
 
-_FAR = 0.5
-"""Part of C by which one of them has left its start where iterations that did not converge were led away by it."""
-
 _MUCH_WORSE = 2.0
 """Multiple of the robust cost from which the observations contradict the values held. An absurd lens explains noise,
 so that the cost is never quite the same."""
@@ -102,32 +99,26 @@ def with_undetermined_held(
 
 
 def loose_calibration(
-    problem: BlockProblem, start: BlockState, found: Adjustment[BlockState], variances: FloatArray, held: IntArray
+    problem: BlockProblem, found: Adjustment[BlockState], variances: FloatArray, held: IntArray
 ) -> IntArray:
     """Return which of C, DX and DY of each camera is known least, if it is hardly known at all.
-
-    Where the iterations did not converge, it may also be one that has left its start by far.
 
     Parameters
     ----------
     problem : BlockProblem
-    start : BlockState
     found : Adjustment
     variances : array (m,)
         Of the reduced unknowns.
     held : array of int
         Unknowns that are held already.
     """
-    columns, before = problem.unknowns.cameras[:, _LENGTHS], start.cameras[:, _LENGTHS]
+    columns = problem.unknowns.cameras[:, _LENGTHS]
     free = (columns != CONSTANT) & ~np.isin(columns, held)
     after = found.state.cameras[:, _LENGTHS]
     if not free.any():
         return held[:0]
     parts = np.sqrt(np.maximum(variances[np.where(free, columns, 0)], 0.0)) / np.maximum(np.abs(after[:, :1]), _SAME)
     parts[found.normals.removed[columns]] = 0.0
-    if found.reason is not TerminationReason.CONVERGED:
-        moved = np.abs(after - before) / before[:, :1]
-        parts = np.maximum(parts, np.where(moved > _FAR, moved, 0.0))
     parts = np.where(free, parts, 0.0)
     least_known = parts.argmax(axis=1)[:, None]
     loose = np.take_along_axis(parts, least_known, axis=1) > LOOSE
