@@ -169,6 +169,8 @@ def _notes_on_cameras(
 
 def _notes_on_staleness(bundle: BundleState) -> list[str]:
     status = bundle.adjusted.status
+    if status == "not_determined":
+        return ["The observations do not determine the block."]
     return [] if status in {"converged", "doubtful"} else [f"The adjustment has not converged ({status})."]
 
 
