@@ -20,6 +20,9 @@ UNREAD_FILE = "unread-file"
 _MOST_OF_A_KIND, _FIRST_OF_MANY = 8, 3
 """Most different warnings of one code that are all printed, and how many are of more."""
 
+_FEWEST_TOGETHER = 5
+"""Complaints about a file that say the same are told as one from this number on."""
+
 MOST_COMPLAINTS = 50
 """Of a file, that are told: a text with another form has a fault in each of a million lines."""
 
@@ -170,8 +173,8 @@ class InputError(OripError):
 
     @property
     def told(self) -> tuple[Complaint, ...]:
-        """Return what is told: of each file the first `MOST_COMPLAINTS`, and how many there are more."""
-        return tuple(_first_of_each_file(self.complaints))
+        """Return what is told: of each file the first `MOST_COMPLAINTS`, equal ones once, and the number of others."""
+        return tuple(_first_of_each_file(list(_equal_ones_once(self.complaints))))
 
     @classmethod
     def single(cls, message: str, path: str = "", line: int | None = None, column: int | None = None) -> InputError:
@@ -181,6 +184,21 @@ class InputError(OripError):
 
 class NoProjectError(InputError):
     """A folder holds no project."""
+
+
+def _equal_ones_once(complaints: Sequence[Complaint]) -> Iterator[Complaint]:
+    """Yield complaints; those that say the same of a file as one, with their number and the first places."""
+    groups: dict[tuple[str, str], list[Complaint]] = {}
+    for complaint in complaints:
+        groups.setdefault((complaint.path, complaint.message), []).append(complaint)
+    for first, *others in groups.values():
+        if len(others) + 1 < _FEWEST_TOGETHER:
+            yield from (first, *others)
+            continue
+        lines = [str(one.line) for one in others[:_FIRST_OF_MANY] if one.line is not None]
+        places = f", then in line {', '.join(lines)}{' ...' if len(others) > len(lines) else ''}" if lines else ""
+        message = f"{first.message} ({len(others) + 1} times{places})"
+        yield Complaint(message, first.path, first.line, first.column)
 
 
 def _first_of_each_file(complaints: Sequence[Complaint]) -> Iterator[Complaint]:

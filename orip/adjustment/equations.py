@@ -32,12 +32,15 @@ class Layout(Struct, frozen=True):
         Places that are not unknowns (constant coordinates of a block).
     arrangement : Arrangement or None
         That of the reduced system as a band; None: it is a full matrix.
+    calibration : int
+        Number of leading unknowns of which one is removed, rather than another, where nothing tells them apart.
     """
 
     reduced: int
     blocks: int
     fixed: BoolArray
     arrangement: Arrangement | None = None
+    calibration: int = 0
 
     @property
     def size(self) -> int:

@@ -304,7 +304,12 @@ def _termination_reason(
     now: IterationState[StateT], before: Equations, settings: IterationSettings, *, steady: bool, stop_asked: bool
 ) -> TerminationReason | None:
     """Return why the iterations end with the last one; None: they go on, if another iteration is allowed."""
-    if most_are_lost(now.records[-1].active, now.records[0].active):
+    # the first iteration may be the one that loses them: those that are left may determine nothing, and fit
+    computable = now.records[-1].active
+    if any(
+        most_are_lost(computable, at_first)
+        for at_first in (int(np.count_nonzero(before.active)), now.records[0].active)
+    ):
         return TerminationReason.DIVERGED
     if steady and _has_converged(now, settings):
         return TerminationReason.CONVERGED

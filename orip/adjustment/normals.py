@@ -196,7 +196,7 @@ def solve_normals(
     scale_matrix(normals.matrix, 1.0 / scale)
     if damping:
         add_to_diagonal(normals.matrix, damping)
-    factor = _factorised(normals.matrix, max_lost_digits, diagonal <= 0.0)
+    factor = _factorised(normals.matrix, max_lost_digits, diagonal <= 0.0, layout.calibration)
     reduced_right = factor.reduce(normals.right / scale)
     solution = factor.back_substitute(reduced_right) / scale
     rest = normals.block_right - normals.coupling.times(solution)
@@ -212,11 +212,11 @@ def solve_normals(
 
 
 def _factorised(
-    matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_]
+    matrix: Symmetric, max_lost_digits: float, undetermined: NDArray[np.bool_], first: int
 ) -> Factor | BandFactor | DissectedFactor:
     """Return the factor of a matrix, which is used up."""
     if isinstance(matrix, DissectedMatrix):
-        return factorise_dissected(matrix, max_lost_digits, undetermined)
+        return factorise_dissected(matrix, max_lost_digits, undetermined, first)
     if isinstance(matrix, BandMatrix):
-        return factorise_band(matrix, max_lost_digits, undetermined)
-    return factorise(matrix, max_lost_digits, undetermined)
+        return factorise_band(matrix, max_lost_digits, undetermined, first)
+    return factorise(matrix, max_lost_digits, undetermined, first)

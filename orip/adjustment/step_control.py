@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.block_fit import judged_residuals
-from orip.adjustment.convergence import exponent_of_numerical_precision
+from orip.adjustment.convergence import exponent_of_numerical_precision, most_are_lost
 from orip.adjustment.equations import Equations
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts
@@ -63,8 +63,11 @@ class StepControl(Struct, frozen=True):
         """Return whether a full correction is accepted; it may raise the mean square for a while."""
         if not self._judges(before, normals):
             return True
+        left = before.active & after.active
+        if most_are_lost(int(np.count_nonzero(left)), int(np.count_nonzero(before.active))):
+            return False
         here = _mean_square(before, weights, before.residual)
-        lost = (before.active & ~after.active).any()
+        lost = (before.active & ~left).any()
         allowed = max((_WORSE_WITH_LOSS if lost else _WORSE) * self.least_mean_square, here)
         return _mean_square(before, weights, judged_residuals(before, after)) <= allowed
 

@@ -39,7 +39,7 @@ class Solution:
         Unit of all ground coordinates.
     run : str
         Identifies project, inputs and settings, as on the listings; empty without a project.
-    status : {"converged", "doubtful", "not_converged", "stopped"}
+    status : {"converged", "doubtful", "not_converged", "stopped", "not_determined"}
     sigma0 : float
         Standard error of unit weight, from the observations of full weight; NaN without redundancy.
     sigma0_all : float

@@ -152,6 +152,34 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
     return np.asarray(movements[int(np.count_nonzero(values > _DETERMINED)) :].T)
 
 
+_EXACTLY = 1e12
+"""Information on movements that constants hold: standard deviations of a millionth."""
+
+
+def information_on_movements(
+    state: BlockState, unknowns: Unknowns, design: csr_array, weights: FloatArray
+) -> FloatArray:
+    """Return the information (7, 7), inverse to covariances, that observations and constants have on the movements.
+
+    It is that on a block whose shape is exactly known: the true one is not larger.
+
+    Parameters
+    ----------
+    state : BlockState
+    unknowns : Unknowns
+    design : sparse array (n, m + 3 b)
+        Of the observations that may determine them, divided by their a-priori errors.
+    weights : array (n,)
+        Their weight factors.
+    """
+    root = np.sqrt(weights)[:, None]
+    columns = np.unique(design.indices)
+    own = root * (design[:, columns] @ movements_of_block(state, unknowns).rows_of(columns))
+    beyond = _beyond_antennas(own, design, 1.0 / np.maximum(root, 1e-300), unknowns)
+    held = _held_by_constants(state, unknowns)
+    return np.asarray(beyond.T @ beyond + _EXACTLY * held.T @ held)
+
+
 def _beyond_antennas(
     by_observations: FloatArray, design: csr_array, scale: FloatArray, unknowns: Unknowns
 ) -> FloatArray:

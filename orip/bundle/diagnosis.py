@@ -7,28 +7,26 @@ from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
 from orip.arrays import IntArray
 from orip.bundle.antenna_diagnosis import antenna_diagnosis, cause_of_antenna
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
-from orip.bundle.datum import free_movements
+from orip.bundle.ground_system import control_count, not_determined
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.problem import BlockProblem
 from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.lost_rays import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.project.shared_lens import first_of_lens
 from orip.records.results.solution import Diagnosis
-from orip.wording import agreeing, counted, counted_names, first_names, joined
+from orip.wording import agreeing, counted_names, first_names
 
 STRONG_CORRELATION = 0.95
 _SIGMA0_TOO_LARGE = 2.0
@@ -54,7 +52,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     """Return every weakness found in a solved block, the gravest kind first."""
     return (
         *_another_block(solved),
-        *_ground_system(solved),
+        *not_determined(solved),
         *_errors_far_off(solved),
         *_undetermined(solved),
         *_unsettled(solved),
@@ -65,59 +63,6 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
         *_as_a_whole(solved),
         *_correlated(solved),
     )
-
-
-def _ground_system(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name the movements of the whole block that control does not determine."""
-    if solved.problem.datum is not None:
-        return
-    movements = _free_movements(solved)
-    free = movements.shape[1]
-    if not free:
-        return
-    where = f"bundle {solved.block.definition.name}"
-    count = _control_count(solved.block)
-    because = f"{count or 'no'} {agreeing(count, 'control point')}"
-    if len(solved.state.shifts):
-        because += ", and unknown shifts of the stations"
-    turns = int(np.linalg.matrix_rank(movements[3:6], tol=1e-6))
-    parts = []
-    if (shifts := free - turns - int(_scale_is_free(movements))) > 0:
-        parts.append(counted(shifts, "shift"))
-    if turns:
-        parts.append(counted(turns, "rotation"))
-    if _scale_is_free(movements):
-        parts.append("scale")
-    listed = joined(parts)
-    if listed == "scale":
-        yield Diagnosis("datum", where, "scale is free", "add a distance or a second control point")
-    else:
-        remedy = 'add control points, three at least and not on one line, or set datum = "free"'
-        yield Diagnosis("datum", where, f"the ground system is not fixed ({because}); free: {listed}", remedy)
-
-
-def _free_movements(solved: SolvedBlock) -> NDArray[np.float64]:
-    """Return the movements (7, d) that neither observations on the ground nor constants determine.
-
-    Photo points do not determine any: they depend on the relative positions of photos and points only.
-    """
-    problem, state = solved.problem, solved.state
-    on_the_ground = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
-    if not on_the_ground:
-        return free_movements(state, problem.unknowns, csr_array((0, problem.layout.size)))
-    rows = [kind.rows for kind in problem.observations]
-    is_photo = np.concatenate([np.full(len(part.used), part.kind == PHOTO_POINT) for part in rows])
-    active = solved.equations.active[~is_photo]
-    design = BlockProblem(problem.block, problem.unknowns, on_the_ground).design(state)
-    return free_movements(state, problem.unknowns, design[active])
-
-
-def _scale_is_free(movements: NDArray[np.float64]) -> bool:
-    return bool(np.abs(movements[6]).max() > 1e-6)
-
-
-def _control_count(block: Block) -> int:
-    return sum(point.kind == "control" for point in block.control_points)
 
 
 def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
@@ -139,7 +84,7 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
     if not columns:
         return
-    lost_digits = normals.lost_digits
+    lost_digits, most = normals.lost_digits, solved.block.definition.max_lost_digits
 
     def record(column: int) -> tuple[str, str]:
         name = names[column]
@@ -152,7 +97,8 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         kinds = ", ".join(of_record)
         digits = float(lost_digits[listed].max())
         cause, remedy = cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name)
-        text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({digits:.0f} digits lost)"
+        known = f"{digits:.0f} digits lost" if digits > most else f"a standard deviation above {LOOSE:.0%} of C"
+        text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({known})"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
 
 
@@ -225,7 +171,7 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
         points = _points_in_photo(block, name)
         if points < _POINTS_FOR_A_PHOTO:
             return f"it has {points} points, {_POINTS_FOR_A_PHOTO} are needed", "measure more points in this photo"
-        count = _control_count(block)
+        count = control_count(block)
         if count < _POINTS_FOR_A_PHOTO:
             cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"

@@ -17,6 +17,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
 from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.results.status import NOT_DETERMINED
 from orip.records.results.variance_component import VarianceComponent
 from orip.structs import replace
 
@@ -127,7 +128,11 @@ def _judged(solved: SolvedBlock, solution: Solution, advice: Sequence[Diagnosis]
     """Return a solution with the verdict on its groups of observations, its weaknesses, and the verdict on it all."""
     groups = _grouped(solved, solution)
     contradictions = group_diagnosis(groups.contradictions, solution.ground_unit)
-    judged = replace(solution, groups=groups.groups, diagnosis=(*contradictions, *advice, *diagnose(solved)))
+    found = tuple(diagnose(solved))
+    status = solution.status
+    if status in ("converged", "doubtful") and any(diagnosis.code in NOT_DETERMINED for diagnosis in found):
+        status = "not_determined"
+    judged = replace(solution, status=status, groups=groups.groups, diagnosis=(*contradictions, *advice, *found))
     _, verdict = headline(judged, 0, sigma0_test(judged))
     return replace(judged, verdict=verdict)
 

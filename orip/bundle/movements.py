@@ -85,6 +85,10 @@ class Movements(Struct, frozen=True):
         result[self.points if every else self.points[free]] = of_points if every else of_points[free]
         return result
 
+    def of_points(self, points: IntArray, amounts: FloatArray) -> FloatArray:
+        """Return how some points (k,) move (k, 3) by amounts (d,) of the movements, as if all were free."""
+        return np.stack([self.homogeneous[points] @ (table.T @ amounts) for table in self.coefficients], axis=1)
+
     def transposed_at(self, points: IntArray, vectors: FloatArray) -> FloatArray:
         """Return G^T v (d,) or (d, k) for vectors (u,) or (u, k), over the unknowns of some points alone."""
         homogeneous, of_points = self.homogeneous[points], entries_at(vectors, self.points[points])

@@ -13,7 +13,12 @@ from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import BlockState
-from orip.bundle.undetermined_unknowns import with_undetermined_held
+from orip.bundle.undetermined_unknowns import (
+    agrees_with_held,
+    loose_calibration,
+    with_calibration_held,
+    with_undetermined_held,
+)
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
@@ -122,7 +127,25 @@ def solve_problem(
         with stage("adjusting"):
             adjustment = adjust(problem, start, settings, on_iteration, stop_asked)
             adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
-        return _with_precision(problem, adjustment)
+        solved = _with_precision(problem, adjustment)
+        held, tried = np.empty(0, dtype=np.int64), solved
+        while len(loose := _loose(problem, tried, held)):
+            held = np.append(held, loose)
+            with stage("adjusting"):
+                again = with_calibration_held(problem, start, solved, held, settings, on_iteration, stop_asked)
+            if not np.isfinite(again.iterations[-1].enp):
+                break
+            tried = _with_precision(problem, again)
+            solved = tried if agrees_with_held(tried, solved) else solved
+        return solved
+
+
+def _loose(problem: BlockProblem, solved: SolvedBlock, held: IntArray) -> IntArray:
+    """Return the next unknowns of cameras to be held at its start; sigma0 counts only where it is below 1."""
+    if solved.reason is TerminationReason.STOPPED:
+        return held[:0]
+    variances = min(solved.deviation_scale, 1.0) ** 2 * solved.cofactors.reduced.diagonal()
+    return loose_calibration(problem, solved, variances, held)
 
 
 def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> SolvedBlock:

@@ -22,6 +22,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.ground import PlainGround
+from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.structs import replace
 
 _LEAST_COSINE_OF_PHI = 0.02
@@ -29,6 +30,21 @@ _LEAST_COSINE_OF_PHI = 0.02
 
 _SAME = 1e-9
 """Values that differ by less, relative to 1 or their own size, have not been moved; angles are in radians."""
+
+
+_LENGTHS = (CAMERA_PARAMETERS.index("C"), CAMERA_PARAMETERS.index("DX"), CAMERA_PARAMETERS.index("DY"))
+
+LOOSE = 0.1
+"""Standard deviation of C, DX or DY as a part of C from which the photos do not determine it. The photos turn or
+move by as much with it, and twice that is beyond what linear equations can tell."""
+
+_MUCH_WORSE = 2.0
+"""Multiple of the robust cost from which the observations contradict the values held. An absurd lens explains noise,
+so that the cost is never quite the same."""
+
+_CONTRADICTING = 7.0
+"""Increase of half the square sum, with the values held, from which observations contradict them: that of a single
+unknown is so large with a probability of 0.0002."""
 
 
 def with_undetermined_held(
@@ -80,6 +96,75 @@ def with_undetermined_held(
     if again.reason is not TerminationReason.CONVERGED:
         return replace(found, iterations=iterations)
     return replace(again, normals=_with_removed_unknowns(again.normals, of_angles.normals), iterations=iterations)
+
+
+def loose_calibration(
+    problem: BlockProblem, found: Adjustment[BlockState], variances: FloatArray, held: IntArray
+) -> IntArray:
+    """Return which of C, DX and DY of each camera is known least, if it is hardly known at all.
+
+    Parameters
+    ----------
+    problem : BlockProblem
+    found : Adjustment
+    variances : array (m,)
+        Of the reduced unknowns.
+    held : array of int
+        Unknowns that are held already.
+    """
+    columns = problem.unknowns.cameras[:, _LENGTHS]
+    free = (columns != CONSTANT) & ~np.isin(columns, held)
+    after = found.state.cameras[:, _LENGTHS]
+    if not free.any():
+        return held[:0]
+    parts = np.sqrt(np.maximum(variances[np.where(free, columns, 0)], 0.0)) / np.maximum(np.abs(after[:, :1]), _SAME)
+    parts[found.normals.removed[columns]] = 0.0
+    parts = np.where(free, parts, 0.0)
+    least_known = parts.argmax(axis=1)[:, None]
+    loose = np.take_along_axis(parts, least_known, axis=1) > LOOSE
+    return np.unique(np.take_along_axis(columns, least_known, axis=1)[loose])
+
+
+def with_calibration_held(
+    problem: BlockProblem,
+    start: BlockState,
+    found: Adjustment[BlockState],
+    columns: IntArray,
+    settings: IterationSettings,
+    on_iteration: Callable[[IterationRecord], None],
+    stop_asked: Callable[[], bool],
+) -> Adjustment[BlockState]:
+    """Return the adjustment from the start with some unknowns (k,) of cameras held there, which count as removed."""
+    held = np.zeros(problem.layout.size, dtype=bool)
+    held[columns] = True
+    before, count = len(found.iterations), int(np.count_nonzero(held | found.normals.removed & problem.layout.fixed))
+    told = _told_after(on_iteration, before, count)
+    fewer = _holding(problem, held)
+    again = with_undetermined_held(
+        fewer, start, adjust(fewer, start, settings, told, stop_asked), settings, told, stop_asked
+    )
+    lost = np.full(problem.layout.size, np.nan) if again.normals.lost_before is None else again.normals.lost_before
+    # what iterations that did not converge have lost says nothing
+    own = np.where(found.normals.removed, 0.0, found.normals.lost_digits)
+    lost = np.where(held & np.isnan(lost), own, lost)
+    iterations = (*found.iterations, *(_continued(record, before, count) for record in again.iterations))
+    return replace(
+        again,
+        normals=replace(again.normals, removed=again.normals.removed | held, lost_before=lost),
+        iterations=iterations,
+    )
+
+
+def agrees_with_held(again: Adjustment[BlockState], found: Adjustment[BlockState]) -> bool:
+    """Return whether observations agree with values that were held: if not, they do know the unknowns."""
+    allowed = _MUCH_WORSE * found.robust_cost + _CONTRADICTING
+    return again.reason is TerminationReason.CONVERGED and again.robust_cost <= allowed
+
+
+def _told_after(
+    on_iteration: Callable[[IterationRecord], None], before: int, held: int
+) -> Callable[[IterationRecord], None]:
+    return lambda record: on_iteration(_continued(record, before, held))
 
 
 def _by_angles(

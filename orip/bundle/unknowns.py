@@ -120,6 +120,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     """
     names: list[UnknownName] = []
     cameras, additional = _number_cameras(block, names)
+    calibration = len(names)
     antennas, shifts, drifts = _number_antennas(block, names)
     theodolites = np.array(
         [
@@ -151,7 +152,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         theodolites,
         photos,
         points,
-        Layout(reduced, len(eliminated), fixed),
+        Layout(reduced, len(eliminated), fixed, calibration=calibration),
         UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
     )
 

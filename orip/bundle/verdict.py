@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from orip.bundle.groups.words import CODE
 from orip.records.results.solution import Diagnosis, Solution
+from orip.records.results.status import NOT_DETERMINED
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]
@@ -95,6 +96,9 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
+    if solution.status == "not_determined":
+        reason = next((found.text for found in solution.diagnosis if found.code in NOT_DETERMINED), "")
+        return "bad", f"Not determined: {reason}"
     contradicting = group_findings(solution)
     far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
     if solution.singular:

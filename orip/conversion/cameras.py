@@ -9,7 +9,13 @@ from orip.arrays import FloatArray
 from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.fit import fitted_polynomial
 from orip.conversion.lenses.from_orip import lens_of_polynomial
-from orip.conversion.lenses.pixel_aspect import has_aspect, in_given_pixels, in_square_pixels, pixel_aspect
+from orip.conversion.lenses.pixel_aspect import (
+    aspect_of_sensor,
+    in_given_pixels,
+    in_square_pixels,
+    pixel_aspect,
+    stretched_image,
+)
 from orip.conversion.lenses.polynomial import (
     Polynomial,
     middle_of_frame,
@@ -27,6 +33,9 @@ from orip.structs import replace
 MOST_MISFIT_PX = 0.5
 """A fit that is worse somewhere in the frame is refused, unless measurements are corrected for it."""
 
+FAITHFUL_PX = 0.01
+"""Cameras that differ by less are as good as the same: fifty times less than measurements are good for."""
+
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
 
@@ -37,9 +46,6 @@ _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fish
 
 _LARGEST_ASPECT = 2.0
 """Of pixels that are not square; more is a damaged file."""
-
-_SQUARE = 1e-12
-"""By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
 
 _GRID = 41
 """Places along each side of the frame at which a camera is fitted."""
@@ -79,6 +85,13 @@ class ConvertedCamera(Struct, frozen=True):
     def pixels(self, image: FloatArray) -> FloatArray:
         """Return orip's columns and rows (n, 2) of image coordinates (n, 2) in the axes of the source's rays."""
         return pixels_from_axes(image, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
+
+    def pixel_errors(self, deviations: FloatArray) -> FloatArray:
+        """Return standard deviations (n,) in the unit of the source's rays as pixels."""
+        sensor = self.camera.sensor
+        if sensor is None or self.source.ray_axes.unit == "pixel":
+            return deviations
+        return deviations * (sensor.columns / sensor.width)
 
     def rays_of_pixels(self, pixels: FloatArray) -> FloatArray:
         """Return image coordinates (n, 2) in the axes of the source's rays of orip's columns and rows (n, 2)."""
@@ -158,13 +171,17 @@ def convert_camera(
     _require_possible(source)
     exact, aspect = _exact_form(source)
     sensor, size_is_assumed = _sensor(source, aspect)
-    polynomial, residuals = (exact, np.zeros((1, 2))) if exact is not None else _fitted(source, sensor, aspect)
+    projection = LENSES[source.lens].projection
+    if exact is not None:
+        polynomial, residuals = exact, np.zeros((1, 2))
+    else:
+        polynomial, residuals, projection = _fitted(source, sensor, aspect)
     pixel_mm = sensor.width / sensor.columns / aspect
     length = np.hypot(*residuals.T) / (1.0 if source.lens_axes.unit == "pixel" else pixel_mm)
     worst = float(length.max())
     if worst > MOST_MISFIT_PX and not accepts_any_fit:
         message = (
-            f"camera '{source.name}' ({source.model or source.lens}): orip's camera differs from it by up to "
+            f"{_named(source)}: orip's camera differs from it by up to "
             f"{worst:.2f} px; import it with --exact-distortion, which corrects the measurements by this difference"
         )
         raise UnsuitableCameraError(message)
@@ -172,7 +189,7 @@ def convert_camera(
         name=name,
         parameters=parameters_from_polynomial(polynomial, source.lens_axes, _frame(source), pixel_mm),
         distortion_at="measured" if polynomial.at_measured else "ideal",
-        projection=LENSES[source.lens].projection,
+        projection=projection,
         sensor=sensor,
         unknown=unknown,
     )
@@ -251,14 +268,17 @@ def export_camera(
     directions = directions_of_pixels(camera, pixels)
     seen = np.isfinite(directions).all(axis=1)
     up = 1.0 if lens_axes.y == "up" else -1.0
-    aspect, pixel_mm = _aspect_of_sensor(sensor, lens, lens_axes)
+    aspect, pixel_mm = aspect_of_sensor(sensor, lens, lens_axes)
     polynomial = polynomial_from_parameters(
         camera.parameters, lens_axes, frame, pixel_mm, at_measured=camera.distortion_at == "measured"
     )
     middle, _ = middle_of_frame(lens_axes, frame)
-    image = _stretched(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
-    found = lens_of_polynomial(polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms)
-    length = np.hypot(*found.residuals.T) / (1.0 if lens_axes.unit == "pixel" else pixel_mm)
+    unit = 1.0 if lens_axes.unit == "pixel" else pixel_mm
+    image = stretched_image(axes_from_pixels(pixels[seen], lens_axes, frame, size), aspect, middle)
+    found = lens_of_polynomial(
+        polynomial, lens, directions[seen] * np.array([1.0, up]), image, terms, enough=FAITHFUL_PX * unit
+    )
+    length = np.hypot(*found.residuals.T) / unit
     worst = float(length.max())
     if not worst <= MOST_MISFIT_PX and not accepts_any_fit:
         message = (
@@ -293,10 +313,17 @@ def _ideal(projection: Projection, c: float, directions: FloatArray) -> tuple[Fl
     return ideal
 
 
+def _named(source: ExchangedCamera) -> str:
+    return f"camera '{source.name}' ({source.model})" if source.model else f"camera '{source.name}'"
+
+
 def _require_possible(source: ExchangedCamera) -> None:
-    what = f"camera '{source.name}' ({source.model or source.lens})"
+    what = _named(source)
     if source.lens == "unsupported":
-        message = f"{what}: orip has no such camera model; supported are {', '.join(LENSES)}"
+        message = (
+            f"{what}: orip has perspective and fisheye lenses with polynomial distortion, and this is neither; "
+            "calibrate the camera as one of these in the other program"
+        )
         raise UnsuitableCameraError(message)
     if source.columns <= 0 or source.rows <= 0:
         message = f"{what}: the number of its columns and rows is not known; give it with --frame COLUMNSxROWS"
@@ -328,18 +355,6 @@ def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
     return lens.polynomial(in_square_pixels(source.lens, parameters, middle)), aspect
 
 
-def _aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
-    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
-    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
-    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel" and abs(width / height - 1.0) > _SQUARE
-    return (width / height, height) if is_aspect_of_lens else (1.0, width)
-
-
-def _stretched(image: FloatArray, aspect: float, middle: float) -> FloatArray:
-    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
-    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])
-
-
 def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
     """Return the sensor, with pixels of that aspect where the lens is in pixels, and whether its size is assumed."""
     columns, rows = _frame(source)
@@ -349,20 +364,24 @@ def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
     return Sensor(columns, rows, width * aspect, width * rows / columns), source.sensor_mm is None
 
 
-def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray]:
+def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray, Projection]:
+    """Return the polynomial that comes nearest, its residuals over the frame, and its projection."""
     columns, rows = _frame(source)
     places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
     image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), _size(sensor))
     directions = directions_of_image(source, image)
     if not np.isfinite(directions).all():
-        message = (
-            f"camera '{source.name}' ({source.model or source.lens}): its formula has no inverse over the whole frame, "
-            "so that it cannot be fitted"
-        )
+        message = f"{_named(source)}: its formula has no inverse over the whole frame, so that it cannot be fitted"
         raise UnsuitableCameraError(message)
-    ideal = np.stack(_ideal(LENSES[source.lens].projection, 1.0, directions), axis=1)
     middle, _ = middle_of_frame(source.lens_axes, (columns, rows))
-    return fitted_polynomial(ideal, _stretched(image, aspect, middle))
+    stretched = stretched_image(image, aspect, middle)
+    lens = LENSES[source.lens]
+    tried: tuple[Projection, ...] = ("perspective", "equidistant") if lens.suits_any_projection else (lens.projection,)
+    found = [
+        (*fitted_polynomial(np.stack(_ideal(projection, 1.0, directions), axis=1), stretched), projection)
+        for projection in tried
+    ]
+    return min(found, key=lambda fit: float(np.hypot(*fit[1].T).max()))
 
 
 def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:

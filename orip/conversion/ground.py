@@ -95,9 +95,23 @@ def local_ground(project: ExchangedProject) -> LocalGround | None:
     known = centres[np.isfinite(centres).all(axis=1)]
     if not len(known):
         return None
-    place = geographic_from_geocentric(np.median(known, axis=0)[None], _WGS84)[0]
-    degrees = np.round(np.degrees(place[:2]), _PLACES)
-    return LocalGround(np.array([*np.radians(degrees), np.round(place[2])]))
+    return _rounded(geographic_from_geocentric(np.median(known, axis=0)[None], _WGS84)[0])
+
+
+def local_ground_at(place: FloatArray, crs: str) -> LocalGround:
+    """Return the local system at a place (3,) in another system, x or longitude first.
+
+    Raises
+    ------
+    InputError
+        If the system is not known, or has no such place.
+    """
+    return _rounded(geographic_from_crs(place[None], crs, _ON_WGS84)[0][0])
+
+
+def _rounded(geographic: FloatArray) -> LocalGround:
+    degrees = np.round(np.degrees(geographic[:2]), _PLACES)
+    return LocalGround(np.array([*np.radians(degrees), np.round(geographic[2])]))
 
 
 def in_local_ground(project: ExchangedProject, ground: LocalGround) -> ExchangedProject:
@@ -124,7 +138,7 @@ def in_local_ground(project: ExchangedProject, ground: LocalGround) -> Exchanged
         crs=None,
         ground_unit="m",
         frame=GroundFrame(),
-        notes=(*project.notes, _said(ground)),
+        notes=(*project.notes, said_of_ground(ground)),
     )
 
 
@@ -247,7 +261,8 @@ def _moved(station: Station, place: Sequence[float]) -> Station:
     return replace(station, position=(x, y, z), angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
 
 
-def _said(ground: LocalGround) -> str:
+def said_of_ground(ground: LocalGround) -> str:
+    """Return a sentence that names the place of a local system."""
     longitude, latitude = np.degrees(ground.geographic[:2]).tolist()
     return (
         f"Coordinates are east, north and up, in metres, at longitude {longitude:.9f}, latitude {latitude:.9f}, "

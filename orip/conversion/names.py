@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePosixPath, PureWindowsPath
 
+from orip.records.exchanged import ExchangedPoints
 from orip.records.names import COMMENT_MARKS, RESERVED_NAMES, record_key
 
 TRACK_MARK = "T"
@@ -40,16 +41,21 @@ def unique_names(names: Iterable[str], what: str, *, ignoring_case: bool, taken:
     return tuple(found)
 
 
-def point_names(names: Sequence[str], is_track: Sequence[bool]) -> tuple[str, ...]:
-    """Return names of points: those of their own first, tracks by T and their number, different from them."""
-    own = [n for n, track in enumerate(is_track) if not track]
-    tracks = [n for n, track in enumerate(is_track) if track]
-    named = unique_names([names[n] for n in own], "point", ignoring_case=False)
-    marked = [TRACK_MARK + names[n] for n in tracks]
-    if not set(named).isdisjoint(marked) or len(set(marked)) < len(marked) or any(map(_UNFIT.search, marked)):
-        marked = list(unique_names(marked, "track", ignoring_case=False, taken=named))
-    found = dict(zip(own, named, strict=True)) | dict(zip(tracks, marked, strict=True))
-    return tuple(found[n] for n in range(len(names)))
+def mark_names(names: Iterable[str]) -> dict[str, str]:
+    """Return names of marks, which they keep where they can, by those that they have in another program."""
+    given = list(dict.fromkeys(names))
+    return dict(zip(given, unique_names(given, "point", ignoring_case=False), strict=True))
+
+
+def point_names(points: ExchangedPoints, marks: Mapping[str, str]) -> tuple[str, ...]:
+    """Return names of points: those of marks (`mark_names`), and of tracks T and their number, different from these."""
+    is_track = points.is_track.tolist()
+    numbers = [TRACK_MARK + name for name, track in zip(points.names, is_track, strict=True) if track]
+    taken = set(marks.values())
+    if not taken.isdisjoint(numbers) or len(set(numbers)) < len(numbers) or any(map(_UNFIT.search, numbers)):
+        numbers = list(unique_names(numbers, "track", ignoring_case=False, taken=taken))
+    tracks = iter(numbers)
+    return tuple(next(tracks) if track else marks[name] for name, track in zip(points.names, is_track, strict=True))
 
 
 def _without_folder(name: str) -> str:

@@ -179,8 +179,9 @@ def reprojection(
     used = rays.is_active[chosen]
     coordinates = project.points.coordinates
     if not np.isfinite(coordinates[point[used]]).all():
-        directions = _ray_directions(cameras, camera, measured)
-        coordinates = _with_intersections(coordinates, rotations[photo], centres[photo], directions, point, used)
+        coordinates = with_intersections(
+            cameras, camera, measured, coordinates, rotations[photo], centres[photo], point, used
+        )
     residuals = np.full((len(photo), 2), np.nan)
     behind = np.zeros(len(photo), dtype=np.bool_)
     offset = coordinates[point] - centres[photo]
@@ -263,14 +264,30 @@ def _ray_directions(cameras: Sequence[ConvertedCamera], camera: IntArray, pixels
     return found
 
 
-def _with_intersections(
+def with_intersections(
+    cameras: Sequence[ConvertedCamera],
+    camera: IntArray,
+    pixels: FloatArray,
     coordinates: FloatArray,
     rotations: FloatArray,
     centres: FloatArray,
-    tangents: FloatArray,
     point: IntArray,
     used: BoolArray,
 ) -> FloatArray:
+    """Return coordinates (m, 3) of points; those that are not known are intersected.
+
+    Parameters
+    ----------
+    cameras : sequence of ConvertedCamera
+    camera, point : arrays (k,) of int
+        Those of each ray.
+    pixels : array (k, 2)
+    coordinates : array (m, 3)
+    rotations, centres : arrays (k, 3, 3), (k, 3)
+        Of the photo of each ray.
+    used : array (k,) of bool
+    """
+    tangents = _ray_directions(cameras, camera, pixels)
     vectors = np.column_stack([tangents, np.full(len(tangents), -1.0)])
     ground = np.einsum("nij,nj->ni", rotations, vectors)
     known = used & np.isfinite(ground).all(axis=1) & np.isfinite(centres).all(axis=1)

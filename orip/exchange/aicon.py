@@ -1,17 +1,17 @@
 """Projects of AICON 3D Studio: ``.ior`` cameras, ``.eor`` photos, ``.obc`` points, ``.phc`` measurements, ``.scale``.
 
-Fields are separated by blanks; lengths are millimetres, angles radians. Image coordinates count from the centre of the
-frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in the form of the ISP
-regulations.
+Fields are separated by blanks; lengths and their standard deviations are millimetres, angles radians. Image coordinates
+count from the centre of the frame, y up; the principal distance has a minus. Distortion is that of ideal coordinates in
+the form of the ISP regulations.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
 from orip.files.text.parsed import Parsed
@@ -26,6 +26,7 @@ _SUFFIXES = (".ior", ".eor", ".obc", ".phc")
 _CAMERA_FIELDS = (6, 1, 2, 2, 4)
 _LINES_OF_CAMERA = 5
 _CAMERA = ("f", "cx", "cy", "a1", "a2", "r0", "a3", "p1", "p2", "b1", "b2")
+_PLANE = ("f", "cx", "cy")
 _FIELDS = {".eor": 11, ".obc": 10, ".phc": 11, ".scale": 7}
 _NOT_ORIENTED = 1
 
@@ -61,13 +62,13 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = _photos(files[".eor"], codes, faults_of(".eor"))
     points, rays = CollectedPoints(), CollectedRays()
     datum = _add_points(files[".obc"], points, faults_of(".obc"))
-    _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
+    lost = _add_rays(files[".phc"], photos, points, rays, faults_of(".phc"))
     distances = _distances(files[".scale"], faults_of(".scale")) if ".scale" in files else ()
-    notes = (
-        (f"The datum of the file is that of {counted(len(datum), 'point')}; set datum_points in orip.toml.",)
-        if datum
-        else ()
-    )
+    notes = list(lost)
+    if datum:
+        notes.insert(
+            0, f"The datum of the file is that of {counted(len(datum), 'point')}; set datum_points in orip.toml."
+        )
     if not photos and not complaints:
         complaints.append(Complaint("there is no oriented photo", shown))
     if complaints:
@@ -75,7 +76,7 @@ def read_aicon(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     return Parsed(
         ExchangedProject(
             "", cameras, tuple(photos.values()), points.points(), rays.rays(), (READING,),
-            distances=tuple(distances), ground_unit="mm", precision=0.001, notes=notes,
+            distances=tuple(distances), ground_unit="mm", precision=None, notes=tuple(notes),
         )
     )  # fmt: skip
 
@@ -115,9 +116,16 @@ def _cameras(path: Path, faults: Faults) -> tuple[dict[str, int], tuple[Exchange
         codes[name] = len(cameras)
         size = (int(columns), int(rows))
         cameras.append(
-            ExchangedCamera(name, *size, "isp", parameters, "AICON", _AXES, _AXES, sensor_mm=(width, height))
+            ExchangedCamera(
+                name, *size, "isp", parameters, "AICON", _AXES, _AXES, (width, height), _estimated(parameters)
+            )
         )
     return codes, tuple(cameras)
+
+
+def _estimated(parameters: Mapping[str, float]) -> tuple[str, ...]:
+    """Return what the network has estimated: all but the radius at which distortion is 0, and terms that are 0."""
+    return tuple(name for name, value in parameters.items() if name in _PLANE or (value and name != "r0"))
 
 
 def _photos(path: Path, codes: dict[str, int], faults: Faults) -> dict[str, ExchangedPhoto]:
@@ -147,14 +155,17 @@ def _add_points(path: Path, points: CollectedPoints, faults: Faults) -> list[str
 
 def _add_rays(
     path: Path, photos: dict[str, ExchangedPhoto], points: CollectedPoints, rays: CollectedRays, faults: Faults
-) -> None:
-    places = {name: place for place, name in enumerate(photos)}
+) -> list[str]:
+    """Add measurements; return what belongs to no photo."""
+    names = PhotoNames(photos)
     for number, words in _rows(path, ".phc", faults):
         x, y, sx, sy = (faults.decimal(word, "x and y and their deviations", number) for word in words[2:6])
-        if words[0] in places:
+        photo = names.place(words[0])
+        if photo is not None:
             deviation = max(sx, sy)
             active = words[9] != "0"
-            rays.add(places[words[0]], points.add(words[1]), (x, y), deviation or float("nan"), is_active=active)
+            rays.add(photo, points.add(words[1]), (x, y), deviation or float("nan"), is_active=active)
+    return names.notes(path.name, "measurement")
 
 
 def _distances(path: Path, faults: Faults) -> Iterable[ControlDistance]:

@@ -6,7 +6,7 @@ programs differ in that, the measurements decide. Lines that begin with ``*`` or
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.assumed_frame import PIXEL_MM, with_assumed_frame
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.short_names import with_original_names
 from orip.exchange.sources.text import numbered_words, text_lines
@@ -67,7 +67,8 @@ def read_bingo(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     cameras = tuple(ground.cameras.values())
     places = {name: n for n, name in enumerate(ground.cameras)}
     rows, faults = rows_of("image.dat")
-    photos = _photos(rows, places, poses, points, rays, faults)
+    oriented = PhotoNames(poses)
+    photos = _photos(rows, places, list(poses.values()), oriented, points, rays, faults)
     if not photos and not complaints:
         complaints.append(Complaint("image.dat has no photo", shown))
     if complaints:
@@ -77,6 +78,7 @@ def read_bingo(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     of_ray = np.array([photo.camera for photo in photos])[found.photo]
     framed = [with_assumed_frame(camera, found.image[of_ray == n]) for n, camera in enumerate(cameras)]
     notes += [note for _, note in framed]
+    notes += oriented.notes("image.dat", "photo", "without orientation")
     project = ExchangedProject(
         "", tuple(camera for camera, _ in framed), tuple(photos), points.points(), found, (READING,),
         tuple(ground.control), ground_unit="m", precision=_PRECISION_PX, notes=tuple(notes),
@@ -142,7 +144,8 @@ def _poses(
 def _photos(
     rows: Iterator[tuple[int, list[str]]],
     cameras: dict[str, int],
-    poses: dict[str, tuple[float, ...]],
+    poses: Sequence[tuple[float, ...]],
+    oriented: PhotoNames,
     points: CollectedPoints,
     rays: CollectedRays,
     faults: Faults,
@@ -158,7 +161,8 @@ def _photos(
             camera = cameras.get(words[1]) if len(words) > 1 else None
             if camera is None:
                 faults.complain("a photo should begin with its name and a camera of geoin.dat (CAPA)", number)
-            pose = poses.get(words[0], ())
+            place = oriented.place(words[0])
+            pose = () if place is None else poses[place]
             photos.append(ExchangedPhoto(words[0], camera or 0, pose[3:], pose[:3], key=len(photos)))
         else:
             _add_ray(words, number, len(photos) - 1, points, rays, faults)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.exchange.names_table import TRACK_MARK
-from orip.exchange.sources.short_names import names_file, short_names
+from orip.exchange.sources.short_names import distinct_names, names_file, short_names
 from orip.records.exchanged import ExchangedProject
 from orip.records.observations.control import ControlPoint
 
@@ -24,12 +23,9 @@ def write_bingo(project: ExchangedProject, original: Path | None) -> Mapping[str
     cameras = short_names([camera.name for camera in project.cameras], _suits)
     photos = short_names([photo.name for photo in project.photos], _suits)
     points = project.points
-    given = [
-        f"{TRACK_MARK}{name}" if is_track else name
-        for name, is_track in zip(points.names, points.is_track.tolist(), strict=True)
-    ]
-    names = short_names(given, _suits)
-    control = dict(zip(given, names, strict=True))
+    given = distinct_names(points, marks_tracks=True)
+    names = short_names(given, _suits, first=list(points.marks.values()))
+    control = {name: names[place] for name, place in points.marks.items()}
     return {
         "image.dat": "".join(_image_lines(project, photos, cameras, names)).encode(),
         "geoin.dat": "".join(_ground_lines(project, cameras, control)).encode(),

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Literal
 
 from msgspec import Struct
 
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
+
+Given = Literal["control points", "check points", "stations", "distances", "tie points", "measurements"]
+"""What a project may have that a format may lack."""
 
 Read = Callable[[Path, str], Parsed[ExchangedProject | None]]
 """From a file or folder, and its name for messages, to the project in it; None where there are complaints."""
@@ -38,8 +42,8 @@ class Conventions(Struct, frozen=True):
         one.
     fisheye_lens : Lens or None
         Of fisheye cameras, if the format has any.
-    terms : tuple of str, or None
-        Parameters of the lens that the format has a place for; None: all.
+    terms, fisheye_terms : tuple of str, or None
+        Parameters of these lenses that the format has a place for; None: all.
     counts_from_principal_point : bool
         Image coordinates have the principal point as their origin, which the format has no place for.
     is_drawn : bool
@@ -48,6 +52,8 @@ class Conventions(Struct, frozen=True):
         Tells whether a result is put into a copy of an original. None: every original is copied.
     has_terms_of_original : bool
         A copy has the ground frame of its original, and the cameras that have not changed.
+    lacks : tuple of str
+        What the files of a new project in the format have no place for, and what an export says is not written.
     """
 
     lens: Lens | None
@@ -57,10 +63,12 @@ class Conventions(Struct, frozen=True):
     is_cartesian: bool = True
     fisheye_lens: Lens | None = None
     terms: tuple[str, ...] | None = None
+    fisheye_terms: tuple[str, ...] | None = None
     counts_from_principal_point: bool = False
     is_drawn: bool = False
     is_copied: Callable[[Path], bool] | None = None
     has_terms_of_original: bool = False
+    lacks: tuple[Given, ...] = ()
 
 
 class Format(Struct, frozen=True):

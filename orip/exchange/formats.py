@@ -17,8 +17,8 @@ from orip.exchange.blocks_exchange.writer import READING as BLOCKS
 from orip.exchange.blocks_exchange.writer import write_blocks_exchange
 from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
-from orip.exchange.colmap.writer import write_model
-from orip.exchange.format import Conventions, Format
+from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, write_model
+from orip.exchange.format import Conventions, Format, Given
 from orip.exchange.gis.dxf import write_dxf
 from orip.exchange.gis.geojson import write_geojson
 from orip.exchange.gis.geopackage import write_geopackage
@@ -38,7 +38,12 @@ from orip.exchange.micmac.source import is_micmac, read_micmac
 from orip.exchange.micmac.writer import is_copied_folder, write_micmac
 from orip.exchange.opensfm.reconstruction import READING as OPENSFM
 from orip.exchange.opensfm.source import is_opensfm, read_opensfm
-from orip.exchange.opensfm.writer import is_copied_reconstruction, write_opensfm
+from orip.exchange.opensfm.writer import (
+    OPENSFM_FISHEYE_TERMS,
+    OPENSFM_TERMS,
+    is_copied_reconstruction,
+    write_opensfm,
+)
 from orip.exchange.patb import AXES as PATB_AXES
 from orip.exchange.patb import READINGS as PATB
 from orip.exchange.patb import is_patb, read_patb
@@ -60,6 +65,9 @@ def _never(_original: Path) -> bool:
     return False
 
 
+_OBSERVED: tuple[Given, ...] = ("stations", "distances")
+_WITHOUT_GROUND: tuple[Given, ...] = ("control points", "check points", *_OBSERVED)
+
 FORMATS: tuple[Format, ...] = (
     Format(
         "colmap",
@@ -67,7 +75,9 @@ FORMATS: tuple[Format, ...] = (
         read_model,
         is_model,
         write_model,
-        Conventions("opencv", COLMAP, fisheye_lens="equidistant"),
+        Conventions(
+            "opencv", COLMAP, fisheye_lens="equidistant", fisheye_terms=COLMAP_FISHEYE_TERMS, lacks=_WITHOUT_GROUND
+        ),
     ),
     Format(
         "opensfm",
@@ -75,7 +85,15 @@ FORMATS: tuple[Format, ...] = (
         read_opensfm,
         is_opensfm,
         write_opensfm,
-        Conventions("opencv", OPENSFM, fisheye_lens="equidistant", is_copied=is_copied_reconstruction),
+        Conventions(
+            "opencv",
+            OPENSFM,
+            fisheye_lens="equidistant",
+            terms=OPENSFM_TERMS,
+            fisheye_terms=OPENSFM_FISHEYE_TERMS,
+            is_copied=is_copied_reconstruction,
+            lacks=_WITHOUT_GROUND,
+        ),
     ),
     Format(
         "metashape",
@@ -84,7 +102,12 @@ FORMATS: tuple[Format, ...] = (
         is_metashape,
         write_metashape,
         Conventions(
-            "agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", is_copied=is_copied, has_terms_of_original=True
+            "agisoft",
+            METASHAPE,
+            fisheye_lens="agisoft_fisheye",
+            is_copied=is_copied,
+            has_terms_of_original=True,
+            lacks=("distances", "tie points"),
         ),
         add_references=with_references,
         require_way_back=require_labels,
@@ -96,7 +119,7 @@ FORMATS: tuple[Format, ...] = (
         read_blocks_exchange,
         is_blocks_exchange,
         write_blocks_exchange,
-        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False, is_copied=_never),
+        Conventions("agisoft", BLOCKS, BLOCKS_AXES, BLOCKS_AXES, is_cartesian=False, is_copied=_never, lacks=_OBSERVED),
         is_file=True,
     ),
     Format(
@@ -105,7 +128,7 @@ FORMATS: tuple[Format, ...] = (
         read_micmac,
         is_micmac,
         write_micmac,
-        Conventions("fraser", MICMAC, is_copied=is_copied_folder),
+        Conventions("fraser", MICMAC, is_copied=is_copied_folder, lacks=(*_WITHOUT_GROUND, "measurements")),
     ),
     Format(
         "bundler",
@@ -121,6 +144,7 @@ FORMATS: tuple[Format, ...] = (
             terms=BUNDLER_TERMS,
             counts_from_principal_point=True,
             is_copied=_never,
+            lacks=_WITHOUT_GROUND,
         ),
     ),
     Format(
@@ -129,7 +153,15 @@ FORMATS: tuple[Format, ...] = (
         read_bal,
         is_bal,
         write_bal,
-        Conventions("agisoft", BAL, BUNDLER_AXES, BUNDLER_AXES, terms=BUNDLER_TERMS, counts_from_principal_point=True),
+        Conventions(
+            "agisoft",
+            BAL,
+            BUNDLER_AXES,
+            BUNDLER_AXES,
+            terms=BUNDLER_TERMS,
+            counts_from_principal_point=True,
+            lacks=_WITHOUT_GROUND,
+        ),
         is_file=True,
     ),
     Format(
@@ -139,7 +171,14 @@ FORMATS: tuple[Format, ...] = (
         is_nvm,
         write_nvm,
         Conventions(
-            "measured", NVM, NVM_AXES, NVM_AXES, terms=NVM_TERMS, counts_from_principal_point=True, is_copied=_never
+            "measured",
+            NVM,
+            NVM_AXES,
+            NVM_AXES,
+            terms=NVM_TERMS,
+            counts_from_principal_point=True,
+            is_copied=_never,
+            lacks=_WITHOUT_GROUND,
         ),
         is_file=True,
     ),
@@ -151,7 +190,16 @@ FORMATS: tuple[Format, ...] = (
         read_bingo,
         is_bingo,
         write_bingo,
-        Conventions("isp", BINGO, BINGO_AXES, BINGO_AXES, is_cartesian=False, terms=BINGO_TERMS, is_copied=_never),
+        Conventions(
+            "isp",
+            BINGO,
+            BINGO_AXES,
+            BINGO_AXES,
+            is_cartesian=False,
+            terms=BINGO_TERMS,
+            is_copied=_never,
+            lacks=_OBSERVED,
+        ),
     ),
     Format(
         "patb",
@@ -168,6 +216,7 @@ FORMATS: tuple[Format, ...] = (
             terms=PATB_TERMS,
             is_copied=_never,
             counts_from_principal_point=True,
+            lacks=("check points", *_OBSERVED),
         ),
     ),
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),

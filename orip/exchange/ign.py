@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
 from orip.files.text.parsed import Parsed
@@ -62,7 +62,7 @@ def read_ign(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     photos = _photos(path, cameras, faults_of(path))
     points, rays = CollectedPoints(), CollectedRays()
     for file in _with_suffix(path.parent, ".mes"):
-        unmeasured = _add_measurements(file, photos, points, rays, faults_of(file))
+        unmeasured = _add_measurements(file, photos, points, rays, notes, faults_of(file))
         if unmeasured:
             notes.append(f"{file.name}: {counted(unmeasured, 'measurement')} at 0, 0 left out.")
     control: list[ControlPoint] = []
@@ -138,17 +138,23 @@ def _rows(path: Path, count: int, fields: str, faults: Faults) -> Iterator[tuple
 
 
 def _add_measurements(
-    path: Path, photos: dict[str, ExchangedPhoto], points: CollectedPoints, rays: CollectedRays, faults: Faults
+    path: Path,
+    photos: dict[str, ExchangedPhoto],
+    points: CollectedPoints,
+    rays: CollectedRays,
+    notes: list[str],
+    faults: Faults,
 ) -> int:
     """Add the measurements of a file; return how many stand at 0, 0, which means: not measured."""
-    places = {name: place for place, name in enumerate(photos)}
+    names = PhotoNames(photos)
     unmeasured = 0
     for number, words in _rows(path, 4, "point photo column row", faults):
         column, row = (faults.decimal(word, "column and row", number) for word in words[2:])
         if column == 0.0 and row == 0.0:
             unmeasured += 1
-        elif words[1] in places:
-            rays.add(places[words[1]], points.add(words[0]), (column, row))
+        elif (photo := names.place(words[1])) is not None:
+            rays.add(photo, points.add(words[0]), (column, row))
+    notes += names.notes(path.name, "measurement")
     return unmeasured
 
 

@@ -30,20 +30,33 @@ _RECORDS = ("camera", "photo")
 class NamesTable(Struct, frozen=True):
     """Original names by orip's; those of cameras and photos by `record_key`.
 
-    Names that are not listed are the original ones; a tie point T17 is track 17.
+    Names that are not listed are the original ones; a tie point T17 is track 17. Points are those with names of their
+    own, tracks those with numbers.
     """
 
     cameras: Mapping[str, str] = field(default_factory=dict)
     photos: Mapping[str, str] = field(default_factory=dict)
     points: Mapping[str, str] = field(default_factory=dict)
+    tracks: Mapping[str, str] = field(default_factory=dict)
+
+    def original_mark(self, name: str) -> str:
+        """Return the original name of a point that is no track, as control points are."""
+        return self.points.get(name, name)
 
     def original_point(self, name: str) -> tuple[str, bool]:
-        """Return the original name of a point, and whether it is the number of a track."""
+        """Return the original name of a point that is not control, and whether it is the number of a track."""
         if name in self.points:
             return self.points[name], False
-        number = name.removeprefix(TRACK_MARK)
-        is_track = number != name and number.isascii() and number.isdigit()
-        return (number if is_track else name), is_track
+        if name in self.tracks:
+            return self.tracks[name], True
+        is_track = is_named_as_track(name)
+        return (name.removeprefix(TRACK_MARK) if is_track else name), is_track
+
+
+def is_named_as_track(name: str) -> bool:
+    """Tell whether a name looks like that of a track: T and a number."""
+    number = name.removeprefix(TRACK_MARK)
+    return number != name and number.isascii() and number.isdigit()
 
 
 class Original(Struct, frozen=True):
@@ -71,7 +84,7 @@ def read_names(folder: Path) -> NamesTable:
         If a name has a character that cannot be printed: no other program has such names.
     """
     data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
-    found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
+    found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}, "track": {}}
     try:
         for line, row in enumerate(csv.reader((data or b"").decode("utf-8-sig").splitlines()), start=1):
             unfit = [word for word in row if has_hidden(word)]
@@ -82,7 +95,7 @@ def read_names(folder: Path) -> NamesTable:
                 found[row[0]][record_key(row[1]) if row[0] in _RECORDS else row[1]] = row[2]
     except (UnicodeDecodeError, csv.Error):
         return NamesTable()
-    return NamesTable(found["camera"], found["photo"], found["point"])
+    return NamesTable(found["camera"], found["photo"], found["point"], found["track"])
 
 
 def place_from(folder: Path, source: Path) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import InputError
-from orip.exchange.sources.short_names import names_file, short_names
+from orip.exchange.sources.short_names import distinct_names, names_file, short_names
 from orip.records.exchanged import ExchangedPhoto, ExchangedProject
 from orip.records.observations.control import ControlPoint
 
@@ -35,8 +35,10 @@ def write_patb(project: ExchangedProject, original: Path | None) -> Mapping[str,
         message = f"the files of PAT-B have one camera, and here are {len(project.cameras)} ({names}); write BINGO's"
         raise InputError.single(message)
     photos = short_names([photo.name for photo in project.photos], _is_number)
-    points = short_names(project.points.names, _is_number)
-    control = {name: points[n] for n, name in enumerate(project.points.names) if not project.points.is_track[n]}
+    given = distinct_names(project.points)
+    marks = project.points.marks
+    points = short_names(given, _is_number, first=list(marks.values()))
+    control = {name: points[place] for name, place in marks.items()}
     groups = _groups(project.control)
     return {
         "camera.txt": f"c = {float(project.cameras[0].parameters['f'])!r}\n".encode(),
@@ -46,9 +48,7 @@ def write_patb(project: ExchangedProject, original: Path | None) -> Mapping[str,
         "deviations.txt": "".join(
             f"group {n}: sX sY {abs(plan)!r}, sZ {abs(height)!r}\n" for (plan, height), n in groups.items()
         ).encode(),
-        **names_file(
-            [("photo", photos, [photo.name for photo in project.photos]), ("point", points, project.points.names)]
-        ),
+        **names_file([("photo", photos, [photo.name for photo in project.photos]), ("point", points, given)]),
     }
 
 

@@ -74,7 +74,7 @@ def _photos(
 ) -> tuple[list[ExchangedPhoto], list[ExchangedCamera], int]:
     """Return photos, their different cameras, and where the sections begin."""
     photos: list[ExchangedPhoto] = []
-    cameras: dict[tuple[float, ...], int] = {}
+    cameras: dict[tuple[tuple[float, ...], tuple[bool, ...]], int] = {}
     start = _HEAD_LINES
     while start < len(lines) and lines[start].strip():
         if start + _PHOTO_LINES > len(lines):
@@ -83,27 +83,33 @@ def _photos(
         name = lines[start].split(maxsplit=1)[-1].strip()
         pose = faults.decimals(lines[start + 1], 7, "photo, X Y Z, kappa phi omega", start + 2)
         values = faults.decimals(lines[start + 4], 1 + len(_CAMERA), "camera of the photo", start + 5)
-        if pose is not None and values is not None:
+        sigmas = faults.decimals(lines[start + 5], 1 + len(_CAMERA), "deviations of the camera", start + 6)
+        if pose is not None and values is not None and sigmas is not None:
             _, x, y, z, kappa, phi, omega = pose
-            camera = cameras.setdefault(values[1:], len(cameras))
+            camera = cameras.setdefault((values[1:], tuple(sigma > 0 for sigma in sigmas[1:])), len(cameras))
             photos.append(ExchangedPhoto(name, camera, (omega, phi, kappa), (x, y, z), key=len(photos)))
         start += _PHOTO_LINES
     columns, rows = (int(size[2]), int(size[3])) if size is not None and len(size) > 2 else (0, 0)
     found = [
-        _camera(f"camera{number}", values, (columns, rows), faults) for number, values in enumerate(cameras, start=1)
+        _camera(f"camera{number}", values, is_free, (columns, rows), faults)
+        for number, (values, is_free) in enumerate(cameras, start=1)
     ]
     return photos, found, start
 
 
-def _camera(name: str, values: tuple[float, ...], size: tuple[int, int], faults: Faults) -> ExchangedCamera:
+def _camera(
+    name: str, values: tuple[float, ...], is_free: tuple[bool, ...], size: tuple[int, int], faults: Faults
+) -> ExchangedCamera:
+    """Return a camera; what has a deviation of 0 was held."""
     value = dict(zip(_CAMERA, values, strict=True))
     width, height = value.pop("width"), value.pop("height")
     if min(width, height, value["f"]) <= 0:
         faults.complain(f"{name}: focal length and size of the sensor have to be above 0")
     value["cx"], value["cy"] = value["cx"] - width / 2.0, height / 2.0 - value["cy"]
     return ExchangedCamera(
-        name, *size, "measured", value, "PhotoModeler", lens_axes=_LENS_AXES, sensor_mm=(width, height)
-    )
+        name, *size, "measured", value, "PhotoModeler", lens_axes=_LENS_AXES, sensor_mm=(width, height),
+        free=tuple(term for term, free in zip(_CAMERA, is_free, strict=True) if free and term in value),
+    )  # fmt: skip
 
 
 def _sections(lines: list[str], start: int) -> list[list[tuple[int, str]]]:

@@ -1,12 +1,16 @@
 """Pix4D's folder ``1_initial/params``: photos with cameras, poses and the coordinates' offset.
 
-``*_calibrated_camera_parameters.txt`` has for each photo its camera matrix, radial and tangential distortion (OpenCV's
-order), position without the offset, and rotation from ground to camera, y down. It has no measurements.
+``*_calibrated_camera_parameters.txt``, with the project's name in front or without, has for each photo its camera
+matrix, radial and tangential distortion (OpenCV's order), position without the offset, and rotation from ground to
+camera, y down. It has no measurements.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+
+import numpy as np
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
@@ -14,10 +18,17 @@ from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import text_lines
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
+from orip.structs import replace
 
 READING = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")
 
-_CAMERAS = "_calibrated_camera_parameters.txt"
+_CAMERAS = "calibrated_camera_parameters.txt"
+_POSITIONS, _OFFSET, _CRS = "calibrated_images_position.txt", "offset.xyz", "wkt.prj"
+"""Names behind the project's name and ``_``, or without them."""
+
+_SAME_OFFSET = 0.01
+"""Metres by which the differences of positions to their offset vary at most: they are rounded."""
+
 _HEAD = "camera model m = K [R|-Rt] X"
 _LINES_OF_PHOTO = 10
 _COUNTS = (3, 3, 3, 3, 2, 3, 3, 3, 3)
@@ -49,40 +60,78 @@ def read_pix4d(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         inside = file.relative_to(source) if source.is_dir() else Path(file.name)
         return Faults(str(folder / inside), complaints)
 
+    prefix = path.name.removesuffix(_CAMERAS)
     lines = text_lines(path, faults_of(path))
     head = next((n for n, line in enumerate(lines) if line.strip() == _HEAD), None)
     if head is None:
         faults_of(path).complain(f"the head does not end with '{_HEAD}'; export the parameters again", 1)
         return Parsed(None, tuple(complaints))
-    stem = path.name.removesuffix(_CAMERAS)
-    offset = _offset(path.with_name(f"{stem}_offset.xyz"), faults_of)
-    photos, cameras = _photos(lines, head + 1, offset, faults_of(path))
+    photos, cameras = _photos(lines, head + 1, faults_of(path))
+    offset, said = _offset(path, prefix, photos, faults_of)
+    photos = [replace(photo, position=_moved(photo.position, offset)) for photo in photos]
     if not photos and not complaints:
         complaints.append(Complaint("the file has no photo", shown))
     if complaints:
         return Parsed(None, tuple(complaints))
-    prj = path.with_name(f"{stem}_wkt.prj")
+    prj = path.with_name(f"{prefix}{_CRS}")
     crs = "\n".join(text_lines(prj, Faults(""))).strip() if prj.is_file() else ""
-    notes = ("The folder has no measurements: only cameras and orientations are imported.",)
+    notes = ("The folder has no measurements: only cameras and orientations are imported.", *said)
     return Parsed(
         ExchangedProject(
-            stem, tuple(cameras), tuple(photos), CollectedPoints().points(), CollectedRays().rays(), (READING,),
-            crs=crs or None, ground_unit="m", notes=notes,
+            prefix.rstrip("_-"), tuple(cameras), tuple(photos), CollectedPoints().points(), CollectedRays().rays(),
+            (READING,), crs=crs or None, ground_unit="m", notes=notes,
         )
     )  # fmt: skip
 
 
-def _offset(path: Path, faults_of: object) -> tuple[float, ...]:
-    if not path.is_file() or not callable(faults_of):
-        return (0.0, 0.0, 0.0)
-    faults: Faults = faults_of(path)
-    text = " ".join(text_lines(path, faults))
-    return faults.decimals(text, 3, "offset", 1) or (0.0, 0.0, 0.0)
+def _offset(
+    path: Path, prefix: str, photos: list[ExchangedPhoto], faults_of: Callable[[Path], Faults]
+) -> tuple[tuple[float, ...], list[str]]:
+    """Return what positions are short of, and a note where it is not that of a file of its own."""
+    own = path.with_name(f"{prefix}{_OFFSET}")
+    if own.is_file():
+        faults = faults_of(own)
+        return faults.decimals(" ".join(text_lines(own, faults)), 3, "offset", 1) or _NOTHING, []
+    table = path.with_name(f"{prefix}{_POSITIONS}")
+    places = _places(table, faults_of(table)) if table.is_file() else {}
+    shifts = np.array(
+        [np.subtract(places[photo.name], photo.position) for photo in photos if photo.name in places]
+    ).reshape(-1, 3)
+    if not len(shifts):
+        said = f"There is no {own.name}, and no positions in {table.name}: coordinates are local, as Pix4D wrote them."
+        return _NOTHING, [said]
+    shift = np.median(shifts, axis=0)
+    if np.abs(shifts - shift).max() > _SAME_OFFSET:
+        said = (
+            f"The positions in {table.name} are not those of the cameras: coordinates are local, as Pix4D wrote them."
+        )
+        return _NOTHING, [said]
+    shown = ", ".join(f"{value:.3f}" for value in shift.tolist())
+    return tuple(np.round(shift, 3).tolist()), [
+        f"There is no {own.name}: the offset of the coordinates ({shown}) is that of the positions in {table.name}."
+    ]
 
 
-def _photos(
-    lines: list[str], first: int, offset: tuple[float, ...], faults: Faults
-) -> tuple[list[ExchangedPhoto], list[ExchangedCamera]]:
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+def _moved(position: tuple[float, ...], offset: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(value + shift for value, shift in zip(position, offset, strict=True))
+
+
+def _places(path: Path, faults: Faults) -> dict[str, tuple[float, ...]]:
+    """Return positions by photo of a table ``photo,X,Y,Z``."""
+    found = {}
+    for number, line in enumerate(text_lines(path, faults), start=1):
+        words = line.rsplit(",", 3)
+        if len(words) == 4:
+            values = faults.decimals(" ".join(words[1:]), 3, "position", number)
+            if values is not None:
+                found[words[0].strip()] = values
+    return found
+
+
+def _photos(lines: list[str], first: int, faults: Faults) -> tuple[list[ExchangedPhoto], list[ExchangedCamera]]:
     """Return photos and their different cameras."""
     filled = [(number, line) for number, line in enumerate(lines, start=1) if number > first and line.strip()]
     photos: list[ExchangedPhoto] = []
@@ -104,8 +153,7 @@ def _photos(
         plane = ((k[0] or ())[0], (k[1] or ())[1], (k[0] or ())[2], (k[1] or ())[2])
         camera = cameras.setdefault((size[0] or 0, size[1] or 0, *plane, *radial, *tangential), len(cameras))
         rotation = tuple(value for row in rows[6:9] for value in row or ())
-        x, y, z = (value + shift for value, shift in zip(position, offset, strict=True))
-        photos.append(ExchangedPhoto(words[0], camera, rotation, (x, y, z), key=len(photos)))
+        photos.append(ExchangedPhoto(words[0], camera, rotation, tuple(position), key=len(photos)))
     return photos, [_camera(number, values) for number, values in enumerate(cameras, start=1)]
 
 
@@ -113,5 +161,11 @@ def _camera(number: int, values: tuple[int | float, ...]) -> ExchangedCamera:
     columns, rows, *numbers = values
     names = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
     return ExchangedCamera(
-        f"camera{number}", int(columns), int(rows), "opencv", dict(zip(names, numbers, strict=True)), "Pix4D"
+        f"camera{number}",
+        int(columns),
+        int(rows),
+        "opencv",
+        dict(zip(names, numbers, strict=True)),
+        "Pix4D",
+        free=names,
     )

@@ -53,6 +53,7 @@ class _Client(Struct, eq=False):
     address: str
     lines: LineReader
     writer: asyncio.StreamWriter
+    is_served: bool = False
 
 
 class Emulator:
@@ -123,10 +124,11 @@ class Emulator:
                 writer.write(f"{ASKING}\n".encode("ascii"))
                 if not await self._door.lets_in(stream, writer):
                     return
-            if self._others_served(client) >= MOST_CLIENTS:
+            if sum(other.is_served for other in self._clients) >= MOST_CLIENTS:
                 writer.write(error(DriveFault(DriveCode.BUSY, f"{MOST_CLIENTS} programs are connected already")))
                 await hang_up(stream, writer)
                 return
+            client.is_served = True
             self._operator = self._operator or client
             writer.write(greeting(self._station, self._other_operator(client)))
             await self._converse(client)
@@ -136,11 +138,6 @@ class Emulator:
             del self._clients[client]
             self._observe(client)
             writer.close()
-
-    def _others_served(self, client: _Client) -> int:
-        """Return how many other clients have been let in."""
-        waiting = () if self._door is None else self._door.waiting
-        return sum(other is not client and other.writer not in waiting for other in self._clients)
 
     async def _converse(self, client: _Client) -> None:
         goes_on = True

@@ -65,7 +65,7 @@ def _let_in(line: SocketLine, token: str | None, url: str) -> str:
     if token is not None:
         line.send(f"TOKEN {token}\n".encode("ascii"))
         first = line.greeting()
-        if not first.startswith("ERR"):
+        if not first.startswith("ERR 403"):
             return first
     line.close()
     what = "wants a token" if token is None else "does not take this token (error 403)"

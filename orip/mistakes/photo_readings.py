@@ -24,8 +24,8 @@ _FITS = 6.0
 _MOST = 0.75
 """Part of the points that has to fit."""
 
-_FEWEST = 5
-"""Least number of known points of a photo: fewer fit any reading by chance."""
+FEWEST = 5
+"""Least number of known points of a photo: fewer fit any reading by chance, and contradict nothing."""
 
 _RESOLUTIONS = (2.0, 4.0)
 """Factors of reduced pictures."""
@@ -112,7 +112,7 @@ def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | No
     points = block.photo_points
     rows = np.flatnonzero((points.photo == photo) & points.in_use)
     rows = rows[np.isfinite(known[points.point[rows]]).all(axis=1)]
-    if len(rows) < _FEWEST:
+    if len(rows) < FEWEST:
         return None
     error = float(np.median(points.error[rows]))
     vectors = image_vectors(block)[rows]
@@ -120,7 +120,7 @@ def _fit(block: Block, photo: int, known: FloatArray, scale: float) -> _Fit | No
         return None
     near = suit_plane_image(vectors, are_equidistant(block)[rows])
     rows, vectors = rows[near], vectors[near]
-    if len(rows) < _FEWEST:
+    if len(rows) < FEWEST:
         return None
     resected = resect(vectors, known[points.point[rows]], error_mm=error)
     if not isinstance(resected, Resected):

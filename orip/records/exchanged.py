@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal
 
+import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
@@ -19,8 +20,9 @@ RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kap
 AngleUnit = Literal["radian", "degree", "gon"]
 
 Lens = Literal[
-    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "agisoft_fisheye", "unsupported"
-]
+    "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
+    "agisoft_fisheye", "unsupported",
+]  # fmt: skip
 """Formula of a camera; `orip.conversion.lenses` has them, with the names of their parameters."""
 
 
@@ -146,7 +148,9 @@ class ExchangedPhoto(Struct, frozen=True):
 
 
 class ExchangedPoints(Struct, frozen=True):
-    """m points that are measured or have coordinates.
+    """m points that are measured or have coordinates: marks, which have names, and tracks, which have numbers.
+
+    Mark 7 and track 7 are two points. Control and distances are those of marks.
 
     Parameters
     ----------
@@ -171,6 +175,16 @@ class ExchangedPoints(Struct, frozen=True):
     covariance: FloatArray | None = None
     ellipse: FloatArray | None = None
     residual: FloatArray | None = None
+
+    @property
+    def marks(self) -> dict[str, int]:
+        """Return the places of marks by their names."""
+        return {self.names[place]: place for place in np.flatnonzero(~self.is_track).tolist()}
+
+    @property
+    def tracks(self) -> dict[str, int]:
+        """Return the places of tracks by their numbers."""
+        return {self.names[place]: place for place in np.flatnonzero(self.is_track).tolist()}
 
 
 class ExchangedRays(Struct, frozen=True):
@@ -219,10 +233,13 @@ class GroundFrame(Struct, frozen=True):
         and up (m) at an origin.
     origin : tuple of 3 float
         Longitude, latitude (degrees) and ellipsoidal height (m) of a topocentric frame's origin.
+    named : str
+        What the file calls it, for messages.
     """
 
     kind: Literal["plain", "geocentric", "topocentric"] = "plain"
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    named: str = "the place of the photos"
 
 
 class MappedPlaces(Struct, frozen=True):
@@ -254,8 +271,12 @@ class ExchangedProject(Struct, frozen=True):
         Of the poses; more than one where the format does not say, the likeliest first.
     control : tuple of ControlPoint
         By the name of the point; negative errors: a check point. Errors are None where the file has none.
+    checks : frozenset of str
+        Names of control points that the other program only compares, whether it gives them errors or not.
     control_crs : str
         What control coordinates refer to, x or longitude first; empty: the system of all others.
+    control_named : str
+        Where that is said, for messages.
     stations : tuple of Station
         By the name of the photo.
     station_reference : StationReference
@@ -266,7 +287,7 @@ class ExchangedProject(Struct, frozen=True):
     ground_unit : str
     frame : GroundFrame
     precision : float or None
-        A-priori error of a measurement, in the unit of `ray_axes`; None: as the residuals of the import say.
+        A-priori error of a measurement, pixels; None: as the residuals of the import say.
     stated : StatedError or None
     is_calibration : bool
         It has cameras, and no photos.
@@ -283,7 +304,9 @@ class ExchangedProject(Struct, frozen=True):
     rays: ExchangedRays
     readings: tuple[PoseReading, ...] = (PoseReading(),)
     control: tuple[ControlPoint, ...] = ()
+    checks: frozenset[str] = frozenset()
     control_crs: str = ""
+    control_named: str = ""
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
     distances: tuple[ControlDistance, ...] = ()

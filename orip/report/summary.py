@@ -139,7 +139,8 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     test = sigma0_test(solution)
     level, text = headline(solution, sum(not result.passed for result in gates), test)
     status = solution.status.replace("_", " ")
-    finding = text if solution.status == "converged" else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
+    whole = solution.status in {"converged", "not_determined"}
+    finding = text if whole else f"{status}: {_uncapitalised(text.rpartition(': ')[2])}"
     yield SummaryLine("status", _uncapitalised(finding), level)
     if contradicting := group_findings(solution):
         yield SummaryLine("", contradicting[0].remedy)

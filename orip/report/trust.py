@@ -91,6 +91,7 @@ def _about_status(solution: Solution) -> str:
     ended = {
         "converged": "The adjustment converged",
         "doubtful": "The adjustment converged",
+        "not_determined": "The iterations ended without determining the block,",
         "not_converged": "The adjustment did not converge",
         "stopped": "The adjustment was stopped",
     }[solution.status]

@@ -33,4 +33,4 @@ class Named(Part, frozen=True):
     text: str
 
 
-Status = Literal["converged", "doubtful", "not_converged", "stopped"]
+Status = Literal["converged", "doubtful", "not_converged", "stopped", "not_determined"]

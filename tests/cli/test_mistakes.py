@@ -306,7 +306,7 @@ def test_control_that_nothing_uses_is_named(project: Path) -> None:
 
 def test_a_text_with_a_fault_in_each_line_tells_the_first_fifty(project: Path) -> None:
     with (project / "FIRST.PNT").open("a") as control:
-        control.writelines(f"U{number} 1,0 2.0 3.0 0 0 0\n" for number in range(3000))
+        control.writelines(f"U{number} 1,{number} 2.0 3.0 0 0 0\n" for number in range(3000))
     (project / "FIRST.ELE").write_text("nonsense\n")
     said = orip(project, "run")
     assert said.code == 3
@@ -315,6 +315,18 @@ def test_a_text_with_a_fault_in_each_line_tells_the_first_fifty(project: Path) -
     assert "error: FIRST.PNT: and 2950 more errors; correct those above first" in errors
     assert any("FIRST.ELE:1" in error for error in errors), "no text hides the faults of another"
     assert said.err.splitlines()[-1] == "3001 errors; nothing was written"
+
+
+def test_the_same_fault_in_each_line_is_told_once_with_its_number(project: Path) -> None:
+    with (project / "FIRST.PNT").open("a") as control:
+        first = len((project / "FIRST.PNT").read_text().splitlines()) + 1
+        control.writelines(f"U{number} 1,0 2.0 3.0 0 0 0\n" for number in range(3000))
+    said = orip(project, "run")
+    assert said.code == 3
+    (error,) = (line for line in said.err.splitlines() if line.startswith("error: "))
+    assert error.startswith(f"error: FIRST.PNT:{first}:4")
+    assert error.endswith(f" (3000 times, then in line {first + 1}, {first + 2}, {first + 3} ...)")
+    assert said.err.splitlines()[-1] == "3000 errors; nothing was written"
 
 
 def test_control_of_a_whole_country_is_counted_and_not_listed(project: Path) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from orip.conversion.names import photo_names, point_names, unique_names
+import numpy as np
+
+from orip.conversion.names import mark_names, photo_names, point_names, unique_names
+from orip.exchange.sources.short_names import distinct_names, short_names
+from orip.records.exchanged import ExchangedPoints
 
 
 def test_file_names_without_folder_where_they_stay_different() -> None:
@@ -22,4 +26,14 @@ def test_names_are_one_word_and_differ() -> None:
 
 
 def test_tracks_are_marked_and_never_meet_a_point_of_control() -> None:
-    assert point_names(["17", "17", "T18", "18"], [True, False, False, True]) == ("T17", "17", "T18", "T18_2")
+    points = ExchangedPoints(("17", "17", "T18", "18"), np.zeros((4, 3)), np.array([True, False, False, True]))
+    assert point_names(points, mark_names(points.marks)) == ("T17", "17", "T18", "T18_2")
+    # so does one that is not measured
+    assert point_names(points, mark_names([*points.marks, "T17"])) == ("T17_2", "17", "T18", "T18_2")
+
+
+def test_tracks_in_files_with_one_kind_of_point_leave_marks_their_names() -> None:
+    points = ExchangedPoints(("17", "17", "T17", "18"), np.zeros((4, 3)), np.array([True, False, False, True]))
+    assert distinct_names(points) == ("TT17", "17", "T17", "18")
+    assert distinct_names(points, marks_tracks=True) == ("TT17", "17", "T17", "T18")
+    assert short_names(["5", "x y", "5"], str.isdigit, first=[2]) == ["1", "2", "5"]

@@ -121,3 +121,13 @@ def test_what_is_wrong_is_told_with_its_line(tmp_path: Path) -> None:
     written(folder / "image.dat", "0.jpg CAM\n1 2\n1 x 2\n")
     parsed = read_bingo(folder, "B")
     assert [one.line for one in parsed.complaints] == [2, 3]
+
+
+def test_orientations_are_found_in_other_upper_and_lower_case(tmp_path: Path) -> None:
+    folder = bingo_files(tmp_path, block(READING))
+    path = folder / "itera.dat"
+    text = path.read_text(encoding="utf-8")
+    written(path, text.replace("ORIA 1.jpg", "ORIA 1.JPG").replace("ORIA 2.jpg", "ORIA gone.jpg"))
+    project = read_well(read_bingo, folder)
+    assert [bool(photo.rotation) for photo in project.photos] == [True, True, False, True, True, True]
+    assert "1 photo of image.dat without orientation, as no oriented photo has the names there: 2.jpg." in project.notes

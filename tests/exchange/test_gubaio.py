@@ -78,9 +78,40 @@ def test_photos_points_and_cameras_are_read(tmp_path: Path) -> None:
     assert project.photos[0].rotation == ()
 
 
-def test_a_film_camera_is_refused(tmp_path: Path) -> None:
-    parsed = read_gubaio(folder_of(tmp_path, cam=CAM.replace("DIGITAL", "SCAN")), "G")
-    assert any("DIGITAL" in complaint.message for complaint in parsed.complaints)
+MARKS = {"1": (-106.0, 106.0), "2": (-106.0, -106.0), "3": (106.0, -106.0), "4": (106.0, 106.0)}
+FILM = "[SENSOR]\nname = dcs\ntype = SCAN\n{marks}ScanResolution = 25\nCameraConstants = 0.014 0.022 303.1\nEND\n"
+
+
+def film(folder: Path, kind: str = "SCAN", marks: dict[str, tuple[float, float]] = MARKS) -> Path:
+    """Write a photo whose scan is turned, stretched and moved: column 4500 + 39 x + y, row 4600 + 0.5 x - 41 y."""
+    listed = "".join(f"{name} {x} {y}\n" for name, (x, y) in marks.items())
+    seen = "".join(f"{name} {4500 + 39 * x + y} {4600 + 0.5 * x - 41 * y}\n" for name, (x, y) in MARKS.items())
+    img = IMG.replace("sensor = dcs\n", f"sensor = dcs\n{seen}").replace("532.043478 185.565217", "4890 4605")
+    return folder_of(folder, img=img, cam=FILM.format(marks=listed).replace("SCAN", kind))
+
+
+@pytest.mark.parametrize(("kind", "columns"), [("SCAN", 9280), ("FRAME", 46400)])
+def test_points_on_film_are_millimetres_from_the_fiducial_centre(tmp_path: Path, kind: str, columns: int) -> None:
+    """Column 4890 and row 4605 are 39 · 10 and 0.5 · 10 from the centre: x = 10, y = 0."""
+    project = read_well(read_gubaio, film(tmp_path, kind))
+    assert project.rays.image[0].tolist() == pytest.approx([10.0, 0.0], abs=1e-9)
+    assert project.cameras[0].parameters["f"] == 303.1
+    assert project.cameras[0].columns == columns  # 232 mm, for a point at x = -115.4
+    assert "Fiducial marks of 1 photo fit by 0.0 µm (RMS)." in project.notes
+
+
+def test_film_without_enough_fiducial_marks_is_refused_with_what_is_missing(tmp_path: Path) -> None:
+    parsed = read_gubaio(film(tmp_path / "a", marks={"1": (-106.0, 106.0)}), "G")
+    assert parsed.complaints[0].message.startswith("sensor dcs of type SCAN has 1 fiducial mark; 3 or more are needed")
+    parsed = read_gubaio(
+        folder_of(tmp_path / "b", cam=FILM.format(marks="".join(f"{n} 1 {n}\n" for n in range(3)))), "G"
+    )
+    assert parsed.complaints[0].message.startswith("photo st1 has 0 fiducial marks of its sensor before its points")
+    turned = dict(zip(MARKS, [MARKS["2"], MARKS["1"], MARKS["3"], MARKS["4"]], strict=True))
+    parsed = read_gubaio(film(tmp_path / "c", marks=turned), "G")
+    assert "off the places that the sensor gives them" in parsed.complaints[0].message
+    parsed = read_gubaio(folder_of(tmp_path / "d", cam=CAM.replace("DIGITAL", "LINE")), "G")
+    assert "is of type 'LINE'; known are DIGITAL, SCAN and FRAME" in parsed.complaints[0].message
 
 
 def test_the_malformed_numbers_of_the_thesis_are_refused(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli.command_line import orip
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 from reference.published_data import data_set
@@ -157,3 +159,25 @@ def test_ign_reads_a_block_as_it_was_written(tmp_path: Path) -> None:
     assert project.control[0].coordinates == (1.5, 2.5, 3.5)
     assert any("2 (3)" in note for note in project.notes)
     assert any("1 measurement at 0, 0" in note for note in project.notes)
+
+
+def test_errors_of_aicon_are_millimetres_and_no_pixels(tmp_path: Path) -> None:
+    """The files have 0.0005 and 0.0004 mm; a pixel is 0.006 mm."""
+    aicon_files(tmp_path / "net", block(aicon.READING))
+    assert orip(tmp_path, "import", "aicon", "net", "p").code == 0
+    text = (tmp_path / "p" / "MAIN.MEA").read_text(encoding="utf-8")
+    said = [float(error) for error in re.findall(r"([0-9.e-]+)px", text)]
+    assert said == pytest.approx([0.0005 / PIXEL_MM] * len(said))
+    assert len(said) >= 300
+    assert orip(tmp_path / "p", "run", "--no-report").code == 0
+
+
+def test_what_orip_run_would_refuse_is_refused_by_the_import_in_one_sentence(tmp_path: Path) -> None:
+    folder = aicon_files(tmp_path / "net", block(aicon.READING))
+    path = folder / "net.phc"
+    path.write_text(path.read_text(encoding="utf-8").replace("0.0005 0.0004", "5e-9 4e-9"), encoding="utf-8")
+    said = orip(tmp_path, "import", "aicon", "net", "p")
+    assert said.code == 3
+    (line,) = (line for line in said.err.splitlines() if line.startswith("error"))
+    assert "point 0 in photo 0, point 1 in photo 0, point 2 in photo 0 and 297 more: an a-priori error of" in line
+    assert not (tmp_path / "p").exists()

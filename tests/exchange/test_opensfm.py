@@ -16,6 +16,7 @@ from orip.conversion.poses import orip_poses
 from orip.exchange.opensfm.point_lists import crs_of_heading, read_control_list
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
+from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.project.bundle_state import read_bundle
@@ -256,3 +257,28 @@ def test_the_sample_is_adjusted_at_its_control_with_the_step_of_its_heights(tmp_
     assert len(solution.iterations) <= 10
     # the noise of the tracks: published residuals are 1.3 px in the mean, and many points have two rays
     assert 0.8 < solution.sigma0 < 0.9
+
+
+def test_names_of_photos_in_lists_may_differ_in_case(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path)
+    rows = "".join(f"10 20 30 {n} 6 {n}.JPG A\n" for n in range(4))
+    written(folder / "gcp_list.txt", f"WGS84 UTM 33N\n{rows}10 20 30 5 6 gone.JPG A\n10 20 30 5 7 gone.JPG A\n")
+    written(folder / "geo.txt", "EPSG:25833\n0.Jpg 1 2 3\n")
+    project = read_well(read_opensfm, folder)
+    own = ~project.points.is_track[project.rays.point]
+    assert project.rays.photo[own].tolist() == [0, 1, 2, 3]
+    assert [station.photo for station in project.stations] == ["0.jpg"]
+    assert "4 photos of gcp_list.txt matched without regard to upper and lower case: 0.JPG is 0.jpg." in project.notes
+    assert "2 marks of gcp_list.txt left out, as no oriented photo has the names there: gone.JPG." in project.notes
+
+
+def test_a_name_that_two_photos_have_but_for_case_is_not_guessed() -> None:
+    names = PhotoNames(["a.jpg", "A.JPG", "b.jpg"])
+    assert [names.place(name) for name in ("A.JPG", "a.JPG", "B.jpg", "ß.jpg")] == [1, None, 2, None]
+    assert names.notes("geo.txt", "place") == [
+        "1 photo of geo.txt matched without regard to upper and lower case: B.jpg is b.jpg.",
+        (
+            "2 places of geo.txt left out, as no photo or, in other upper and lower case, several have the names "
+            "there: a.JPG, ß.jpg."
+        ),
+    ]

@@ -158,6 +158,37 @@ def test_control_on_a_line():
     assert "the control points lie on one line" in reason
 
 
+def test_control_at_one_place_is_said_to_be_there():
+    sample = ground_sample(7, full=5)
+    here = np.repeat(sample.control.coordinates[:1], 5, axis=0)
+    reason = refused(sample, replace(sample.control, coordinates=here))
+    assert "all 5 control points are at one place (distance 0), so they fix neither scale nor rotation" in reason
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.01])
+def test_exposure_stations_at_one_place_are_named(spread: float):
+    sample = ground_sample(7, full=1)
+    none = KnownPositions((), np.empty((0, 3)), np.empty((0, 3)))
+    random = np.random.default_rng(3)
+    here = sample.centres.coordinates[:1] + spread * random.normal(size=sample.centres.coordinates.shape)
+    centres = replace(sample.centres, coordinates=here, errors=np.full(here.shape, 3.0))
+    reason = refused(sample, none, centres)
+    assert f"all {len(here)} exposure stations are at one place (distance " in reason
+    assert "so they fix neither scale nor rotation" in reason
+    assert reason.endswith("no control point is in the block, 3 are needed")
+
+
+def test_exposure_stations_on_one_line_are_named():
+    sample = ground_sample(7, full=1)
+    none = KnownPositions((), np.empty((0, 3)), np.empty((0, 3)))
+    count = len(sample.centres.names)
+    first = sample.centres.coordinates[:1]
+    line = first + np.linspace(0.0, 1.0, count)[:, None] * [[900.0, 200.0, 0.0]]
+    reason = refused(sample, none, replace(sample.centres, coordinates=line, errors=np.full(line.shape, 0.05)))
+    assert "the exposure stations lie on one line" in reason
+    assert "they do not fix the rotation about it; give a control point off the line" in reason
+
+
 def test_heights_alone_do_not_suffice():
     sample = ground_sample(8, height=9)
     reason = refused(sample)

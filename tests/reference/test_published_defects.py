@@ -94,12 +94,13 @@ def test_free_network_has_seven_movements_and_nothing_undetermined(free: Any) ->
 
 def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
     said = orip(without_datum(None).write(tmp_path / "block"), "run")
-    assert said.code == 0
-    assert "7 unknowns could not be determined" in said.told
-    assert "the ground system is not fixed" in said.told
+    assert said.code == 4
+    assert (
+        "not determined: the ground system is not fixed (no control points); free: 3 shifts, 3 rotations" in said.told
+    )
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
-    assert result["status"] == "converged"
-    assert result["singular"]
+    assert result["status"] == "not_determined"
+    assert len(result["singular"]) == 7
     assert {unknown["group"] for unknown in result["singular"]} == {"PHOTO"}
 
 

@@ -87,7 +87,9 @@ class BandFactor(Struct, frozen=True):
         return ~self.removed if vectors.ndim == 1 else ~self.removed[:, None]
 
 
-def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDArray[np.bool_]) -> BandFactor:
+def factorise_band(
+    matrix: BandMatrix, max_lost_digits: float, undetermined: NDArray[np.bool_], first: int = 0
+) -> BandFactor:
     """Factorise a symmetric positive semidefinite band with a border, removing what is not determined.
 
     Parameters
@@ -98,6 +100,8 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
         A movement whose stiffness has lost more is not determined; a column is removed for it.
     undetermined : array (m,) of bool
         Columns known to have no observation at all; they are removed at once.
+    first : int
+        Number of leading columns of which one is removed wherever it will do.
 
     Returns
     -------
@@ -109,6 +113,7 @@ def factorise_band(matrix: BandMatrix, max_lost_digits: float, undetermined: NDA
         lambda: bool(np.isfinite(matrix.band).all() and np.isfinite(matrix.border).all()),
         undetermined,
         max_lost_digits,
+        first,
     )
 
 

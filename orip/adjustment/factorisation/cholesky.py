@@ -75,7 +75,7 @@ def _copy_lower_triangle(matrix: FloatArray) -> None:
         square[:] = np.tril(square) + np.tril(square, -1).T
 
 
-def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArray) -> Factor:
+def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArray, first: int = 0) -> Factor:
     """Factorise a symmetric positive semidefinite matrix, removing the columns that are not determined.
 
     Parameters
@@ -86,13 +86,15 @@ def factorise(matrix: FloatArray, max_lost_digits: float, undetermined: BoolArra
         A movement whose stiffness has lost more is not determined; a column is removed for it.
     undetermined : array (m,) of bool
         Columns known to have no observation at all; they are removed at once.
+    first : int
+        Number of leading columns of which one is removed wherever it will do.
 
     Returns
     -------
     Factor
     """
     given = _Symmetric(matrix)
-    return factor_of_determined(given.factor, given.times, given.is_finite, undetermined, max_lost_digits)
+    return factor_of_determined(given.factor, given.times, given.is_finite, undetermined, max_lost_digits, first)
 
 
 class _Symmetric:

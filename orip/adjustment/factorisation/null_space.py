@@ -101,17 +101,20 @@ def _is_stiff(moved: FloatArray, least_stiffness: float) -> bool:
     return len(lengths) > 1 and bool(lengths.max() * least_stiffness < _UNLIKELY_PART)
 
 
-def unknowns_to_remove(found: SoftMovements) -> RemovedUnknowns:
+def unknowns_to_remove(found: SoftMovements, first: int = 0) -> RemovedUnknowns:
     """Return one unknown for each movement: without them no combination of the movements is possible.
 
-    Of the unknowns that have a large part in what is still possible the last one is taken, so that the same unknowns
-    are named whatever the order of elimination is, and in every iteration. The digits lost by an unknown are
-    -log10 of the stiffness of the movement in which it takes part and no other removed one does.
+    Of the unknowns that have a large part in what is still possible the last one is taken, or the last of the `first`
+    ones if any of these has, so that the same unknowns are named whatever the order of elimination is, and in every
+    iteration. The digits lost by an unknown are -log10 of the stiffness of the movement in which it takes part and no
+    other removed one does.
     """
     rest, chosen = found.movements.copy(), []
     for _ in range(rest.shape[1]):
         sizes = np.linalg.norm(rest, axis=1)
-        column = int(np.flatnonzero(sizes >= _LARGE_ENOUGH * sizes.max())[-1])
+        large = np.flatnonzero(sizes >= _LARGE_ENOUGH * sizes.max())
+        leading = large[large < first]
+        column = int(leading[-1] if len(leading) else large[-1])
         direction = rest[column] / sizes[column]
         rest -= np.outer(rest @ direction, direction)
         chosen.append(column)
@@ -139,6 +142,7 @@ def factor_of_determined(
     is_finite: Callable[[], bool],
     undetermined: BoolArray,
     max_lost_digits: float,
+    first: int,
 ) -> F:
     """Return the factor of a symmetric positive semidefinite matrix N without the columns that are not determined.
 
@@ -155,6 +159,8 @@ def factor_of_determined(
         Columns known to have no observation at all; they are removed at once.
     max_lost_digits : float
         A movement whose stiffness has lost more is not determined; a column is removed for it.
+    first : int
+        See `unknowns_to_remove`.
     """
     removed, lost = undetermined.copy(), np.where(undetermined, LOST_ALL, 0.0)
     factor = factored(removed, lost, 0.0)
@@ -162,7 +168,8 @@ def factor_of_determined(
         removed[:], lost[:] = True, LOST_ALL
         factor = factored(removed, lost, 0.0)
     while True:
-        found = _undetermined(factor, partial(factored, removed, lost), product, ~removed, 10.0**-max_lost_digits)
+        soft = _undetermined(factor, partial(factored, removed, lost), product, ~removed, 10.0**-max_lost_digits)
+        found = unknowns_to_remove(soft, first)
         if factor is not None and not len(found.columns):
             return factor
         removed[found.columns] = True
@@ -176,8 +183,8 @@ def _undetermined(
     product: Callable[[FloatArray], FloatArray],
     taking_part: BoolArray,
     least: float,
-) -> RemovedUnknowns:
-    """Return the further columns to remove; where there is no factor, at least one."""
+) -> SoftMovements:
+    """Return the movements for which further columns are removed; where there is no factor, at least one."""
     shift = SHIFT
     singular = factor is None
     while factor is None:
@@ -193,5 +200,5 @@ def _undetermined(
             least,
         )
         if len(found.stiffness) or not singular:
-            return unknowns_to_remove(found)
+            return found
         least *= 10.0

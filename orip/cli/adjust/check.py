@@ -66,7 +66,7 @@ def register(app: typer.Typer) -> None:
     command(app, "check", reads_only=True)(check_command)
 
 
-_ENDED = {"not_converged": "did not converge", "stopped": "was stopped"}
+_ENDED = {"not_converged": "did not converge", "not_determined": "is not determined", "stopped": "was stopped"}
 
 
 def gate_rows(results: tuple[GateResult, ...]) -> list[dict[str, object]]:

@@ -143,6 +143,6 @@ def exit_code(outcome: SolveOutcome, *, all_wanted: bool) -> int:
     status = outcome.solution.status
     if status == "stopped":
         return INTERRUPTED
-    if status == "not_converged" or (all_wanted and outcome.left_out):
+    if status in ("not_converged", "not_determined") or (all_wanted and outcome.left_out):
         return NotSolvableError.exit_code
     return 0 if all(gate.passed for gate in outcome.gates) else GateError.exit_code

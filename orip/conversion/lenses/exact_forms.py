@@ -57,17 +57,42 @@ def isp_polynomial(p: Parameters) -> Polynomial | None:
 
 
 def equidistant_polynomial(p: Parameters) -> Polynomial | None:
-    """Return the polynomial of OpenCV's fisheye model, whose argument is the angle; there is none as for `opencv`."""
+    """Return the polynomial of OpenCV's fisheye model, whose argument is the angle.
+
+    There is none with prism terms or terms beyond the ninth power, or as for `opencv`.
+    """
     c, affinity = p["fy"], p["fx"] / p["fy"] - 1.0
-    distortion = {"A3": p["k1"] / c**2, "A5": p["k2"] / c**4, "A7": p["k3"] / c**6, "A9": p["k4"] / c**8}
-    if affinity and any(distortion.values()):
+    distortion = {
+        "A3": p["k1"] / c**2, "A5": p["k2"] / c**4, "A7": p["k3"] / c**6, "A9": p["k4"] / c**8,
+        "P1": p["p2"] / c, "P2": p["p1"] / c,
+    }  # fmt: skip
+    if any(p[name] for name in ("k5", "k6", "s1", "s2", "s3", "s4")) or (affinity and any(distortion.values())):
         return None
     return _held(Polynomial(c, (p["cx"], p["cy"]), {**distortion, "B1": affinity}))
 
 
-def no_polynomial(_p: Parameters) -> Polynomial | None:
-    """Return None: orip's polynomial comes near the lens, and no more."""
-    return None
+def fisheye624_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of Aria's fisheye, which without decentring is OpenCV's."""
+    return None if p["p1"] or p["p2"] else equidistant_polynomial(p)
+
+
+def fov_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of the field-of-view model where it distorts nothing."""
+    return None if p["omega"] else _pinhole(p)
+
+
+def eucm_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of the enhanced unified model where it is a pinhole."""
+    return None if p["alpha"] else _pinhole(p)
+
+
+def division_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of the division model where it distorts nothing."""
+    return None if p["k1"] else _pinhole(p)
+
+
+def _pinhole(p: Parameters) -> Polynomial | None:
+    return _held(Polynomial(p["fy"], (p["cx"], p["cy"]), {"B1": p["fx"] / p["fy"] - 1.0}))
 
 
 def _held(polynomial: Polynomial) -> Polynomial | None:

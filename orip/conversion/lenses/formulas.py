@@ -74,10 +74,56 @@ def division_direction(p: Parameters, u: Array, v: Array) -> tuple[Array, Array]
 
 
 def equidistant_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return image coordinates by the equidistant projection with a polynomial of the angle (OpenCV's fisheye)."""
+    """Return image coordinates by the equidistant projection with a polynomial of the angle (OpenCV's fisheye).
+
+    Decentring and prism terms have equidistant coordinates without distortion as their argument (COLMAP's thin prism
+    fisheye, OpenSfM's fisheye624).
+    """
     by_angle, t = _by_angle(x, y)
-    factor = by_angle * (1.0 + t * (p["k1"] + t * (p["k2"] + t * (p["k3"] + t * p["k4"]))))
+    u, v = x * by_angle, y * by_angle
+    du, dv = _prism(p, u, v)
+    radial = _radial_of_angle(p, t)
+    return p["fx"] * (u * radial + du) + p["cx"], p["fy"] * (v * radial + dv) + p["cy"]
+
+
+def fisheye624_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return image coordinates by Project Aria's fisheye: decentring and prism terms of what is distorted radially."""
+    by_angle, t = _by_angle(x, y)
+    radial = by_angle * _radial_of_angle(p, t)
+    u, v = x * radial, y * radial
+    du, dv = _prism(p, u, v)
+    return p["fx"] * (u + du) + p["cx"], p["fy"] * (v + dv) + p["cy"]
+
+
+def fov_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return image coordinates by the field-of-view model with its angle omega (Devernay and Faugeras, 2001)."""
+    omega = p["omega"]
+    stretch = 2.0 * np.tan(omega / 2.0)
+    by_angle, _ = _by_angle(stretch * x, stretch * y)
+    factor = by_angle * stretch / omega if omega else 1.0
     return p["fx"] * x * factor + p["cx"], p["fy"] * y * factor + p["cy"]
+
+
+def eucm_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return image coordinates by the enhanced unified model (Khomutenko, Garcia and Martinet, 2016)."""
+    divisor = p["alpha"] * np.sqrt(p["beta"] * (x * x + y * y) + 1.0) + 1.0 - p["alpha"]
+    return p["fx"] * x / divisor + p["cx"], p["fy"] * y / divisor + p["cy"]
+
+
+def _radial_of_angle(p: Parameters, t: Array) -> Array:
+    """Return the radial distortion factor of the square of an angle."""
+    factor: Array = 0.0 * t
+    for name in ("k6", "k5", "k4", "k3", "k2", "k1"):
+        factor = t * (p[name] + factor)
+    return 1.0 + factor
+
+
+def _prism(p: Parameters, u: Array, v: Array) -> tuple[Array, Array]:
+    """Return decentring (OpenCV's order) and thin prism distortion."""
+    s = u * u + v * v
+    du = 2.0 * p["p1"] * u * v + p["p2"] * (s + 2.0 * u * u) + s * (p["s1"] + s * p["s2"])
+    dv = p["p1"] * (s + 2.0 * v * v) + 2.0 * p["p2"] * u * v + s * (p["s3"] + s * p["s4"])
+    return du, dv
 
 
 def _by_angle(x: Array, y: Array) -> tuple[Array, Array]:

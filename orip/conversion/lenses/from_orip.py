@@ -9,20 +9,28 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.conversion.lenses.inversion import STEP
 from orip.conversion.lenses.polynomial import Polynomial
+from orip.conversion.lenses.rational import RATIONAL, RadialProfile, fitted_parameters, fitted_rational
 from orip.conversion.lenses.table import LENSES
 from orip.records.exchanged import Lens
 
 _EXACT = 1e-9
 """Of the largest coordinate: a hundred thousandth of a pixel."""
 
-_STEPS = 30
-_NO_EFFECT = 1e-12
-"""Singular values below this part of the largest one change nothing that can be seen."""
+_AS_GOOD = 1.2
+"""A lens with fewer terms is taken where its largest misfit is up to this factor that of one with more."""
 
-_NOT_FITTED = ("ex", "ey", "c4", "c5", "p3", "p4", "r0")
-"""Parameters that others stand for, or that are better left alone."""
+_NOT_FITTED = ("ex", "ey", "c4", "c5", "p3", "p4", "r0", "k5", "k6", "s2", "s4")
+"""Parameters that others stand for, or that are better left alone; those of the rational model are its own matter."""
+
+_DECENTRING = ("p1", "p2")
+"""Not fitted where the camera has none."""
+
+_MORE_TERMS: Mapping[Lens, tuple[tuple[str, ...], ...]] = {
+    "opencv": (("k3", "k4", "k5", "k6"), ("k4", "k5", "k6")),
+    "equidistant": (("p1", "p2", "s1", "s3"), ("s1", "s3")),
+}
+"""Terms that a lens is first tried without, one set after the other."""
 
 
 class LensOfCamera(Struct, frozen=True):
@@ -39,6 +47,12 @@ class LensOfCamera(Struct, frozen=True):
     parameters: Mapping[str, float]
     residuals: FloatArray
 
+    @property
+    def worst(self) -> float:
+        """Return the length of the largest residual; infinite where one is no number."""
+        length = float(np.hypot(*self.residuals.T).max())
+        return length if np.isfinite(length) else np.inf
+
 
 def lens_of_polynomial(
     polynomial: Polynomial,
@@ -46,6 +60,8 @@ def lens_of_polynomial(
     directions: FloatArray,
     image: FloatArray,
     terms: tuple[str, ...] | None = None,
+    *,
+    enough: float = 0.0,
 ) -> LensOfCamera:
     """Return the parameters of a lens that images directions where a camera does.
 
@@ -59,6 +75,8 @@ def lens_of_polynomial(
         Over the frame.
     terms : tuple of str, or None
         Parameters that may differ from 0; None: all.
+    enough : float
+        Misfit in the unit of the lens up to which fewer terms are preferred.
     """
     formula = LENSES[lens]
     allowed = formula.names if terms is None else terms
@@ -73,29 +91,26 @@ def lens_of_polynomial(
     residuals = misfit(start)
     if np.abs(residuals).max() <= _EXACT * np.abs(image).max():
         return LensOfCamera(start, np.zeros_like(residuals))
-    fitted = _fitted(start, tuple(name for name in allowed if name not in _NOT_FITTED), misfit)
-    return LensOfCamera(fitted, misfit(fitted))
+    held = (*_NOT_FITTED, *RATIONAL, *(() if _is_decentred(polynomial) else _DECENTRING))
+    found: list[LensOfCamera] = []
+    for without in (*_MORE_TERMS.get(lens, ()), ()):
+        if terms is not None and without and not set(without) & set(terms):
+            continue
+        names = tuple(name for name in allowed if name not in (*without, *held))
+        fitted = fitted_parameters({**start, **dict.fromkeys(without, 0.0)}, names, misfit)
+        found.append(LensOfCamera(fitted, misfit(fitted)))
+        if found[-1].worst <= enough:
+            return found[-1]
+    if lens == "opencv" and set(RATIONAL) <= set(allowed):
+        profile = RadialProfile.of(directions, image, polynomial.point, polynomial.c)
+        rational = fitted_rational(start, profile, misfit, held)
+        found += [] if rational is None else [LensOfCamera(rational, misfit(rational))]
+    best = min(one.worst for one in found)
+    return next(one for one in found if one.worst <= max(enough, _AS_GOOD * best))
 
 
-def _fitted(
-    start: Mapping[str, float], names: tuple[str, ...], misfit: Callable[[Mapping[str, Any]], Any]
-) -> dict[str, float]:
-    """Return the parameters with the least sum of squared misfits, by Gauss-Newton steps from a start nearby."""
-    values = dict(start)
-    with np.errstate(all="ignore"):  # a step may go too far; the next ones come back, or nothing is changed
-        for _ in range(_STEPS):
-            partials = np.stack(
-                [misfit({**values, name: values[name] + 1j * STEP}).imag.ravel() / STEP for name in names], axis=1
-            )
-            scale = np.linalg.norm(partials, axis=0)
-            scale[scale == 0.0] = 1.0
-            step, *_ = np.linalg.lstsq(partials / scale, -misfit(values).ravel(), rcond=_NO_EFFECT)
-            if not np.isfinite(step).all():
-                return dict(start)
-            values |= {name: values[name] + float(change) for name, change in zip(names, step / scale, strict=True)}
-            if np.abs(step).max() <= _EXACT:
-                break
-    return values
+def _is_decentred(polynomial: Polynomial) -> bool:
+    return any(polynomial.coefficients.get(name) for name in ("P1", "P2"))
 
 
 def _opencv(p: Polynomial) -> dict[str, float]:
@@ -137,7 +152,9 @@ def _measured(p: Polynomial) -> dict[str, float]:
 def _equidistant(p: Polynomial) -> dict[str, float]:
     term, grown, c = _terms(p)
     radial = {f"k{n}": term(f"A{2 * n + 1}") * c ** (2 * n + 1) / grown for n in (1, 2, 3, 4)}
-    return {"fx": grown + c * term("B1"), "fy": grown, "cx": p.point[0], "cy": p.point[1], **radial}
+    decentring = {"p1": term("P2") * c**2 / grown, "p2": term("P1") * c**2 / grown}
+    plane = {"fx": grown + c * term("B1"), "fy": grown, "cx": p.point[0], "cy": p.point[1]}
+    return {**plane, **radial, **decentring}
 
 
 def _pinhole(p: Polynomial) -> dict[str, float]:
@@ -164,6 +181,9 @@ _CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
     "measured": _measured,
     "isp": _pinhole,
     "division": _pinhole,
+    "fov": _pinhole,
+    "eucm": _pinhole,
     "equidistant": _equidistant,
+    "fisheye624": _equidistant,
     "agisoft_fisheye": _agisoft,
 }

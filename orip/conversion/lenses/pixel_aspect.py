@@ -8,10 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from orip.conversion.lenses.formulas import Parameters
-from orip.records.exchanged import Lens
+import numpy as np
 
-_FX: frozenset[Lens] = frozenset(("opencv", "equidistant"))
+from orip.arrays import FloatArray
+from orip.conversion.lenses.formulas import Parameters
+from orip.records.exchanged import ImageAxes, Lens
+from orip.records.project.camera import Sensor
+
+_SQUARE = 1e-12
+"""By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
+
+_FX: frozenset[Lens] = frozenset(("opencv", "equidistant", "fisheye624", "fov", "eucm"))
 _B1: frozenset[Lens] = frozenset(("agisoft", "agisoft_fisheye"))
 
 
@@ -45,3 +52,15 @@ def in_given_pixels(lens: Lens, p: Mapping[str, float], aspect: float, middle: f
     if lens in _B1:
         return {**found, "b1": (p["f"] + p["b1"]) / aspect - p["f"], "b2": p["b2"] / aspect}
     return dict(p)
+
+
+def aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
+    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
+    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
+    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel" and abs(width / height - 1.0) > _SQUARE
+    return (width / height, height) if is_aspect_of_lens else (1.0, width)
+
+
+def stretched_image(image: FloatArray, aspect: float, middle: float) -> FloatArray:
+    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
+    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])

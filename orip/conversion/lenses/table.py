@@ -32,6 +32,8 @@ class LensFormula(Struct, frozen=True):
         The formula takes image coordinates and returns directions.
     projection : {"perspective", "equidistant"}
         Of orip's camera.
+    suits_any_projection : bool
+        Where orip's camera is fitted, it has the projection that comes nearer.
     """
 
     names: tuple[str, ...]
@@ -39,9 +41,11 @@ class LensFormula(Struct, frozen=True):
     polynomial: Callable[[Parameters], Polynomial | None]
     gives_directions: bool = False
     projection: Projection = "perspective"
+    suits_any_projection: bool = False
 
 
 _PLANE = ("fx", "fy", "cx", "cy")
+_FISHEYE = (*_PLANE, "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "s3", "s4")
 _LENGTHS = ("f", "cx", "cy", "p1", "p2", "b1", "b2")
 
 LENSES: Mapping[Lens, LensFormula] = {
@@ -60,12 +64,16 @@ LENSES: Mapping[Lens, LensFormula] = {
         (*_LENGTHS, "k1", "k2", "k3"), formulas.measured_direction, exact_forms.measured_polynomial, True
     ),
     "isp": LensFormula((*_LENGTHS, "r0", "a1", "a2", "a3"), formulas.isp_image, exact_forms.isp_polynomial),
-    "division": LensFormula((*_PLANE, "k1"), formulas.division_direction, exact_forms.no_polynomial, True),
+    "division": LensFormula((*_PLANE, "k1"), formulas.division_direction, exact_forms.division_polynomial, True),
     "equidistant": LensFormula(
-        (*_PLANE, "k1", "k2", "k3", "k4"),
-        formulas.equidistant_image,
-        exact_forms.equidistant_polynomial,
-        projection="equidistant",
+        _FISHEYE, formulas.equidistant_image, exact_forms.equidistant_polynomial, projection="equidistant"
+    ),
+    "fisheye624": LensFormula(
+        _FISHEYE, formulas.fisheye624_image, exact_forms.fisheye624_polynomial, projection="equidistant"
+    ),
+    "fov": LensFormula((*_PLANE, "omega"), formulas.fov_image, exact_forms.fov_polynomial, suits_any_projection=True),
+    "eucm": LensFormula(
+        (*_PLANE, "alpha", "beta"), formulas.eucm_image, exact_forms.eucm_polynomial, suits_any_projection=True
     ),
     "agisoft_fisheye": LensFormula(
         (*_LENGTHS, "k1", "k2", "k3", "k4", "p3", "p4"),

@@ -66,6 +66,7 @@ class _Stream:
         self.points = CollectedPoints()
         self.measured = _Measured()
         self.control: list[tuple[ControlPoint, str]] = []
+        self.checks: set[str] = set()
         self._ties = 0
 
     def control_point(self, element: XmlElement) -> None:
@@ -79,7 +80,9 @@ class _Stream:
         horizontal = self._accuracy(element, "HorizontalAccuracy")
         vertical = self._accuracy(element, "VerticalAccuracy")
         check = element.child("CheckPoint")
-        sign = -1.0 if check is not None and is_true(check.text, missing=False) else 1.0
+        is_check = check is not None and is_true(check.text, missing=False)
+        self.checks.update([name] if is_check else [])
+        sign = -1.0 if is_check else 1.0
         errors = [None if error is None else sign * error for error in (horizontal, horizontal, vertical)]
         known = {"Full": (0, 1, 2), "Horizontal": (0, 1), "Vertical": (2,)}.get(kind, (0, 1, 2))
         coordinates = [value if n in known else None for n, value in enumerate(place)]
@@ -177,6 +180,7 @@ def _project(root: XmlElement, block: XmlElement, stream: _Stream, fields: XmlFi
         rays=rays.rays(),
         readings=tuple(readings) or (PoseReading(),),
         control=tuple(point for point, _ in stream.control),
+        checks=frozenset(stream.checks),
         control_crs=control_crs,
         distances=tuple(_distances(block, fields, notes)),
         crs=crs,
@@ -233,7 +237,8 @@ def _camera(group: XmlElement, number: int, fields: XmlFields) -> tuple[Exchange
     distortion = {tag.lower(): fields.optional(group, f"Distortion/{tag}") for tag in _DISTORTION}
     size = (pixel * width, pixel * height) if pixel > 0 else None
     parameters = {"f": focal, "cx": x, "cy": y} | distortion
-    return ExchangedCamera(name, int(width), int(height), "agisoft", parameters, kind, AXES, AXES, size), axes
+    free = ("f", "cx", "cy", *(term for term, value in distortion.items() if value))
+    return ExchangedCamera(name, int(width), int(height), "agisoft", parameters, kind, AXES, AXES, size, free), axes
 
 
 def _principal_point(

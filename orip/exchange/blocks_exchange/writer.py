@@ -41,7 +41,7 @@ def _pieces(project: ExchangedProject) -> Iterator[str]:
     yield "</Photogroups>\n<ControlPoints>\n"
     marks = _marks(project)
     control = {point.name for point in project.control}
-    places = {name: n for n, name in enumerate(project.points.names) if not project.points.is_track[n]}
+    places = project.points.marks
     for point in project.control:
         yield _control(point, marks.get(places.get(point.name, -1), []))
     yield "</ControlPoints>\n<TiePoints>\n"

@@ -47,20 +47,19 @@ CAMERA_MODELS: Final[Mapping[str, CameraModel]] = MappingProxyType(
         "OPENCV": CameraModel(4, (*_TWO, "k1", "k2", "p1", "p2"), "opencv"),
         "OPENCV_FISHEYE": CameraModel(5, (*_TWO, "k1", "k2", "k3", "k4"), "equidistant"),
         "FULL_OPENCV": CameraModel(6, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"), "opencv"),
-        "FOV": CameraModel(7, (*_TWO, "omega"), "unsupported"),
+        "FOV": CameraModel(7, (*_TWO, "omega"), "fov"),
         "SIMPLE_RADIAL_FISHEYE": CameraModel(8, (*_ONE, "k1"), "equidistant"),
         "RADIAL_FISHEYE": CameraModel(9, (*_ONE, "k1", "k2"), "equidistant"),
-        "THIN_PRISM_FISHEYE": CameraModel(10, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1"), "unsupported"),
+        "THIN_PRISM_FISHEYE": CameraModel(10, (*_TWO, "k1", "k2", "p1", "p2", "k3", "k4", "s1", "s3"), "equidistant"),
+        # counted from 0 there, the decentring terms in the other order
         "RAD_TAN_THIN_PRISM_FISHEYE": CameraModel(
-            11,
-            (*_TWO, "k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3"),
-            "unsupported",
+            11, (*_TWO, "k1", "k2", "k3", "k4", "k5", "k6", "p2", "p1", "s1", "s2", "s3", "s4"), "fisheye624"
         ),
         "SIMPLE_DIVISION": CameraModel(12, (*_ONE, "k1"), "division"),
         "DIVISION": CameraModel(13, (*_TWO, "k1"), "division"),
         "SIMPLE_FISHEYE": CameraModel(14, _ONE, "equidistant"),
         "FISHEYE": CameraModel(15, _TWO, "equidistant"),
-        "EUCM": CameraModel(16, (*_TWO, "alpha", "beta"), "unsupported"),
+        "EUCM": CameraModel(16, (*_TWO, "alpha", "beta"), "eucm"),
         "EQUIRECTANGULAR": CameraModel(17, ("w", "h"), "unsupported"),
     }
 )

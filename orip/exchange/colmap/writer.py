@@ -20,6 +20,7 @@ from orip.exchange.colmap.model import (
     ColmapPoints,
 )
 from orip.exchange.colmap.writing import model_files
+from orip.exchange.sources.short_names import distinct_names
 from orip.files.text.lines import read_bytes
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 from orip.structs import replace
@@ -29,8 +30,10 @@ _SAME_POSE = 1e-11
 
 _MODELS_WRITTEN = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV",
-    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE",
 )  # fmt: skip
+
+COLMAP_FISHEYE_TERMS = CAMERA_MODELS["THIN_PRISM_FISHEYE"].parameters
 _UNKNOWN_ERROR = -1.0
 
 
@@ -60,7 +63,7 @@ def new_model(project: ExchangedProject) -> ColmapModel:
     """
     photo_ids = _ids([str(photo.key) for photo in project.photos])
     camera_ids = _ids([camera.name for camera in project.cameras])
-    point_ids = np.array(_ids(project.points.names), dtype=np.int64)
+    point_ids = np.array(_ids(distinct_names(project.points)), dtype=np.int64)
     images = []
     for number, photo in enumerate(project.photos):
         rows = np.flatnonzero((project.rays.photo == number) & project.rays.is_active)
@@ -125,7 +128,7 @@ def _updated_camera(old: ColmapCamera, new: ExchangedCamera | None) -> ColmapCam
 
 def _updated_points(old: ColmapPoints, project: ExchangedProject) -> tuple[ColmapPoints, BoolArray]:
     """Return the points with the project's coordinates and errors, and which of them the project has not."""
-    place = {name: n for n, name in enumerate(project.points.names)}
+    place = project.points.tracks
     found = np.array([place.get(str(identity), -1) for identity in old.ids.tolist()], dtype=np.int64)
     there = found >= 0
     coordinates, errors = old.coordinates.copy(), old.errors.copy()
@@ -168,6 +171,7 @@ def _without_rays(model: ColmapModel, project: ExchangedProject) -> ColmapModel:
         for photo, point in zip(
             project.rays.photo[left_out].tolist(), project.rays.point[left_out].tolist(), strict=True
         )
+        if project.points.is_track[point]
     }
     images = tuple(
         replace(

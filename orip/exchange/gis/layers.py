@@ -14,6 +14,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import FloatArray
+from orip.exchange.sources.short_names import distinct_names
 from orip.records.exchanged import ExchangedProject, PoseReading
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
@@ -46,7 +47,10 @@ def point_layer(project: ExchangedProject) -> Layer:
     ellipse = nothing if points.ellipse is None else points.ellipse * [1.0, 1.0, 180.0 / math.pi]
     residual = nothing[:, 0] if points.residual is None else points.residual
     return Layer(
-        "points", POINT_COLUMNS, points.names, np.column_stack([points.coordinates, deviations, ellipse, residual])
+        "points",
+        POINT_COLUMNS,
+        distinct_names(points),
+        np.column_stack([points.coordinates, deviations, ellipse, residual]),
     )
 
 
@@ -110,11 +114,7 @@ def _footprints(project: ExchangedProject) -> Shapes:
 
 def _residual_vectors(project: ExchangedProject) -> Shapes:
     """Return lines from given to adjusted places; a coordinate that is not given counts as it was adjusted."""
-    place = {
-        name: n
-        for n, (name, is_track) in enumerate(zip(project.points.names, project.points.is_track.tolist(), strict=True))
-        if not is_track
-    }
+    place = project.points.marks
     used = [point for point in project.control if point.name in place]
     adjusted = project.points.coordinates[[place[point.name] for point in used]].reshape(-1, 3)
     given = np.array(
@@ -136,7 +136,7 @@ def _residual_vectors(project: ExchangedProject) -> Shapes:
 
 def _rays(project: ExchangedProject) -> Shapes:
     """Return lines from projection centres to points, those of measurements that are used."""
-    rays, points = project.rays, project.points
+    rays, points, names = project.rays, project.points, distinct_names(project.points)
     chosen = rays.is_active & np.isfinite(points.coordinates[rays.point]).all(axis=1)
     if chosen.sum() > MOST_RAYS:
         is_tie = np.array([kind == "tie" for kind in point_kinds(project)], dtype=np.bool_)
@@ -149,7 +149,7 @@ def _rays(project: ExchangedProject) -> Shapes:
             np.array([project.photos[rays.photo[row]].position, points.coordinates[rays.point[row]]]) for row in rows
         ),
         {
-            "point": tuple(points.names[rays.point[row]] for row in rows),
+            "point": tuple(names[rays.point[row]] for row in rows),
             "photo": tuple(project.photos[rays.photo[row]].name for row in rows),
         },
     )

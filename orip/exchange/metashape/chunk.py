@@ -23,6 +23,14 @@ _NEAR_THE_GROUND = (6.2e6, 6.5e6)
 """Metres from the centre of the earth."""
 
 
+DEFAULT_POSITION = 10.0
+"""Metres: Metashape's own accuracy of the position of a camera where nothing else is known."""
+
+
+LEAST_RADIUS = 6e6
+"""Metres from the centre of the earth that geocentric coordinates have at least."""
+
+
 class ChunkTransform(Struct, frozen=True):
     """From a chunk to the ground: X = translation + scale · rotation · x."""
 
@@ -61,11 +69,12 @@ class Accuracies(Struct, frozen=True):
 
 
 class Marker(Struct, frozen=True):
-    """A marker; `control` is None for a tie point measured by hand."""
+    """A marker; `control` is None for a tie point measured by hand, and only compared where it is not enabled."""
 
     key: int
     name: str
     control: ControlPoint | None
+    is_enabled: bool = True
 
 
 class ChunkReader:
@@ -135,7 +144,7 @@ class ChunkReader:
         place = None if reference is None else self._place(reference)
         if reference is None or place is None or None in place:
             return None
-        errors = self._errors(reference, self.accuracies.cameras)
+        errors = self._errors(reference, self.accuracies.cameras or DEFAULT_POSITION)
         if errors is None or None in errors:
             return None
         x, y, z = (float(value or 0.0) for value in place)
@@ -157,7 +166,9 @@ class ChunkReader:
             label = element.attributes.get("label") or f"marker{key}"
             name = f"{label}_{key}" if label in names else label
             names.add(name)
-            found.append(Marker(key, name, self._control(name, element)))
+            reference = element.child("reference")
+            enabled = None if reference is None else reference.attributes.get("enabled")
+            found.append(Marker(key, name, self._control(name, element), is_true(enabled, missing=True)))
         return found
 
     def distances(self, markers: Mapping[str, str]) -> tuple[list[ControlDistance], int]:

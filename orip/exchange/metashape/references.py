@@ -8,7 +8,9 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from orip.exchange.metashape.chunk import DEFAULT_POSITION, LEAST_RADIUS
 from orip.exchange.metashape.reference_table import Reference, ReferenceTable, read_reference_table
+from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedProject
@@ -18,13 +20,10 @@ from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted
 
-_DEFAULT_POSITION, _DEFAULT_ANGLE = 10.0, 2.0
-"""Metres and degrees: Metashape's own accuracies of cameras where nothing else is known."""
+_DEFAULT_ANGLE = 2.0
+"""Degrees: Metashape's own accuracy of the angles of a camera where nothing else is known."""
 
 _LOCAL = "LOCAL"
-
-_LEAST_RADIUS = 6e6
-"""Metres from the centre of the earth that geocentric coordinates have at least."""
 
 
 class _Placed(Struct):
@@ -32,6 +31,7 @@ class _Placed(Struct):
 
     stations: dict[str, Station] = field(default_factory=dict)
     control: dict[str, ControlPoint] = field(default_factory=dict)
+    compared: dict[str, bool] = field(default_factory=dict)
     unknown: list[str] = field(default_factory=list)
     incomplete: int = 0
     without_accuracy: int = 0
@@ -70,6 +70,7 @@ def with_references(project: ExchangedProject, path: Path, shown: str, letters: 
         project,
         stations=tuple(stations.values()),
         control=tuple(control.values()),
+        checks=frozenset(name for name in control if found.compared.get(name, name in project.checks)),
         control_crs=crs if is_geocentric else "",
         station_reference=StationReference(crs if is_geocentric else "", navigation=is_turned),
         notes=(*project.notes, *_notes(found, path.name, is_on_the_ground=is_on_the_ground)),
@@ -92,18 +93,21 @@ def _other_system(project: ExchangedProject, table: ReferenceTable) -> str:
 
 def _is_near(reference: Reference) -> bool:
     """Return whether coordinates are not geocentric."""
-    return math.hypot(*(value or 0.0 for value in reference.coordinates)) < _LEAST_RADIUS
+    return math.hypot(*(value or 0.0 for value in reference.coordinates)) < LEAST_RADIUS
 
 
 def _placed(project: ExchangedProject, table: ReferenceTable) -> _Placed:
     found = _Placed()
     photos = {photo.name for photo in project.photos}
-    tracks = project.points.is_track.tolist()
-    markers = {name for name, is_track in zip(project.points.names, tracks, strict=True) if not is_track}
-    markers |= {point.name for point in project.control}
+    names = PhotoNames(photo.name for photo in project.photos)
+    markers = {*project.points.marks, *(point.name for point in project.control)}
     known_stations = {station.photo: station.position_error for station in project.stations}
     known_control = {point.name: point.errors for point in project.control}
-    for reference in table.references:
+    for given in table.references:
+        reference = given
+        if given.label not in photos and given.label not in markers:
+            place = names.place(given.label)
+            reference = given if place is None else replace(given, label=project.photos[place].name)
         if reference.label in photos and None in reference.coordinates:
             found.incomplete += 1
         elif reference.label in photos:
@@ -111,6 +115,7 @@ def _placed(project: ExchangedProject, table: ReferenceTable) -> _Placed:
             found.stations[reference.label] = _station(reference, known_stations)
         elif reference.label in markers:
             found.control[reference.label] = _control(reference, known_control)
+            found.compared[reference.label] = not reference.is_enabled
         else:
             found.unknown.append(reference.label)
     return found
@@ -119,7 +124,7 @@ def _placed(project: ExchangedProject, table: ReferenceTable) -> _Placed:
 def _station(reference: Reference, known: Mapping[str, tuple[float, float, float]]) -> Station:
     x, y, z = reference.coordinates
     sign = 1.0 if reference.is_enabled else -1.0
-    errors = reference.accuracy or known.get(reference.label, (_DEFAULT_POSITION,) * 3)
+    errors = reference.accuracy or known.get(reference.label, (DEFAULT_POSITION,) * 3)
     turns = reference.angle_accuracy or (_DEFAULT_ANGLE,) * 3
     turn_sign = sign if reference.angle_accuracy else -1.0
     yaw, pitch, roll = (value * RADIANS_PER_DEGREE for value in reference.angles or (math.nan,) * 3)
@@ -157,7 +162,7 @@ def _notes(found: _Placed, shown: str, *, is_on_the_ground: bool) -> list[str]:
         notes.append(f"{counted(found.incomplete, 'camera')} without all coordinates left out.")
     if found.without_accuracy:
         notes.append(
-            f"{counted(found.without_accuracy, 'camera')} without accuracy: {_DEFAULT_POSITION:g} m were assumed, as "
+            f"{counted(found.without_accuracy, 'camera')} without accuracy: {DEFAULT_POSITION:g} m were assumed, as "
             "Metashape does."
         )
     if found.unknown:

@@ -22,6 +22,9 @@ PARAMETERS = ("f", "cx", "cy", *_AFFINE, *_RADIAL, *_DECENTRING)
 """Of a calibration, in the order of the documents."""
 
 
+_PLANE = ("f", "cx", "cy")
+
+
 def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None:
     """Return a sensor as a camera; None if it has no calibration, or if complaints are kept."""
     name = sensor.attributes.get("label") or f"sensor {sensor.attributes.get('id', '')}"
@@ -40,9 +43,9 @@ def read_sensor(sensor: XmlElement, fields: XmlFields) -> ExchangedCamera | None
         return _uncalibrated(sensor, fields, name, (width, height))
     size = _sensor_size(sensor, fields, (width, height))
     camera = calibrated(calibration, fields, name, (width, height), kind)
-    free = () if is_true(_property(sensor, "fixed"), missing=False) else _estimated(sensor)
     if camera is None:
         return None
+    free = () if is_true(_property(sensor, "fixed"), missing=False) else _estimated(sensor, calibration, camera)
     return ExchangedCamera(
         camera.name,
         camera.columns,
@@ -146,13 +149,15 @@ def _adjusted(sensor: XmlElement) -> XmlElement | None:
     return next(iter(adjusted or found), None)
 
 
-def _estimated(sensor: XmlElement) -> tuple[str, ...]:
-    """Return the parameters that were estimated: those with covariances."""
+def _estimated(sensor: XmlElement, calibration: XmlElement, camera: ExchangedCamera) -> tuple[str, ...]:
+    """Return the parameters that were estimated: those with covariances; without any, those of an adjusted one."""
     for path in ("covariance/params", "calibration/covariance/params"):
         found = sensor.child(path)
         if found is not None:
             return tuple(name for name in found.text.split() if name in PARAMETERS)
-    return ()
+    if calibration.attributes.get("class", "adjusted") != "adjusted":
+        return ()
+    return tuple(name for name, value in camera.parameters.items() if name in _PLANE or value)
 
 
 def _sensor_size(sensor: XmlElement, fields: XmlFields, size: tuple[int, int]) -> tuple[float, float] | None:

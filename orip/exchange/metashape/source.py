@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import Struct
 
 from orip.errors import Complaint
-from orip.exchange.metashape.chunk import ChunkReader, Marker, chunk_of
+from orip.exchange.metashape.chunk import LEAST_RADIUS, ChunkReader, Marker, chunk_of
 from orip.exchange.metashape.project_files import TieCloud, is_project, read_project_chunk
 from orip.exchange.metashape.reference_table import reference_tables_beside
 from orip.exchange.metashape.references import with_references
@@ -128,10 +129,22 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
     stations = [station for camera in chunk.cameras() if (station := chunk.station(camera)) is not None]
     control = tuple(marker.control for marker in found if marker.control is not None)
     frame = chunk.frame
-    is_referenced = frame.kind == "geocentric" or (chunk.is_on_the_ground and bool(chunk.crs))
-    if not is_referenced and (control or stations):
+    is_geocentric = frame.kind == "geocentric"
+    is_known = bool(chunk.crs) or all(math.hypot(*station.position) > LEAST_RADIUS for station in stations)
+    is_referenced = chunk.is_on_the_ground and (is_known or not is_geocentric)
+    if not chunk.is_on_the_ground and (control or stations):
         notes.append(
             "The chunk has no transform to the ground: positions of cameras and markers are in another system."
+        )
+    elif stations and not is_referenced:
+        notes.append(
+            f"The chunk is on the earth and names no system: positions of {counted(len(stations), 'camera')} "
+            "left out; export the cameras with it."
+        )
+    elif not chunk.crs and (control or stations):
+        notes.append(
+            "The chunk names no coordinate system: positions of cameras and markers are taken to be in that of its "
+            "transform."
         )
     return ExchangedProject(
         name=document.element.attributes.get("label", ""),
@@ -141,7 +154,8 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
         rays=rays.rays(),
         readings=(READING,),
         control=control,
-        control_crs=markers.chunk.crs if frame.kind == "geocentric" else "",
+        checks=frozenset(marker.name for marker in found if not marker.is_enabled),
+        control_crs=markers.chunk.crs if is_geocentric else "",
         stations=tuple(station for station in stations if station.photo in used) if is_referenced else (),
         station_reference=chunk.station_reference(),
         distances=tuple(distances),

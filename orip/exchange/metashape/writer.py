@@ -47,12 +47,11 @@ def _document(project: ExchangedProject) -> Iterator[str]:
         yield from _camera(number, photo)
     yield "</cameras>\n<markers>"
     control = {point.name: point for point in project.control}
-    marked = [row for row, is_track in enumerate(project.points.is_track.tolist()) if not is_track]
-    for number, row in enumerate(marked):
-        name = project.points.names[row]
+    marks = project.points.marks
+    for number, name in enumerate(marks):
         yield f'<marker id="{number}" label={quoteattr(name)}>{_reference(control.get(name))}</marker>'
     yield '</markers>\n<frames>\n<frame id="0">\n<markers>'
-    yield from _locations(project, marked)
+    yield from _locations(project, list(marks.values()))
     yield f"</markers>\n</frame>\n</frames>\n<reference>{_LOCAL}</reference>\n</chunk>\n</document>"
 
 

@@ -12,7 +12,7 @@ from orip.exchange.micmac import mmvii, version1
 from orip.exchange.micmac.multiple_ties import multiple_tie_files, read_multiple_ties
 from orip.exchange.micmac.ties import TrackJoiner, pair_files, read_pairs
 from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation, PhotoMark
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import read_xml
 from orip.files.text.parsed import Parsed
@@ -149,7 +149,7 @@ def _project(
         for number, item in enumerate(used)
     )
     points, rays = CollectedPoints(), CollectedRays()
-    _add_marks(ground, marks, used, points, rays)
+    reading.notes += _add_marks(ground, marks, used, points, rays)
     if homol is not None:
         _add_ties(homol, used, points, rays, reading)
     return ExchangedProject(
@@ -174,7 +174,9 @@ def _camera(name: str, camera: Calibration) -> ExchangedCamera:
     terms = {"p1": p1 / unit, "p2": p2 / unit, "b1": b1, "b2": b2}
     parameters = {"f": camera.focal, "cx": cx, "cy": cy, **shift, **radial, **terms}
     stem = PurePosixPath(name.replace("\\", "/")).name.removesuffix(".xml")
-    return ExchangedCamera(stem, *camera.size, "fraser", parameters, "Fraser" if any((p1, p2, b1, b2)) else "radial")
+    model = "Fraser" if any((p1, p2, b1, b2)) else "radial"
+    free = ("f", "cx", "cy", *(name for name, value in (radial | terms).items() if value))
+    return ExchangedCamera(stem, *camera.size, "fraser", parameters, model, free=free)
 
 
 def _control(point: GroundPoint) -> ControlPoint:
@@ -192,20 +194,21 @@ def _add_marks(
     orientations: Sequence[Orientation],
     points: CollectedPoints,
     rays: CollectedRays,
-) -> None:
-    """Add measurements, once for each photo and point: the same marks may be in several files."""
+) -> list[str]:
+    """Add measurements, once for each photo and point, as several files may have them; return what was left out."""
     for point in ground:
         points.add(point.name, point.coordinates)
-    places = {item.photo: place for place, item in enumerate(orientations)}
-    seen: set[tuple[str, str]] = set()
+    names = PhotoNames(item.photo for item in orientations)
+    seen: set[tuple[int, str]] = set()
     for mark in marks:
-        photo = places.get(mark.photo)
-        if photo is None or (mark.photo, mark.point) in seen:
+        photo = names.place(mark.photo)
+        if photo is None or (photo, mark.point) in seen:
             continue
-        seen.add((mark.photo, mark.point))
+        seen.add((photo, mark.point))
         deviation = float("nan") if mark.deviation is None else max(mark.deviation)
         image = pixel_of_camera(mark.pixel, orientations[photo].to_camera)
         rays.add(photo, points.add(mark.point), image, deviation)
+    return names.notes("the lists of measured points", "measurement")
 
 
 def pixel_of_camera(pixel: Sequence[float], to_camera: tuple[float, ...] | None) -> tuple[float, float]:

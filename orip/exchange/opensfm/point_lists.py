@@ -1,7 +1,8 @@
 """Lists of OpenDroneMap: ground control points in photos (``gcp_list.txt``) and places of photos (``geo.txt``).
 
-The first line of both names the coordinate system: ``EPSG:n``, ``WGS84 UTM 33N``, ``WGS84`` (longitude, latitude,
-height) or a string of PROJ. A ground control point has no name there, and is known by its coordinates.
+The first line of both names the coordinate system: ``EPSG:n``, ``WGS84 UTM 33N``, ``WGS84 UPS south``, ``WGS84``
+(longitude, latitude, height), a string of PROJ or WKT. A ground control point has no name there, and is known by its
+coordinates.
 """
 
 from __future__ import annotations
@@ -17,10 +18,17 @@ from orip.exchange.sources.faults import Faults
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
 
-_UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
-_EPSG = re.compile(r"EPSG:([0-9]{4,6})", re.IGNORECASE)
+_UTM = re.compile(r"WGS\s*84\s*/?\s*UTM\s*(?:zone)?\s*([0-9]{1,2})\s*([A-Z]|north|south)", re.IGNORECASE)
+_UPS = re.compile(r"WGS\s*84\s*/?\s*UPS\s*(N|S|north|south)(?:\s*pole)?(?:\s*\(.*\))?", re.IGNORECASE)
+_EPSG = re.compile(r"(?:\+init\s*=\s*)?EPSG\s*:\s*([0-9]{4,6}(?:\+[0-9]{4,6})?)", re.IGNORECASE)
+_ZONE = re.compile(r"\+zone=([0-9]{1,2})([A-Z])\b", re.IGNORECASE)
 _GEOGRAPHIC = "EPSG:4326"
+_UPS_CODES = {"N": "EPSG:5041", "S": "EPSG:5042"}
+"""Easting first."""
+
 _ZONES = 60
+_SOUTHERN_BANDS = "CDEFGHJKLMS"
+"""Letters of the bands of latitude south of the equator; S beside a zone means the south, as N means the north."""
 
 
 class ControlMark(Struct, frozen=True):
@@ -53,12 +61,17 @@ class ControlList(Struct, frozen=True):
 
 
 class PhotoPlace(Struct, frozen=True):
-    """Where a photo was taken: z NaN if not known; `accuracy` horizontal and vertical, None if not given."""
+    """Where a photo was taken: z NaN if not known; `accuracy` horizontal and vertical, None if not given.
+
+    `angles` are yaw, pitch and roll in degrees, all 0 for a photo that looks down with its top to the north; None if
+    not given.
+    """
 
     photo: str
     coordinates: tuple[float, float, float]
     accuracy: tuple[float, float] | None
     line: int
+    angles: tuple[float, float, float] | None = None
 
 
 class PlaceList(Struct, frozen=True):
@@ -95,11 +108,13 @@ def read_place_list(path: Path, faults: Faults) -> PlaceList:
             continue
         coordinates = _coordinates([*words[1:4], "nan"][:3], line, faults)
         if coordinates is not None:
-            places.append(PhotoPlace(words[0], coordinates, _accuracy(words, line, faults), line))
+            places.append(
+                PhotoPlace(words[0], coordinates, _accuracy(words, line, faults), line, _angles(words, line, faults))
+            )
     return PlaceList(crs, tuple(places))
 
 
-_CONTROL_FIELDS, _PLACE_FIELDS, _FIELDS_WITH_ACCURACY = 6, 3, 9
+_CONTROL_FIELDS, _PLACE_FIELDS, _FIELDS_WITH_ANGLES, _FIELDS_WITH_ACCURACY = 6, 3, 7, 9
 
 
 def _rows(path: Path, faults: Faults) -> tuple[str, Iterator[tuple[int, list[str]]]]:
@@ -111,8 +126,8 @@ def _rows(path: Path, faults: Faults) -> tuple[str, Iterator[tuple[int, list[str
     crs = crs_of_heading(heading)
     if crs is None:
         faults.complain(
-            f"'{shown_token(heading)}' names no coordinate system; the first line is EPSG:n, WGS84 UTM 33N, WGS84 or "
-            "a string of PROJ (+proj=...)",
+            f"'{shown_token(heading)}' names no coordinate system; the first line is EPSG:n, WGS84 UTM 33N, WGS84 UPS "
+            "south, WGS84 (longitude, latitude) or a string of PROJ (+proj=...)",
             number,
         )
     return crs or "", ((line, _words(text)) for line, text in texts)
@@ -127,14 +142,31 @@ def _words(text: str) -> list[str]:
 def crs_of_heading(heading: str) -> str | None:
     """Return the coordinate system that a first line names, for pyproj; None if it names none."""
     text = heading.strip()
-    epsg, utm = _EPSG.fullmatch(text), _UTM.fullmatch(text)
+    epsg, utm, ups = _EPSG.fullmatch(text), _UTM.fullmatch(text), _UPS.fullmatch(text)
     if epsg:
         return f"EPSG:{epsg[1]}"
     if utm and 1 <= int(utm[1]) <= _ZONES:
-        return f"EPSG:{(32600 if utm[2].upper() == 'N' else 32700) + int(utm[1])}"
-    if text.upper() == "WGS84":
+        return f"EPSG:{(32700 if _is_south(utm[2]) else 32600) + int(utm[1])}"
+    if ups:
+        return _UPS_CODES[ups[1][0].upper()]
+    if text.replace(" ", "").upper() in ("WGS84", "WGS84LATLON", "WGS84LONLAT"):
         return _GEOGRAPHIC
-    return text if text.startswith("+proj") else None
+    if text.startswith("+proj"):
+        return _ZONE.sub(_zone, text)
+    return text if text.startswith(_WKT) else None
+
+
+_WKT = ("PROJCS[", "PROJCRS[", "GEOGCS[", "GEOGCRS[", "COMPD_CS[", "COMPOUNDCRS[")
+
+
+def _is_south(letter: str) -> bool:
+    """Return whether a hemisphere, or a band of latitude, is the southern one."""
+    return letter.lower() == "south" or (len(letter) == 1 and letter.upper() in _SOUTHERN_BANDS)
+
+
+def _zone(found: re.Match[str]) -> str:
+    """Return a zone with a letter as PROJ has it."""
+    return f"+zone={found[1]} +south" if _is_south(found[2]) else f"+zone={found[1]}"
 
 
 def _coordinates(words: list[str], line: int, faults: Faults) -> tuple[float, float, float] | None:
@@ -142,6 +174,13 @@ def _coordinates(words: list[str], line: int, faults: Faults) -> tuple[float, fl
     unknown = words[2].lower() == "nan"
     z = math.nan if unknown else faults.decimal(words[2], "z", line)
     return None if math.isnan(x) or math.isnan(y) or (math.isnan(z) and not unknown) else (x, y, z)
+
+
+def _angles(words: list[str], line: int, faults: Faults) -> tuple[float, float, float] | None:
+    if len(words) < _FIELDS_WITH_ANGLES or any(word.lower() == "nan" for word in words[4:7]):
+        return None
+    yaw, pitch, roll = (faults.decimal(word, "yaw, pitch, roll", line) for word in words[4:7])
+    return yaw, pitch, roll
 
 
 def _accuracy(words: list[str], line: int, faults: Faults) -> tuple[float, float] | None:

@@ -23,6 +23,8 @@ from orip.records.observations.station import Station
 READING = PoseReading("y_down", "to_camera", "rotation_vector", "radian", "translation")
 
 _RADIAL = ("k1", "k2", "k3", "k4")
+_FISHEYE62 = (*_RADIAL, "k5", "k6", "p1", "p2")
+_COUNTED_FROM_0 = {"s1": "s0", "s2": "s1", "s3": "s2", "s4": "s3"}
 
 LENSES: Mapping[str, tuple[Lens, tuple[str, ...]]] = MappingProxyType(
     {
@@ -32,9 +34,14 @@ LENSES: Mapping[str, tuple[Lens, tuple[str, ...]]] = MappingProxyType(
         "brown": ("opencv", (*_RADIAL[:3], "p1", "p2")),
         "fisheye": ("equidistant", _RADIAL[:2]),
         "fisheye_opencv": ("equidistant", _RADIAL),
+        "fisheye62": ("equidistant", _FISHEYE62),
+        "fisheye624": ("equidistant", (*_FISHEYE62, "s1", "s2", "s3", "s4")),
     }
 )
 """Formula of each projection type that can be converted, with the parameters of its distortion."""
+
+_WITH_PRINCIPAL_POINT = ("brown", "fisheye_opencv", "fisheye62", "fisheye624")
+"""Projection types whose principal point OpenSfM estimates with the rest."""
 
 _WORST_ACCURACY = 1000.0
 """Metres; OpenSfM writes 999999 where a position is not known."""
@@ -113,7 +120,7 @@ def camera_of(name: str, value: JsonValue) -> ExchangedCamera | None:
     longer = max(width, height)
     focal_x, focal_y = _focal_lengths(value)
     shift_x, shift_y = value.number("c_x", 0.0), value.number("c_y", 0.0)
-    distortion = {term: value.number(term, 0.0) for term in terms}
+    distortion = {term: value.number(_COUNTED_FROM_0.get(term, term), 0.0) for term in terms}
     if focal_x is None or focal_y is None or shift_x is None or shift_y is None:
         return None
     if min(focal_x, focal_y) <= 0:
@@ -126,7 +133,8 @@ def camera_of(name: str, value: JsonValue) -> ExchangedCamera | None:
         "cy": height / 2.0 + shift_y * longer,
     }
     known = {term: number for term, number in distortion.items() if number is not None}
-    return ExchangedCamera(name, int(width), int(height), lens, parameters | known, kind)
+    free = ("fx", "fy", *(("cx", "cy") if kind in _WITH_PRINCIPAL_POINT else ()), *terms)
+    return ExchangedCamera(name, int(width), int(height), lens, parameters | known, kind, free=free)
 
 
 def _focal_lengths(value: JsonValue) -> tuple[float | None, float | None]:
@@ -205,4 +213,6 @@ def _frame(part: JsonValue) -> GroundFrame:
     height = reference.number("altitude", 0.0)
     if longitude is None or latitude is None or height is None:
         return GroundFrame()
-    return GroundFrame("topocentric", (longitude, latitude, height))
+    if longitude == 0.0 == latitude:  # what OpenSfM writes where no photo has a position
+        return GroundFrame()
+    return GroundFrame("topocentric", (longitude, latitude, height), "reference_lla")

@@ -65,15 +65,19 @@ def read_shots_geojson(source: Path, shown: str) -> Parsed[ExchangedProject | No
 
 
 def _add_shot(properties: JsonValue, cameras: dict[str, ExchangedCamera], photos: list[ExchangedPhoto]) -> None:
-    name, camera = properties.text("filename"), properties.text("camera")
+    name = properties.text("filename")
     focal, width, height = (properties.number(key) for key in ("focal", "width", "height"))
     position, rotation = properties.numbers("translation", 3), properties.numbers("rotation", 3)
-    if name is None or camera is None or position is None or rotation is None:
+    if name is None or position is None or rotation is None:
         return
     if focal is None or width is None or height is None:
         return
     if min(focal, width, height) <= 0 or max(width, height) > _LARGEST_SIDE:
         properties.complain(f"focal, width and height of '{shown_token(name)}' have to be above 0; correct them")
+        return
+    # older reports name no camera: one for each size and focal length
+    camera = properties.text("camera") if properties.get("camera") is not None else f"{width:g}x{height:g} {focal:g}"
+    if camera is None:
         return
     if camera not in cameras:
         pixels = focal * max(width, height)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,18 +11,19 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
-from orip.exchange.opensfm.feature_size import feature_precision
 from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
 from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
+from orip.exchange.opensfm.settings import Settings, read_settings
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
 from orip.exchange.opensfm.tracks import Features, read_features
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
 from orip.files.text.parsed import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.structs import replace
 from orip.wording import counted
 
 _RECONSTRUCTIONS = (
@@ -34,6 +36,12 @@ _RECONSTRUCTIONS = (
 
 _UNKNOWN_ACCURACY = 10.0
 """Metres that OpenDroneMap takes for the position of a photo where nothing is known."""
+
+
+_ANGLE_ERROR = 5.0
+"""Degrees; drones write the angles of a gimbal, or of the aircraft, by a magnetic compass."""
+
+_ANGLE_ERRORS = (math.radians(_ANGLE_ERROR),) * 3
 
 
 class _Files(Struct, frozen=True):
@@ -138,32 +146,43 @@ def _project(
         features = read_features(files.tracks, faults, photos, points.tracks)
         notes += _add_features(features, reconstruction, rays)
         complaints += faults.complaints
-    control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays)
+    control, crs = _add_control(files, faults_of, complaints, reconstruction, points, rays, notes)
     stations, reference = reconstruction.stations, IN_PROJECT
     if files.places is not None:
         faults = faults_of(files.places)
         places = read_place_list(files.places, faults)
         complaints += faults.complaints
-        stations, reference = _stations(places, photos), StationReference(places.crs)
-    precision: float | None = None
+        stations = _stations(places, reconstruction, notes)
+        has_angles = any(station.has_angles for station in stations)
+        reference = StationReference(places.crs, navigation=has_angles)
+        if has_angles:
+            notes.append(
+                "Yaw, pitch and roll of geo.txt are observed attitudes; no file says how good they are: "
+                f"{_ANGLE_ERROR:g}° was assumed."
+            )
+    settings = Settings()
     if files.settings is not None:
         faults = faults_of(files.settings)
-        larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
-        precision = feature_precision(files.settings, faults, larger)
+        settings = read_settings(files.settings, faults)
         complaints += faults.complaints
+    larger = max((max(camera.columns, camera.rows) for camera in reconstruction.cameras), default=0)
+    precision = settings.feature_precision(larger)
     if precision is not None and precision > 1.0:
         notes.append(
             f"Features were found in smaller images: their a-priori error is one pixel there, {precision:.1f} px."
         )
     return ExchangedProject(
         name="",
-        cameras=reconstruction.cameras,
+        cameras=tuple(
+            replace(camera, free=()) if settings.holds_cameras else camera for camera in reconstruction.cameras
+        ),
         photos=reconstruction.photos,
         points=points.points(),
         rays=rays.rays(),
         readings=(READING,),
         control=control,
         control_crs=crs,
+        control_named=f"the header of {files.control_list.name}" if files.control_list is not None else "",
         stations=stations,
         station_reference=reference,
         ground_unit="m",
@@ -201,6 +220,7 @@ def _add_control(
     reconstruction: Reconstruction,
     points: CollectedPoints,
     rays: CollectedRays,
+    notes: list[str],
 ) -> tuple[tuple[ControlPoint, ...], str]:
     """Add the marks of control points; return the control points and what their coordinates refer to."""
     marked: Sequence[MarkedPoint] = ()
@@ -215,8 +235,12 @@ def _add_control(
         document = read_json(files.control_document, faults)
         marked, crs = () if document is None else marked_points_of_document(document), "EPSG:4979"
         complaints += faults.complaints
+    names = PhotoNames(photo.name for photo in reconstruction.photos)
     for item in marked:
-        _add_marks(item, reconstruction, points, rays, in_pixels=in_pixels)
+        _add_marks(item, names, reconstruction, points, rays, in_pixels=in_pixels)
+    if marked:
+        file = files.control_list or files.control_document
+        notes += names.notes("" if file is None else file.name, "mark")
     nothing = (None, None, None)
     return tuple(
         ControlPoint(item.name, item.coordinates, nothing, line=item.line)
@@ -226,21 +250,36 @@ def _add_control(
 
 
 def _add_marks(
-    item: MarkedPoint, reconstruction: Reconstruction, points: CollectedPoints, rays: CollectedRays, *, in_pixels: bool
+    item: MarkedPoint,
+    names: PhotoNames,
+    reconstruction: Reconstruction,
+    points: CollectedPoints,
+    rays: CollectedRays,
+    *,
+    in_pixels: bool,
 ) -> None:
-    place_of_photo = {photo.name: place for place, photo in enumerate(reconstruction.photos)}
     point = points.add(item.name)
     for name, (x, y) in item.marks:
-        photo = place_of_photo.get(name)
+        photo = names.place(name)
         if photo is not None:
             camera = reconstruction.cameras[reconstruction.photos[photo].camera]
             rays.add(photo, point, (x + 0.5, y + 0.5) if in_pixels else _pixel(camera, x, y))
 
 
-def _stations(places: PlaceList, photos: dict[str, int]) -> tuple[Station, ...]:
+def _stations(places: PlaceList, reconstruction: Reconstruction, notes: list[str]) -> tuple[Station, ...]:
+    """Return positions, with attitudes where there are any; angles that are 0 in all photos say nothing."""
+    names = PhotoNames(photo.name for photo in reconstruction.photos)
+    has_angles = any(any(place.angles or ()) for place in places.places)
     found = []
     for place in places.places:
-        if place.photo in photos and place.coordinates[2] == place.coordinates[2]:  # not NaN
+        photo = names.place(place.photo)
+        if photo is not None and place.coordinates[2] == place.coordinates[2]:  # not NaN
             horizontal, vertical = place.accuracy or (_UNKNOWN_ACCURACY, _UNKNOWN_ACCURACY)
-            found.append(Station(place.photo, place.coordinates, (horizontal, horizontal, vertical), line=place.line))
+            name = reconstruction.photos[photo].name
+            station = Station(name, place.coordinates, (horizontal, horizontal, vertical), line=place.line)
+            if has_angles and place.angles is not None:
+                yaw, pitch, roll = (math.radians(angle) for angle in place.angles)
+                station = replace(station, angles=(roll, pitch, yaw), angle_error=_ANGLE_ERRORS)
+            found.append(station)
+    notes += names.notes("geo.txt", "place")
     return tuple(found)

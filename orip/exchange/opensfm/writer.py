@@ -17,6 +17,7 @@ from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.held_terms import require_without
 from orip.exchange.sources.json_tree import read_json
+from orip.exchange.sources.short_names import distinct_names
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _NAME = "reconstruction.json"
@@ -26,6 +27,9 @@ _SAME = 1e-11
 _RADIAL = ("k1", "k2", "k3")
 _DECENTRING = ("p1", "p2")
 _FISHEYE = ("k1", "k2", "k3", "k4")
+_PLANE = ("fx", "fy", "cx", "cy")
+OPENSFM_TERMS = (*_PLANE, *_RADIAL, *_DECENTRING)
+OPENSFM_FISHEYE_TERMS = (*_PLANE, *_FISHEYE, *_DECENTRING)
 _SCALE = 0.001
 """Size of a feature; it has no part in OpenSfM's adjustment unless it is asked for."""
 
@@ -81,25 +85,15 @@ def _new(project: ExchangedProject) -> dict[str, Any]:
         if photo.rotation
     }
     found: dict[str, Any] = {"cameras": cameras, "shots": shots, "points": {}}
-    names = _track_names(project)
+    names = distinct_names(project.points)
     for row, values in _points(project).items():
         found["points"][names[row]] = {"color": _GREY, **values}
     return found
 
 
-def _track_names(project: ExchangedProject) -> list[str]:
-    """Return the names of all points as tracks; those that are no tracks are different from those that are."""
-    points = project.points
-    tracks = {name for name, is_track in zip(points.names, points.is_track.tolist(), strict=True) if is_track}
-    return [
-        name if is_track or name not in tracks else f"point {name}"
-        for name, is_track in zip(points.names, points.is_track.tolist(), strict=True)
-    ]
-
-
 def _tracks(project: ExchangedProject) -> bytes:
     """Return the measurements as ``tracks.csv``; a feature has its number among all of them."""
-    rays, names = project.rays, _track_names(project)
+    rays, names = project.rays, distinct_names(project.points)
     lines = ["OPENSFM_TRACKS_VERSION_v2"]
     for feature in np.flatnonzero(rays.is_active).tolist():
         photo = project.photos[int(rays.photo[feature])]
@@ -127,9 +121,8 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
         shot.update(_precision(photo))
         if before != _pose(shot):
             _follow(part.get("rig_instances"), photo.name, before, shot)
-    points = {
-        project.points.names[row]: values for row, values in _points(project).items() if project.points.is_track[row]
-    }
+    coordinates_of = _points(project)
+    points = {name: coordinates_of[row] for name, row in project.points.tracks.items() if row in coordinates_of}
     kept = {name: point for name, point in (part.get("points") or {}).items() if name in points}
     for name, point in kept.items():
         coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
@@ -214,18 +207,23 @@ def _new_camera(camera: ExchangedCamera) -> dict[str, Any]:
 def _updated_fisheye(old: dict[str, Any], camera: ExchangedCamera) -> dict[str, Any]:
     new = _fisheye(camera)
     if old.get("projection_type") == "fisheye":
-        extra = ("c_x", "c_y", "k3", "k4")
-        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new[key]) > _SAME for key in extra):
+        extra = ("c_x", "c_y", "k3", "k4", *_DECENTRING)
+        if abs(new["focal_x"] - new["focal_y"]) > _SAME or any(abs(new.get(key, 0.0)) > _SAME for key in extra):
             return new
         new["focal"] = new["focal_x"]
-    elif old.get("projection_type") != "fisheye_opencv":
+    elif old.get("projection_type") != new["projection_type"]:
         return new
     own = {key: new[key] for key in old if key in new and key not in ("projection_type", "width", "height")}
     return old | {key: value for key, value in own.items() if not _is_same([old.get(key)], [value])}
 
 
 def _fisheye(camera: ExchangedCamera) -> dict[str, Any]:
-    return _plane(camera, "fisheye_opencv") | {name: camera.parameters.get(name, 0.0) for name in _FISHEYE}
+    """Return a fisheye camera, with decentring where it has any."""
+    value = camera.parameters
+    if not any(value.get(name) for name in _DECENTRING):
+        return _plane(camera, "fisheye_opencv") | {name: value.get(name, 0.0) for name in _FISHEYE}
+    terms = (*_FISHEYE, "k5", "k6", *_DECENTRING)
+    return _plane(camera, "fisheye62") | {name: value.get(name, 0.0) for name in terms}
 
 
 def _brown(camera: ExchangedCamera) -> dict[str, Any]:

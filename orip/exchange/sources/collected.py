@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.exchanged import ExchangedPoints, ExchangedRays
+from orip.wording import counted, first_names
+
+_FIRST = 3
+"""Names of a list that are told."""
 
 _UNKNOWN = (math.nan, math.nan, math.nan)
 
@@ -59,6 +64,56 @@ class CollectedPoints:
             for name, place in known.items():
                 names[place] = name
         return ExchangedPoints(tuple(names), np.array(self._coordinates, dtype=np.float64).reshape(-1, 3), is_track)
+
+
+class PhotoNames:
+    """The photos of a project, as other files name them: in the same letters, or in others where these leave no doubt.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the photos, in their order.
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._places = {name: place for place, name in enumerate(names)}
+        self._by_key: dict[str, list[str]] = {}
+        for name in self._places:
+            self._by_key.setdefault(name.casefold(), []).append(name)
+        self._otherwise: Counter[str] = Counter()
+        self._unknown: Counter[str] = Counter()
+
+    def place(self, name: str) -> int | None:
+        """Return the place of the photo that a row of another file belongs to; None, and remembered, if there is none.
+
+        Upper and lower case make no difference where only one photo is meant.
+        """
+        place = self._places.get(name)
+        if place is None:
+            similar = self._by_key.get(name.casefold(), ())
+            place = self._places[similar[0]] if len(similar) == 1 else None
+            (self._unknown if place is None else self._otherwise)[name] += 1
+        return place
+
+    def notes(self, file: str, noun: str, fate: str = "left out") -> list[str]:
+        """Return what was not asked for by its exact name: counts of `noun`, what becomes of them, the first names."""
+        notes = []
+        if self._otherwise:
+            first = min(self._otherwise)
+            meant = self._by_key[first.casefold()][0]
+            notes.append(
+                f"{counted(len(self._otherwise), 'photo')} of {file} matched without regard to upper and lower case: "
+                f"{first} is {meant}."
+            )
+        if self._unknown:
+            lost = counted(self._unknown.total(), noun)
+            doubtful = any(name.casefold() in self._by_key for name in self._unknown)
+            why = "no photo or, in other upper and lower case, several have" if doubtful else "no oriented photo has"
+            notes.append(
+                f"{lost} of {file} {fate}, as {why} the names there: "
+                f"{first_names(sorted(self._unknown)[:_FIRST], _FIRST, len(self._unknown))}."
+            )
+        return notes
 
 
 class CollectedRays:

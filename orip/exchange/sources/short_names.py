@@ -7,22 +7,46 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from orip.exchange.names_table import NAMES_FILE, read_names
-from orip.records.exchanged import ExchangedProject
+from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, read_names
+from orip.records.exchanged import ExchangedPoints, ExchangedProject
 from orip.records.names import record_key
 from orip.structs import replace
 
 _HEADING = ("kind", "file", "original")
 
 
-def short_names(names: Sequence[str], suits: Callable[[str], bool]) -> list[str]:
-    """Return names, different from one another: those that suit, and numbers for the others and for repeated ones."""
+def distinct_names(points: ExchangedPoints, *, marks_tracks: bool = False) -> tuple[str, ...]:
+    """Return names of points for files that have one kind of point: those of marks; a track that meets one has a T.
+
+    Parameters
+    ----------
+    points : ExchangedPoints
+    marks_tracks : bool
+        All tracks have the T.
+    """
+    names = list(points.names)
+    marks, tracks = points.marks, points.tracks
+    changed = [name for name in tracks if marks_tracks or name in marks]
+    taken = {*marks, *({} if marks_tracks else tracks)}
+    for name in changed:
+        found = TRACK_MARK + name
+        while found in taken:
+            found = TRACK_MARK + found
+        taken.add(found)
+        names[tracks[name]] = found
+    return tuple(names)
+
+
+def short_names(names: Sequence[str], suits: Callable[[str], bool], first: Sequence[int] = ()) -> list[str]:
+    """Return names, different from one another: those that suit, and numbers for the others and for repeated ones.
+
+    Those at the places `first` are kept before others.
+    """
     taken: set[str] = set()
-    kept = []
-    for name in names:
-        is_kept = suits(name) and name not in taken
-        taken.update([name] if is_kept else [])
-        kept.append(is_kept)
+    kept = [False] * len(names)
+    for place in dict.fromkeys([*first, *range(len(names))]):
+        kept[place] = suits(names[place]) and names[place] not in taken
+        taken.update([names[place]] if kept[place] else [])
     number = 0
     found = []
     for name, is_kept in zip(names, kept, strict=True):
@@ -42,10 +66,15 @@ def with_original_names(project: ExchangedProject, folder: Path) -> ExchangedPro
     photos = tuple(
         replace(photo, name=table.photos.get(record_key(photo.name), photo.name)) for photo in project.photos
     )
-    names = tuple(table.points.get(name, name) for name in project.points.names)
-    if len(set(names)) < len(names):
-        names = project.points.names
-    control = tuple(replace(point, name=table.points.get(point.name, point.name)) for point in project.control)
+    known = {*project.points.marks, *(point.name for point in project.control)}
+    marks = {name: table.original_mark(name) for name in known}
+    if len(set(marks.values())) < len(marks):
+        marks = {}
+    names = tuple(
+        name if is_track else marks.get(name, name)
+        for name, is_track in zip(project.points.names, project.points.is_track.tolist(), strict=True)
+    )
+    control = tuple(replace(point, name=marks.get(point.name, point.name)) for point in project.control)
     return replace(
         project, cameras=cameras, photos=photos, points=replace(project.points, names=names), control=control
     )

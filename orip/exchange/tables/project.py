@@ -15,7 +15,7 @@ from typing import Final
 from msgspec import Struct, field
 
 from orip.errors import Complaint
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.tables.table import Row, Table, read_table
 from orip.files.text.parsed import Parsed
@@ -29,6 +29,7 @@ from orip.records.exchanged import (
 )
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import Station
+from orip.structs import replace
 from orip.wording import counted
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
@@ -142,8 +143,15 @@ def _filled(tables: Mapping[str, Table]) -> _Read:
 
 
 def _project(found: _Read, tables: Mapping[str, Table]) -> ExchangedProject:
-    places = {name: n for n, name in enumerate(found.photos)}
-    notes = [
+    names = PhotoNames(found.photos)
+    photos = list(found.photos)
+    stations = tuple(
+        replace(station, photo=photos[place])
+        for station in found.stations
+        if (place := names.place(station.photo)) is not None
+    )
+    notes = names.notes("stations.csv", "station")
+    notes += [
         f"{name}: {counted(len(table.ignored), 'column')} not read: {', '.join(table.ignored)}."
         for name, table in tables.items()
         if table.ignored
@@ -158,7 +166,7 @@ def _project(found: _Read, tables: Mapping[str, Table]) -> ExchangedProject:
         found.rays.rays(),
         (READING,),
         control=tuple(found.control),
-        stations=tuple(station for station in found.stations if station.photo in places),
+        stations=stations,
         ground_unit="m" if found.control or found.stations else "unit",
         notes=tuple(notes),
     )

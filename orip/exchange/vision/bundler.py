@@ -118,7 +118,7 @@ def _camera(name: str, values: Sequence[float], line: int, faults: Faults) -> Ex
     if focal <= 0:
         faults.complain(f"{name}: the focal length has to be above 0", line or None)
     parameters = {"fx": focal, "fy": focal, "cx": 0.0, "cy": 0.0, "k1": k1, "k2": k2}
-    return ExchangedCamera(name, 0, 0, "opencv", parameters, "Bundler", lens_axes=AXES, ray_axes=AXES)
+    return ExchangedCamera(name, 0, 0, "opencv", parameters, "Bundler", AXES, AXES, free=("fx", "fy", "k1", "k2"))
 
 
 def read_bundler(source: Path, shown: str) -> Parsed[ExchangedProject | None]:

@@ -87,7 +87,7 @@ def _updated_bal(project: ExchangedProject, original: Path) -> str:
         if now is not None and now.rotation and now.position:
             first = _NUMBERS_OF_CAMERA * photo.key
             values |= {first + n: value for n, value in enumerate(_bal_camera(project, now))}
-    points = {name: n for n, name in enumerate(project.points.names)}
+    points = project.points.tracks
     for number, name in enumerate(before.points.names):
         if name in points:
             first = _NUMBERS_OF_CAMERA * len(before.photos) + 3 * number

@@ -28,7 +28,7 @@ from orip.records.exchanged import (
 
 READING = PoseReading("y_down", "to_camera", "quaternion", "radian", "centre")
 
-_HEAD = "NVM_V3"
+_HEAD, _FIXED = "NVM_V3", "FixedK"
 CENTRE = ImageAxes("pixel", "frame_centre", "down")
 _FIELDS_OF_CAMERA, _FIELDS_OF_RAY, _FIXED_OF_POINT = 11, 4, 7
 
@@ -71,6 +71,7 @@ def read_nvm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     if head is None or not head[1].startswith(_HEAD):
         faults.complain(f"the file does not begin with {_HEAD}; name the .nvm", 1)
         return Parsed(None, tuple(faults.complaints))
+    free = () if _FIXED in head[1].split() else ("f", "k1")
     values = [_camera_values(lines, faults) for _ in range(lines.count("photos"))]
     points, rays = CollectedPoints(), CollectedRays()
     for number in range(lines.count("points")):
@@ -82,9 +83,7 @@ def read_nvm(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
         focal, *pose, k, _ = numbers
         parameters = {"f": focal, "cx": 0.0, "cy": 0.0, "k1": k / focal**2}
         cameras.append(
-            ExchangedCamera(
-                f"camera{number}", 0, 0, "measured", parameters, "VisualSFM", lens_axes=CENTRE, ray_axes=axes
-            )
+            ExchangedCamera(f"camera{number}", 0, 0, "measured", parameters, "VisualSFM", CENTRE, axes, free=free)
         )
         photos.append(ExchangedPhoto(name, number, tuple(pose[:4]), tuple(pose[4:7]), key=number))
     if not photos and not faults.complaints:

@@ -20,6 +20,7 @@ STATUS_REMARK: dict[Status, str] = {
         "than sigma0. A-priori errors are probably too small, or the model is wrong."
     ),
     "not_converged": "NOT CONVERGED: the values are those of the last iteration. Do not use them.",
+    "not_determined": "NOT DETERMINED: the observations leave the block free; see the notes. Do not use its values.",
     "stopped": "STOPPED before convergence: the values are those of the last iteration. Do not use them.",
 }
 

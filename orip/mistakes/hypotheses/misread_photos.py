@@ -12,7 +12,7 @@ from orip.geometry.rotation import angles_from_rotation
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.left_out_photo import may_fit_without
-from orip.mistakes.photo_readings import FittingReading, fitting_reading, mirror_readings
+from orip.mistakes.photo_readings import FEWEST, FittingReading, fitting_reading, mirror_readings
 from orip.mistakes.readjuster import Readjuster
 from orip.records.block import Block
 from orip.structs import replace
@@ -51,10 +51,11 @@ def misread_photos(
             continue
         if not is_good(fit_of_adjustment(rest)):
             continue
-        found = fitting_reading(block, rows[name], _known(block, rest), rest.variance.sigma0)
+        known = _known(block, rest)
+        found = fitting_reading(block, rows[name], known, rest.variance.sigma0)
         if found is not None and found.reading.kind:
             yield _read_otherwise(block, rows[name], rest, found)
-        elif found is None and len(block.photos) >= _FEWEST:
+        elif found is None and len(block.photos) >= _FEWEST and _can_contradict(block, rows[name], known):
             text = (
                 "the other photos fit without it, and it does not fit them: check its numbers of points, its camera "
                 "and its measurements, or leave it out"
@@ -66,6 +67,13 @@ def misread_photos(
     for name in alone:
         yield from _directly_mirrored(block, rows[name])
     yield from left_out
+
+
+def _can_contradict(block: Block, photo: int, known: np.ndarray) -> bool:
+    """Return whether a photo has enough of the known points: with few it cannot be oriented, and nothing is wrong."""
+    points = block.photo_points
+    mine = points.point[(points.photo == photo) & points.in_use]
+    return int(np.isfinite(known[mine]).all(axis=1).sum()) >= FEWEST
 
 
 def _directly_mirrored(block: Block, photo: int) -> Iterator[Hypothesis]:

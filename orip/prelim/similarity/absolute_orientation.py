@@ -40,6 +40,9 @@ _WELL = 2.0
 
 _COORDINATES = 7
 
+_FEWEST = 3
+"""Number of known positions that may determine a similarity."""
+
 _FEW = 7
 """Number of points known in full up to which wrong ones among them may not be revealed."""
 
@@ -87,7 +90,9 @@ def absolute_orientation(
         return found
     with_centres = _from(block, names, control, centres)
     if isinstance(with_centres, NotOriented):
-        return found
+        # what is the matter with given stations has to be said: without control points they are all there is
+        why = f"{with_centres.reason}; {found.reason}" if len(centres.names) >= _FEWEST else found.reason
+        return replace(found, reason=why)
     remark = f"projection centres are used as control, since without them {found.reason}"
     return replace(with_centres, step=replace(with_centres.step, remarks=(remark, *with_centres.step.remarks)))
 
@@ -129,8 +134,10 @@ def _from(
 ) -> Joined | NotOriented:
     points, common = control_of_block(block, names, control, centres)
     remarks: list[str] = []
+    of_photos = sum(name.startswith("photo ") for name in points) if centres is not None else 0
+    noun = "exposure station" if of_photos == len(points) else "control point"
     try:
-        found = fit_to_control(common, block.rotations, remarks)
+        found = fit_to_control(common, block.rotations, remarks, noun)
     except ValueError as error:
         return NotOriented(block.name, "", str(error))
     typical, extent = median(found.lengths), common.extent
@@ -146,7 +153,9 @@ def _from(
     return Joined(found.similarity, transformed(block, found.similarity), replace(step, remarks=tuple(remarks)))
 
 
-def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[str]) -> SimilarityAdjustment:
+def fit_to_control(
+    common: CommonPoints, rotations: FloatArray, remarks: list[str], noun: str = "control point"
+) -> SimilarityAdjustment:
     """Adjust the similarity from the block to its control.
 
     Parameters
@@ -156,6 +165,8 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
         Of the block's photos; of two solutions that fit equally the one with upright photos is used.
     remarks : list of str
         A remark on that choice is added to it.
+    noun : str
+        What the control is.
 
     Raises
     ------
@@ -176,11 +187,7 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
     known = common.known
     axes = known.sum(axis=0)
     if count == len(full) and count >= 3:
-        message = (
-            f"the control points lie on one line: they deviate from it by {width:.2g} over a length of {length:.3g}; "
-            "measure one more, off the line"
-        )
-        raise ValueError(message)
+        raise ValueError(_in_a_row(common, noun, width, length))
     if axes.sum() < _COORDINATES:
         raise ValueError(_too_few(count, len(full), axes))
     try:
@@ -191,6 +198,20 @@ def fit_to_control(common: CommonPoints, rotations: FloatArray, remarks: list[st
             "rotation and scale: two points known in X and Y and three in Z, off one line, are needed"
         )
         raise ValueError(message) from None
+
+
+def _in_a_row(common: CommonPoints, noun: str, width: float, length: float) -> str:
+    """Return why control on one line, or at one place, does not suffice, and what to do."""
+    places = common.target[common.full]
+    of_photos = noun == "exposure station"
+    if length < _BESIDE_ONE_LINE * _middle_error(common, width, length):
+        farthest = float(np.linalg.norm(np.ptp(places, axis=0)))
+        more = "check their coordinates" if of_photos else "measure others, far from there"
+        where = f"all {counted(len(places), noun)} are at one place (distance {farthest:.3g})"
+        return f"{where}, so they fix neither scale nor rotation; {more}"
+    more = "give a control point off the line" if of_photos else "measure one more, off the line"
+    where = f"the {noun}s lie on one line: they deviate from it by {width:.2g} over a length of {length:.3g}"
+    return f"{where}, so they do not fix the rotation about it; {more}"
 
 
 def _too_few(full: int, points: int, axes: IntArray) -> str:

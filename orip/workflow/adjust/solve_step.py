@@ -45,7 +45,7 @@ def _of_head(command: str, head: SolutionHead) -> Step:
     found = f"{head.status.replace('_', ' ')}, sigma0 {head.sigma0:.4f}"
     if head.status == "stopped":
         return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
-    if head.status == "not_converged":
+    if head.status in ("not_converged", "not_determined"):
         text = f"{found}: do not use its values; correct what the report names, then orip run"
         return Step(command, "failed", text, command.replace("solve", "report"))
     return Step(command, "up to date", found)

@@ -131,7 +131,9 @@ def update(bundle: BundleState, what: What, names: Sequence[str] = (), *, force:
 
 def _require_converged(solution: Solution) -> None:
     if solution.status not in {"converged", "doubtful"}:
-        ended = "was stopped" if solution.status == "stopped" else "did not converge"
+        ended = {"stopped": "was stopped", "not_determined": "is not determined"}.get(
+            solution.status, "did not converge"
+        )
         message = (
             f"the last adjustment of {solution.bundle} {ended}, so its values may be worse than the preliminary ones; "
             f"solve it, or use its values nevertheless with --force"

@@ -46,8 +46,6 @@ _OWN_CLUSTER = {
     # Dask begins no node without a web server: without pages it tells nobody what is computed here
     "distributed.scheduler.http.routes": [],
     "distributed.worker.http.routes": [],
-    # the working directory may be a folder from elsewhere, with files that are called like modules
-    "distributed.nanny.pre-spawn-environ.PYTHONSAFEPATH": "1",
 }
 """Settings of a cluster on this machine."""
 
@@ -117,7 +115,7 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
     from distributed import Client, LocalCluster
     from distributed.security import Security
 
-    with dask.config.set({**_OWN_CLUSTER, "temporary-directory": str(_own_folder())}):
+    with _safe_path(), dask.config.set({**_OWN_CLUSTER, "temporary-directory": str(_own_folder())}):
         try:
             cluster = LocalCluster(
                 n_workers=workers or cores(),
@@ -137,6 +135,23 @@ def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
             raise LostClusterError(message) from error
         with cluster, Client(cluster) as client:
             yield client
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Have processes that are started look for modules elsewhere than in the working directory.
+
+    It may be a folder from elsewhere, with files that are called like modules.
+    """
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def _own_folder() -> Path:

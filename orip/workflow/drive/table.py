@@ -246,7 +246,7 @@ def _solution_warnings(bundle: BundleState, ingredients: TableIngredients) -> It
     if _is_stale(bundle):
         text = "was adjusted before the stores changed; run 'orip solve', then make the table again"
         yield ProjectWarning("stale-solution", f"bundle {solution.bundle}", text)
-    if solution.status in ("not_converged", "stopped"):
+    if solution.status in ("not_converged", "not_determined", "stopped"):
         text = f"the adjustment is {solution.status.replace('_', ' ')}; do not rely on what is driven to"
         yield ProjectWarning("not-converged", f"bundle {solution.bundle}", text)
     used: dict[str, Photo] = {record_key(photo.name): photo for photo in ingredients.used_photos()}

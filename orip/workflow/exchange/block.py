@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
-from orip.conversion.cameras import ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.cameras import FAITHFUL_PX, ConvertedCamera, UnsuitableCameraError, convert_camera
 from orip.conversion.control_datum import ControlDatum
-from orip.conversion.ground import in_local_ground, local_ground
+from orip.conversion.determined import determined_parameters
+from orip.conversion.ground import LocalGround, in_local_ground, local_ground
 from orip.conversion.lenses.free_parameters import unknown_parameters
-from orip.conversion.names import photo_names, point_names, unique_names
+from orip.conversion.names import mark_names, photo_names, point_names, unique_names
+from orip.conversion.poses import orip_poses
 from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
 from orip.errors import Complaint, InputError
+from orip.geometry.ground_crs import known_crs
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.wording import counted
-from orip.workflow.exchange.moved import datum_of_control, moved_block, said_of_datum
+from orip.wording import counted, counted_names
+from orip.workflow.exchange.moved import datum_of_control, moved_block, placed_at_control, said_of_datum
 
 _CAMERA = "CAMERA"
 
 _VISIBLE_PX = 0.001
 """Differences of cameras that are worth a note."""
 
-_FAITHFUL_PX = 0.01
-"""Differences of cameras above this are corrected in the measurements: fifty times less than these are good for."""
+_FARTHEST_CONTROL, _KILOMETRE = 100_000.0, 1000.0
+"""Metres from the photos to control points beyond which one of their systems is not what the file says."""
 
 _LARGEST_IMAGE, _LARGEST_PLACE = 1e7, 1e12
 """Coordinates in a photo (pixels, mm) and on the ground beyond which a file is damaged."""
@@ -69,8 +73,12 @@ class ImportedBlock(Struct, frozen=True):
     cameras : tuple of ConvertedCamera
     photos, points : tuple of str
         Names that orip gives them.
+    marks : mapping of str to str
+        Names that orip gives to marks, control points and ends of distances, by those in `project`.
     pixels : array (k, 2)
         Of the rays, as orip counts them.
+    deviations : array (k,)
+        A-priori errors of the rays, pixels; NaN where the source does not say.
     found : Reprojection
     notes : tuple of str
         What was lost or assumed, a sentence each.
@@ -82,7 +90,9 @@ class ImportedBlock(Struct, frozen=True):
     cameras: tuple[ConvertedCamera, ...]
     photos: tuple[str, ...]
     points: tuple[str, ...]
+    marks: Mapping[str, str]
     pixels: FloatArray
+    deviations: FloatArray
     found: Reprojection
     notes: tuple[str, ...]
     datum: ControlDatum | None = None
@@ -117,36 +127,98 @@ def imported_block(project: ExchangedProject, shown: str, settings: ExchangeSett
     faults = list(_impossible(project))
     if faults:
         raise InputError([Complaint(fault, shown) for fault in faults])
+    is_of_its_own = project.frame.kind == "plain" and bool(project.control_crs) and project.crs is None
     ground = local_ground(project)
     if ground is not None:
-        project = in_local_ground(project, ground)
+        project = _in_ground(project, ground, shown)
     cameras = _cameras(project, shown, settings)
     pixels = _pixels(project, cameras, shown, corrects_distortion=settings.corrects_distortion)
     found, is_declared = fitting_reading(project, cameras, pixels)
     if not found.fits_coarsely:
         raise InputError.single(_misfit(found), shown)
-    datum = datum_of_control(project, cameras, pixels, found)
-    if datum is not None:
-        project, found = moved_block(project, found, datum)
+    if is_of_its_own:
+        project, found, datum, moved = placed_at_control(project, cameras, pixels, found)
+    else:
+        datum = datum_of_control(project, cameras, pixels, found)
+        moved = [] if datum is None else said_of_datum(datum, project.ground_unit)
+        if datum is not None:
+            project, found = moved_block(project, found, datum)
+    cameras, held = _determined(project, cameras, pixels, found)
     said = said_of_reading(found, is_declared=is_declared)
     coarse = [] if found.fits else [_coarse(found)]
     notes = [
         *project.notes,
         *coarse,
         *([] if said is None else [f"{said[0].upper()}{said[1:]}."]),
-        *([] if datum is None else said_of_datum(datum, project.ground_unit)),
+        *moved,
         *_said_of_cameras(cameras),
+        *held,
     ]
+    marks = mark_names(_names_of_marks(project))
     return ImportedBlock(
         project,
         cameras,
         photo_names([photo.name for photo in project.photos]),
-        point_names(project.points.names, project.points.is_track.tolist()),
+        point_names(project.points, marks),
+        marks,
         pixels,
+        _deviations(project, cameras),
         found,
         tuple(notes),
         datum,
     )
+
+
+def _names_of_marks(project: ExchangedProject) -> Iterator[str]:
+    """Yield the names of all that is no track, whether it is measured or not."""
+    yield from project.points.marks
+    yield from (point.name for point in project.control)
+    for distance in project.distances:
+        yield from (distance.start, distance.end)
+
+
+def _in_ground(project: ExchangedProject, ground: LocalGround, shown: str) -> ExchangedProject:
+    """Return a project in a local system; latitudes that stand before longitudes are exchanged.
+
+    Raises
+    ------
+    InputError
+        If control or observed positions are so far from the photos that their systems cannot be what the files say.
+    """
+    local = in_local_ground(project, ground)
+    control = [point.coordinates for point in local.control]
+    named = project.control_named or "the system of the control points"
+    apart = _apart(local, control)
+    if apart > _FARTHEST_CONTROL and project.control_crs and known_crs(project.control_crs).is_geographic:
+        turned = tuple(
+            replace(point, coordinates=(point.coordinates[1], point.coordinates[0], point.coordinates[2]))
+            for point in project.control
+        )
+        with contextlib.suppress(InputError):  # no latitude
+            other = in_local_ground(replace(project, control=turned), ground)
+            if _apart(other, [point.coordinates for point in other.control]) <= _FARTHEST_CONTROL:
+                said = "Control points have their latitude before their longitude: they were read so."
+                return replace(other, notes=(*other.notes, said))
+    if apart <= _FARTHEST_CONTROL:
+        named = "the system of the observed positions of the photos"
+        apart = _apart(local, [station.position for station in local.stations if station.has_position])
+    if apart <= _FARTHEST_CONTROL:
+        return local
+    message = (
+        f"{named} and {project.frame.named} name places {apart / _KILOMETRE:.0f} km apart (hemisphere, zone, or x and "
+        f"y exchanged?); correct {named}, or leave these points out, and import again"
+    )
+    raise InputError.single(message, shown)
+
+
+def _apart(project: ExchangedProject, places: Sequence[tuple[float | None, ...]]) -> float:
+    """Return how far places in the middle are from the photos, metres; 0 where either are nowhere."""
+    _, centres = orip_poses(project.photos, project.readings[0])
+    centres = centres[np.isfinite(centres).all(axis=1)]
+    known = np.array([place for place in places if None not in place], dtype=np.float64).reshape(-1, 3)
+    if not len(centres) or not len(known):
+        return 0.0
+    return float(np.linalg.norm(np.median(known, axis=0) - np.median(centres, axis=0)))
 
 
 def _impossible(project: ExchangedProject) -> Iterator[str]:
@@ -191,6 +263,27 @@ def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) 
     return tuple(cameras)
 
 
+def _determined(
+    project: ExchangedProject, cameras: tuple[ConvertedCamera, ...], pixels: FloatArray, found: Reprojection
+) -> tuple[tuple[ConvertedCamera, ...], list[str]]:
+    """Return cameras without those unknowns that nothing determines, and a sentence that names them."""
+    known = determined_parameters(project, cameras, pixels, found)
+    lost: dict[tuple[str, ...], list[str]] = {}
+    for converted, names in zip(cameras, known, strict=True):
+        gone = tuple(name for name in converted.camera.unknown if name not in names)
+        if gone:
+            lost.setdefault(gone, []).append(converted.camera.name)
+    said = [
+        f"{', '.join(gone)} of {counted_names('camera', names)} held: the photos cannot determine that, as there are "
+        "too few measurements or the points are too level."
+        for gone, names in lost.items()
+    ]
+    return tuple(
+        replace(converted, camera=replace(converted.camera, unknown=names))
+        for converted, names in zip(cameras, known, strict=True)
+    ), said
+
+
 def _at_once(
     complaints: list[Complaint], project: ExchangedProject, settings: ExchangeSettings, shown: str
 ) -> list[Complaint]:
@@ -228,9 +321,17 @@ def _pixels(
     return pixels
 
 
+def _deviations(project: ExchangedProject, cameras: tuple[ConvertedCamera, ...]) -> FloatArray:
+    """Return the a-priori errors of the measurements in pixels, whatever unit they have in the source."""
+    deviations = np.array(project.rays.deviation, dtype=np.float64)
+    for converted, rows in zip(cameras, rows_of_groups(camera_of_ray(project), len(cameras)), strict=True):
+        deviations[rows] = converted.pixel_errors(deviations[rows])
+    return deviations
+
+
 def _is_corrected(converted: ConvertedCamera) -> bool:
     """Return whether measurements are corrected for what a camera of orip does not hold, without being asked."""
-    return converted.worst_px > _FAITHFUL_PX
+    return converted.worst_px > FAITHFUL_PX
 
 
 def _coarse(found: Reprojection) -> str:
@@ -255,8 +356,9 @@ def _said_of_cameras(cameras: tuple[ConvertedCamera, ...]) -> Iterator[str]:
     for converted in cameras:
         if converted.worst_px >= _VISIBLE_PX:
             done = "; measurements are corrected by that" if _is_corrected(converted) else ""
+            model = f" ({converted.source.model})" if converted.source.model else ""
             yield (
-                f"Camera {converted.camera.name} ({converted.source.model or converted.source.lens}) is fitted: over "
+                f"Camera {converted.camera.name}{model} is fitted: over "
                 f"the frame it differs by up to {converted.worst_px:.3f} px, RMS {converted.rms_px:.3f} px{done}."
             )
     assumed = [converted.camera.name for converted in cameras if converted.size_is_assumed]

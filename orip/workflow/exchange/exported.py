@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
 
 from orip.errors import InputError, UsageError
-from orip.exchange.format import Format
+from orip.exchange.format import Conventions, Format, Given
 from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.files.text.exported_names import is_one_file_name
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject
+from orip.wording import counted
 from orip.workflow.exchange.original import in_terms_of
 from orip.workflow.exchange.result import exchanged_result
 from orip.workflow.exchange.temporary import write_whole_folder
@@ -111,6 +112,7 @@ def export(
             original, is_own = None, False
     if original is None and imported is not None and is_own:
         notes.append(f"The original ({imported.path}) is not there; what is written has the result alone.")
+    notes += _lost(bundle, project, found.conventions) if original is None else ()
     if found.conventions.is_drawn and project.crs is None:
         notes.append("The project has no crs: coordinates are its own, not longitude and latitude or those of a map.")
     files = found.write(project, original)
@@ -118,6 +120,22 @@ def export(
     default = folder / (next(iter(files)) if found.is_file else f"{found.name}_adjusted")
     is_usual = target is None
     return ExportedResult(found, project, files, target or default, is_usual, bundle.project, original, tuple(notes))
+
+
+def _lost(bundle: BundleState, project: ExchangedProject, conventions: Conventions) -> Iterator[str]:
+    """Yield a sentence about what the format has no place for."""
+    control = bundle.state.texts.control.value
+    counts: dict[Given, int] = {
+        "control points": sum(point.kind == "control" for point in control.points),
+        "check points": sum(point.kind == "check" for point in control.points),
+        "stations": len(project.stations),
+        "distances": len(control.distances),
+        "tie points": int(project.points.is_track.sum()),
+        "measurements": len(project.rays.photo),
+    }
+    lost = [counted(counts[what], what.removesuffix("s")) for what in conventions.lacks if counts[what]]
+    if lost:
+        yield f"Not written, as the format has no place for it: {', '.join(lost)}."
 
 
 def _require_files_of_its_own(files: Mapping[str, bytes], found: Format) -> None:

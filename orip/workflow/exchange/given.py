@@ -30,7 +30,7 @@ def given_control(
         Of the project, at which points without a height are taken to the frame.
     """
     points = [
-        replace(point, name=names.original_point(point.name)[0])
+        replace(point, name=names.original_mark(point.name))
         for point in bundle.state.texts.control.value.points
         if frame is None or None not in point.coordinates[:2]
     ]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from msgspec import Struct
 
@@ -11,17 +13,26 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
+from orip.files.control.text import read_control
+from orip.files.log.text import read_measurements
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
+from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.shown import has_hidden, shown_token
 from orip.records.exchanged import ExchangedProject
+from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
 from orip.workflow.exchange.temporary import write_whole_folder
 from orip.workflow.exchange.texts import ImportedTexts, ImportSource, imported_texts
 
 _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "binary", ""}
 """Names of folders that projects of other programs have in common."""
+
+_DEFINITION, _CONTROL = "orip.toml", (".PNT", ".LEN", ".STA")
+
+_PLACES_NAMED = 3
+"""Of those at which the same is wrong."""
 
 
 class ImportedProject(Struct, frozen=True):
@@ -77,13 +88,118 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         raise UsageError(message)
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
-        raise InputError(parsed.complaints)
+        raise InputError(_merged(parsed.complaints))
     require_names(parsed.value, str(source))
     project = _with_references(found, parsed.value, settings)
     block = imported_block(project, str(source), settings)
     title = project.name or _title(source)
     origin = ImportSource(found.name, source.absolute().name, title, found.write is not None)
-    return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
+    content = imported_texts(block, origin, settings.precision)
+    refused = list(_refused(content.texts, block, source))
+    if refused:
+        raise InputError(refused)
+    return ImportedProject(found, source, block, content, title)
+
+
+def _refused(texts: Mapping[str, str], block: ImportedBlock, source: Path) -> Iterator[Complaint]:
+    """Yield what `orip run` would refuse in the texts of a project, as it is in the source.
+
+    Complaints that say the same are one, with the first places and their number.
+    """
+    found = list(parse_project(texts[_DEFINITION]).complaints)
+    control = [name for name in texts if name.endswith(_CONTROL)]
+    # a .PRE file has names of the measurements, and numbers that are known to be possible
+    measurements = [name for name in texts if name.endswith(".MEA")]
+    with TemporaryDirectory() as folder:
+        for name in (*control, *measurements):
+            (Path(folder) / name).write_text(texts[name], encoding="utf-8", newline="")
+        found += read_control(Path(folder), control[0].rpartition(".")[0]).complaints if control else ()
+        for name in measurements:
+            found += read_measurements(Path(folder) / name, name).complaints
+    if not found:
+        return
+    groups: dict[tuple[str, str], list[Complaint]] = {}
+    for complaint in found:
+        groups.setdefault((complaint.path.rpartition(".")[2], complaint.message), []).append(complaint)
+    places = _Places(block, texts)
+    for (_, message), several in groups.items():
+        named = list(dict.fromkeys(places.of(one) for one in several))
+        more = f" and {len(named) - _PLACES_NAMED} more" if len(named) > _PLACES_NAMED else ""
+        line = min((line for one in several if (line := places.line(one))), default=None)
+        own = "" if line is None or source.is_file() else f" (line {line} of its file)"
+        where = f"{', '.join(named[:_PLACES_NAMED])}{more}{own}: "
+        yield Complaint(where + places.in_source(message, several[0]), str(source), line if source.is_file() else None)
+
+
+class _Places:
+    """Where in the source the lines of a project's texts come from."""
+
+    def __init__(self, block: ImportedBlock, texts: Mapping[str, str]) -> None:
+        self._project = block.project
+        self._lines = {name: text.splitlines() for name, text in texts.items()}
+        self._photos = {name: photo.name for name, photo in zip(block.photos, block.project.photos, strict=True)}
+        tracks = ((block.points[place], f"tie point {number}") for number, place in block.project.points.tracks.items())
+        self._points = {**dict(tracks), **{name: f"point {given}" for given, name in block.marks.items()}}
+
+    def of(self, complaint: Complaint) -> str:
+        """Return what a complaint is about."""
+        line = self._text(complaint)
+        word = line.split(maxsplit=1)[0] if line.strip() else ""
+        if complaint.path.endswith(".LEN"):
+            return f"distance {word}"
+        if complaint.path.endswith(".STA"):
+            return f"position of photo {self._photos.get(word, word)}"
+        if complaint.path.endswith(".PNT"):
+            return self._points.get(word, word)
+        if complaint.path.endswith(".MEA"):
+            return f"{self._points.get(word, word)} in photo {self._photo_above(complaint)}"
+        return complaint.path
+
+    def line(self, complaint: Complaint, line: int | None = None) -> int | None:
+        """Return the line of the source, of the complaint or of another line of its file; None: it is not known."""
+        records: Sequence[ControlPoint] | Sequence[ControlDistance] = ()
+        if complaint.path.endswith(".PNT"):
+            records = self._project.control
+        elif complaint.path.endswith(".LEN"):
+            records = self._project.distances
+        number = (line or complaint.line or 0) - 1
+        return (records[number].line or None) if 0 <= number < len(records) else None
+
+    def in_source(self, message: str, complaint: Complaint) -> str:
+        """Return a message whose lines are those of the source."""
+        return re.sub(r"\bline (\d+)", lambda found: f"line {self.line(complaint, int(found[1])) or found[1]}", message)
+
+    def _text(self, complaint: Complaint) -> str:
+        lines = self._lines.get(complaint.path, [])
+        return lines[complaint.line - 1] if complaint.line is not None and complaint.line <= len(lines) else ""
+
+    def _photo_above(self, complaint: Complaint) -> str:
+        for line in reversed(self._lines[complaint.path][: complaint.line]):
+            if line.startswith("POINTS "):
+                name = line.split()[2]
+                return self._photos.get(name, name)
+        return ""
+
+
+def _merged(complaints: Sequence[Complaint]) -> list[Complaint]:
+    """Return complaints; the first one, with a count, of many that differ in numbers and names alone."""
+    alike: dict[tuple[str, str], list[Complaint]] = {}
+    for one in complaints:
+        alike.setdefault((one.path, _DETAILS.sub("#", one.message)), []).append(one)
+    found = []
+    for group in alike.values():
+        first = group[0]
+        others = len(group) - 1
+        if others < _MANY:
+            found += group
+        else:
+            found.append(Complaint(f"{first.message} ({others} more like this)", first.path, first.line, first.column))
+    return found
+
+
+_DETAILS = re.compile(r"'[^']*'|[0-9]+")
+_MANY = 3
+"""Complaints of a kind beside the first one, which are counted and no more."""
 
 
 def require_names(project: ExchangedProject, shown: str) -> None:

@@ -34,7 +34,7 @@ def in_terms_of(project: ExchangedProject, found: Format, original: Path) -> Exc
         raise InputError(parsed.complaints)
     given = {camera.name: camera for camera in source.cameras}
     cameras = tuple(
-        given[camera.name] if camera.name in given and _is_unchanged(camera, given[camera.name]) else camera
+        given[camera.name] if camera.name in given and _is_unchanged(camera, given[camera.name], found) else camera
         for camera in project.cameras
     )
     project = replace(project, cameras=cameras)
@@ -42,14 +42,16 @@ def in_terms_of(project: ExchangedProject, found: Format, original: Path) -> Exc
     return project if ground is None else from_local_ground(project, ground, source.control_crs)
 
 
-def _is_unchanged(camera: ExchangedCamera, given: ExchangedCamera) -> bool:
+def _is_unchanged(camera: ExchangedCamera, given: ExchangedCamera, found: Format) -> bool:
     """Return whether a camera is what an import and an export make of a given one."""
-    if camera.lens != given.lens:
+    conventions = found.conventions
+    if conventions is None or camera.lens not in (conventions.lens, conventions.fisheye_lens):
         return False
+    terms = conventions.terms if camera.lens == conventions.lens else conventions.fisheye_terms
     try:
         converted = convert_camera(given, given.name, accepts_any_fit=True).camera
         there = export_camera(
-            converted, given.name, given.lens, given.lens_axes, given.ray_axes, accepts_any_fit=True
+            converted, given.name, camera.lens, given.lens_axes, given.ray_axes, terms=terms, accepts_any_fit=True
         ).camera
     except UnsuitableCameraError:
         return False

@@ -98,7 +98,7 @@ def exchanged_result(
             for one in exported.values()
         ),
         photos,
-        _points(adjusted, names, frame),
+        _points(bundle, adjusted, names, frame),
         rays,
         (conventions.reading,),
         control=given_control(bundle, names, frame, float(np.median(heights)) if len(heights) else 0.0),
@@ -162,7 +162,7 @@ def _cameras(
                 lens,
                 conventions.lens_axes,
                 conventions.ray_axes,
-                terms=None if is_fisheye else conventions.terms,
+                terms=conventions.fisheye_terms if is_fisheye else conventions.terms,
                 accepts_any_fit=accepts_any_fit,
             )
     return found
@@ -188,6 +188,8 @@ def _notes_on_cameras(
 
 def _notes_on_staleness(bundle: BundleState) -> list[str]:
     status = bundle.adjusted.status
+    if status == "not_determined":
+        return ["The observations do not determine the block."]
     return [] if status in {"converged", "doubtful"} else [f"The adjustment has not converged ({status})."]
 
 
@@ -278,9 +280,13 @@ def _with_footprints(
     return tuple(found)
 
 
-def _points(adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
+def _points(bundle: BundleState, adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
     solution = adjusted.solution
-    original = [names.original_point(name) for name in solution.points.names]
+    control = {point.name for point in bundle.state.texts.control.value.points}
+    original = [
+        (names.original_mark(name), False) if name in control else names.original_point(name)
+        for name in solution.points.names
+    ]
     covariance = _covariances(solution.points.sd, solution.point_correlations)
     return ExchangedPoints(
         tuple(name for name, _ in original),

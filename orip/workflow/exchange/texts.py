@@ -9,8 +9,10 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, rows_of_groups
+from orip.conversion.cameras import ConvertedCamera
+from orip.conversion.names import unique_names
 from orip.conversion.poses import described_reading
-from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, names_text
+from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text
 from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
@@ -20,6 +22,7 @@ from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.project.antenna import Antenna
+from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
 from orip.structs import replace
@@ -141,7 +144,7 @@ def _precision(block: ImportedBlock, notes: list[str]) -> float:
         return block.project.precision
     rays = block.project.rays
     found = block.found.measurement_error(rays.photo, rays.point)
-    if not _PIXEL < found < _WORST_PIXELS:
+    if not np.isnan(block.deviations).any() or not _PIXEL < found < _WORST_PIXELS:
         return _PIXEL
     rounded = float(f"{found:.2g}")
     notes.append(
@@ -173,18 +176,18 @@ def _photos(block: ImportedBlock) -> Iterable[Photo]:
 
 def _control(block: ImportedBlock, notes: list[str]) -> tuple[ControlPoint, ...]:
     """Return control by the names that orip gives the points, with errors where there are none."""
-    names = dict(zip(block.project.points.names, block.points, strict=True))
     control, assumed = [], 0
     for point in block.project.control:
         if any(
             value is not None and error is None for value, error in zip(point.coordinates, point.errors, strict=True)
         ):
             assumed += 1
+        sign = -1.0 if point.name in block.project.checks else 1.0
         first, second, third = (
-            None if value is None else _CONTROL_ERROR if error is None else error
+            None if value is None else sign * _CONTROL_ERROR if error is None else error
             for value, error in zip(point.coordinates, point.errors, strict=True)
         )
-        control.append(replace(point, name=names.get(point.name, point.name), errors=(first, second, third)))
+        control.append(replace(point, name=block.marks[point.name], errors=(first, second, third)))
     if assumed:
         notes.append(
             f"{counted(assumed, 'control point')} had no a-priori errors: {_CONTROL_ERROR} {block.project.ground_unit} "
@@ -239,7 +242,7 @@ def _measurements(block: ImportedBlock, source: ImportSource, kept: BoolArray) -
                     photo,
                     names[rays.point[rows]].tolist(),
                     block.pixels[rows],
-                    rays.deviation[rows],
+                    block.deviations[rows],
                     rays.is_active[rows],
                 )
             )
@@ -292,10 +295,10 @@ def _stations(block: ImportedBlock, base: str, notes: list[str]) -> dict[str, st
 
 
 def _renamed_distances(block: ImportedBlock) -> list[ControlDistance]:
-    names = dict(zip(block.project.points.names, block.points, strict=True))
+    names = unique_names([one.name for one in block.project.distances], "distance", ignoring_case=True)
     return [
-        replace(one, start=names.get(one.start, one.start), end=names.get(one.end, one.end))
-        for one in block.project.distances
+        replace(one, name=name, start=block.marks[one.start], end=block.marks[one.end])
+        for name, one in zip(names, block.project.distances, strict=True)
     ]
 
 
@@ -306,8 +309,13 @@ def _names(block: ImportedBlock) -> str:
     rows += [("photo", name, photo.name) for name, photo in zip(block.photos, block.project.photos, strict=True)]
     rows += [
         ("point", name, original)
-        for name, original, is_track in zip(block.points, points.names, points.is_track.tolist(), strict=True)
-        if name != (TRACK_MARK + original if is_track else original)
+        for original, name in block.marks.items()
+        if name != original or is_named_as_track(original)
+    ]
+    rows += [
+        ("track", name, original)
+        for original, name in ((original, block.points[place]) for original, place in points.tracks.items())
+        if name != TRACK_MARK + original or not is_named_as_track(name)
     ]
     return names_text(rows)
 
@@ -320,7 +328,25 @@ def summary_lines(block: ImportedBlock) -> list[str]:
     if found.lengths.size:
         lines.append(f"reprojection RMS {found.rms:.4g} px{_stated(block)}")
         lines.append(f"rotations read as: {described_reading(found.reading)}")
-    return lines
+    return [*lines, _said_of_unknowns(block)] if project.rays.photo.size else lines
+
+
+def _said_of_unknowns(block: ImportedBlock) -> str:
+    """Return which cameras are adjusted, and what of them."""
+    free = [converted.camera.unknown for converted in block.cameras if converted.camera.unknown]
+    if not free:
+        return f"{counted(len(block.cameras), 'camera')} held"
+    every = [name for name in CAMERA_PARAMETERS if any(name in unknown for unknown in free)]
+    held = len(block.cameras) - len(free)
+    also = f"; {held} held" if held else ""
+    return f"{counted(len(free), 'camera')} adjusted ({', '.join(every)}){also}"
+
+
+def _said_of_camera(converted: ConvertedCamera) -> str:
+    """Return what of a camera is adjusted, and why nothing is."""
+    if converted.camera.unknown:
+        return f"adjusted: {', '.join(converted.camera.unknown)}"
+    return "held" if converted.source.free else "held, as the source held it or does not say that it has estimated it"
 
 
 def what_to_write(block: ImportedBlock) -> str:
@@ -356,7 +382,12 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         sensor = converted.camera.sensor
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
-        lines.append(f"- {converted.camera.name}: {converted.source.model or converted.source.lens}, {size}; {kind}")
+        model = f"{converted.source.model}, " if converted.source.model else ""
+        lines.append(f"- {converted.camera.name}: {model}{size}; {kind}; {_said_of_camera(converted)}")
+    lines += [
+        "",
+        "What the other program has estimated of a camera is adjusted; `unknown` in `orip.toml` changes that.",
+    ]
     lines += ["", "## What was lost, and what was assumed", ""]
     lines += [f"- {note}" for note in notes] or ["- Nothing."]
     lines += ["", f"Names that are not the original ones are in `{NAMES_FILE}`; tie point {TRACK_MARK}17 is track 17."]

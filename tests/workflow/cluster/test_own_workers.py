@@ -97,16 +97,28 @@ def test_the_key_is_in_no_file_and_on_no_command_line(tmp_path: Path, monkeypatc
         assert not any(key.encode() in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
 
 
-def test_modules_in_the_working_directory_are_not_those_of_workers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("cryptography")
-    monkeypatch.chdir(tmp_path)
-    for name in ("multiprocessing", "tempfile", "dask", "bisect"):
-        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'run')!r}, 'w').close()\n", encoding="utf-8")
+WITH_A_CLUSTER = """
+import os
+from orip.workflow.cluster.connection import connected
+if __name__ == "__main__":
     with connected(None, 1) as client:
         assert client.submit(os.getpid).result(timeout=30) != os.getpid()
-    assert not (tmp_path / "run").exists()
+"""
+
+
+def test_modules_in_the_working_directory_are_not_those_of_workers(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography")
+    program, folder = tmp_path / "program" / "begin.py", tmp_path / "from_elsewhere"
+    program.parent.mkdir()
+    program.write_text(WITH_A_CLUSTER, encoding="utf-8")
+    folder.mkdir()
+    for name in ("multiprocessing", "tempfile", "dask", "bisect", "orip", "pickle"):
+        (folder / f"{name}.py").write_text(f"open({str(tmp_path / name)!r}, 'w').close()\n", encoding="utf-8")
+    ended = subprocess.run(
+        [sys.executable, program], cwd=folder, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"program", "from_elsewhere"}
 
 
 def test_values_that_workers_write_to_the_disk_are_where_nobody_else_writes(

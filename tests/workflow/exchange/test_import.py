@@ -52,6 +52,13 @@ def measured(folder: Path, found: dict[str, str]) -> list[PointsRecord]:
     return [record for record in parsed.value if isinstance(record, PointsRecord)]
 
 
+def with_marks(project: ExchangedProject, *places: int) -> ExchangedProject:
+    """Return a project in which some points are marks and no tracks."""
+    is_track = project.points.is_track.copy()
+    is_track[list(places)] = False
+    return replace(project, points=replace(project.points, is_track=is_track))
+
+
 def lines(text: str) -> Parsed[list[str]]:
     return Parsed(text.splitlines())
 
@@ -109,23 +116,24 @@ def test_points_that_one_photo_shows_are_left_out_unless_they_are_control() -> N
         **{name: getattr(project.rays, name)[keep] for name in ("photo", "point", "image", "deviation", "is_active")},
     )
     control = ControlPoint("1", (1.0, 2.0, None), (0.01, None, None))
-    found = texts(replace(project, rays=rays, control=(control,)))
+    found = texts(replace(with_marks(project, 1), rays=rays, control=(control,)))
     assert "  T0 " not in found["MAIN.MEA"]
-    assert "  T1 " in found["MAIN.MEA"]
+    assert "  1 " in found["MAIN.MEA"]
     assert "T0 " not in found["MAIN.PRE"]
     assert "1 ray left out, as no other photo shows the point." in found["README.md"]
     (point,) = parse_points(lines(found["A_name_that_is_too_l.PNT"]), "a.PNT").value
-    assert (point.name, point.coordinates, point.errors) == ("T1", (1.0, 2.0, None), (0.01, 0.02, None))
+    assert (point.name, point.coordinates, point.errors) == ("1", (1.0, 2.0, None), (0.01, 0.02, None))
     assert definition_of(found).bundles[0].datum == "control"
 
 
 def test_distances_and_stations_have_the_names_that_orip_gives() -> None:
-    project = block(READING)
-    distance = ControlDistance("bar", "3", "4", "XYZ", 12.5, 0.01)
+    project = with_marks(block(READING), 0, 4)
+    project = replace(project, points=replace(project.points, names=("3 a", *project.points.names[1:])))
+    distance = ControlDistance("bar", "3 a", "4", "XYZ", 12.5, 0.01)
     station = Station("2.jpg", (1.0, 2.0, 3.0), (0.02, 0.02, 0.03))
     found = texts(replace(project, distances=(distance,), stations=(station, replace(station, photo="other.jpg"))))
     (one,) = parse_distances(lines(found["A_name_that_is_too_l.LEN"]), "a.LEN").value
-    assert (one.start, one.end, one.distance) == ("T3", "T4", 12.5)
+    assert (one.start, one.end, one.distance) == ("3_a", "4", 12.5)
     stations, _ = parse_stations_and_reference(lines(found["A_name_that_is_too_l.STA"]), "a.STA").value
     assert [(one.photo, one.position) for one in stations] == [("2", (1.0, 2.0, 3.0))]
     assert definition_of(found).bundles[0].datum == "control"
@@ -166,11 +174,11 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(tmp_path: Path) -> 
     assert said.code == 3
     assert "do not fit the measurements in any reading of the rotations" in said.err
     assert not (tmp_path / "new").exists()
-    damaged = replace(model, cameras=(ColmapCamera(1, "FOV", 4000, 3000, (3000.0, 3000.0, 2000.0, 1500.0, 0.9)),))
-    said = orip(tmp_path, "import", "colmap", str(written(tmp_path / "fov", damaged, "txt")), "new")
+    damaged = replace(model, cameras=(ColmapCamera(1, "EQUIRECTANGULAR", 4000, 3000, (4000.0, 3000.0)),))
+    said = orip(tmp_path, "import", "colmap", str(written(tmp_path / "sphere", damaged, "txt")), "new")
     assert said.code == 3
-    assert "camera '1' (FOV): orip has no such camera model" in said.err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["fov", "given"]
+    assert "camera '1' (EQUIRECTANGULAR): orip has perspective and fisheye lenses" in said.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["given", "sphere"]
 
 
 def test_import_and_run_from_the_command_line(tmp_path: Path) -> None:

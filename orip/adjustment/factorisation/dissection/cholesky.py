@@ -81,7 +81,9 @@ class DissectedFactor(Struct, frozen=True):
         return found
 
 
-def factorise_dissected(matrix: DissectedMatrix, max_lost_digits: float, undetermined: BoolArray) -> DissectedFactor:
+def factorise_dissected(
+    matrix: DissectedMatrix, max_lost_digits: float, undetermined: BoolArray, first: int = 0
+) -> DissectedFactor:
     """Factorise symmetric positive semidefinite normal equations along their tree, removing what is not determined.
 
     Parameters
@@ -92,12 +94,16 @@ def factorise_dissected(matrix: DissectedMatrix, max_lost_digits: float, undeter
         A movement whose stiffness has lost more is not determined; a column is removed for it.
     undetermined : array (m,) of bool
         Columns known to have no observation at all; they are removed at once.
+    first : int
+        Number of leading columns of which one is removed wherever it will do.
 
     Returns
     -------
     DissectedFactor
     """
-    return factor_of_determined(partial(_factor, matrix), matrix.times, matrix.is_finite, undetermined, max_lost_digits)
+    return factor_of_determined(
+        partial(_factor, matrix), matrix.times, matrix.is_finite, undetermined, max_lost_digits, first
+    )
 
 
 def _factor(matrix: DissectedMatrix, removed: BoolArray, lost: FloatArray, shift: float) -> DissectedFactor | None:
