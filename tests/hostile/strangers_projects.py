@@ -280,7 +280,10 @@ def state_of(folder: Path) -> State:
     for root, folders, files in os.walk(folder):
         for name in (*folders, *files):
             path = Path(root, name)
-            status = path.lstat()
+            try:
+                status = path.lstat()
+            except PermissionError:  # in a folder whose names can be read, and no more
+                continue
             content: object = None
             if stat.S_ISREG(status.st_mode) and status.st_size < 1 << 22:
                 with suppress(OSError):
