@@ -168,7 +168,7 @@ def test_parameters_are_in_the_solution() -> None:
 
 def stations_along_x(error, turns):
     """Return a block of photos at phi = ±90 with attitudes turned about the ground axes by planted angles, degrees."""
-    made = synthetic_block("terrestrial", "attitudes", noise_mm=0.005)
+    made = synthetic_block("terrestrial", "attitudes")
     observed = []
     for row, (photo, orientation) in enumerate(zip(made.block.photos, made.orientations, strict=True)):
         given = Rotation.from_rotvec(turns[row], degrees=True) * Rotation.from_euler("XYZ", orientation[3:])
@@ -184,8 +184,8 @@ def test_attitudes_of_photos_that_look_along_x_are_turns_about_the_axes() -> Non
     _, block = stations_along_x(np.radians(5.0), turns)
     found = solution(block)
     residual = found.residuals.residual[rows(found, "attitude")].reshape(-1, 3)
-    # the control orients the photos; what is left is the noise of the photo points
-    assert residual == pytest.approx(-turns, abs=0.02)
+    # the control orients the photos, and nothing else has errors
+    assert residual == pytest.approx(-turns, abs=1e-3)
 
 
 def test_precise_attitudes_of_photos_that_look_along_x_turn_them() -> None:
