@@ -7,6 +7,7 @@ import sys
 import typer
 
 from orip.errors import UsageError
+from orip.files.text.shown import visible
 
 
 def require_confirmation(question: str, yes: bool) -> None:
@@ -24,4 +25,4 @@ def require_confirmation(question: str, yes: bool) -> None:
     if not sys.stdin.isatty():
         message = f"{question} Say so with --yes"
         raise UsageError(message)
-    typer.confirm(question, abort=True, err=True)
+    typer.confirm(visible(question), abort=True, err=True)

@@ -37,6 +37,7 @@ BundleArgument = Annotated[
 ]
 """Which bundle, of the commands whose argument it is."""
 
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace a file that is no earlier output of this kind.")]
 BundleOption = Annotated[
     str | None,
     typer.Option("--bundle", autocompletion=bundles, help="Needed only where the project has several bundles."),

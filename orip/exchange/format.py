@@ -82,6 +82,8 @@ class Format(Struct, frozen=True):
         What is written is one file, and no folder.
     add_references : AddReferences or None
         Of formats that give positions of photos and control in a table of its own.
+    require_way_back : function of a project and its original, or None
+        Raises an InputError where it is known beforehand that a result cannot be put into a copy of the original.
     """
 
     name: str
@@ -92,3 +94,4 @@ class Format(Struct, frozen=True):
     conventions: Conventions | None = None
     is_file: bool = False
     add_references: AddReferences | None = None
+    require_way_back: Callable[[ExchangedProject, Path], None] | None = None

@@ -27,7 +27,7 @@ from orip.exchange.gis.tables import write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.images import is_images, read_images_project
-from orip.exchange.metashape.copy import is_copied
+from orip.exchange.metashape.copy import is_copied, require_labels
 from orip.exchange.metashape.lens import is_lens, read_lens
 from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.source import READING as METASHAPE
@@ -87,6 +87,7 @@ FORMATS: tuple[Format, ...] = (
             "agisoft", METASHAPE, fisheye_lens="agisoft_fisheye", is_copied=is_copied, has_terms_of_original=True
         ),
         add_references=with_references,
+        require_way_back=require_labels,
     ),
     Format("lens", "Agisoft camera calibration (XML): a camera without photos", read_lens, is_lens),
     Format(

@@ -8,13 +8,15 @@ from __future__ import annotations
 import csv
 import io
 import os
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from msgspec import Struct, field
 
+from orip.errors import InputError
 from orip.files.text.lines import read_bytes
+from orip.files.text.shown import has_hidden, shown_token
+from orip.files.text.toml import toml_document
 from orip.records.names import record_key
 
 NAMES_FILE = "names.csv"
@@ -61,11 +63,21 @@ def names_text(rows: Iterable[tuple[str, str, str]]) -> str:
 
 
 def read_names(folder: Path) -> NamesTable:
-    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent."""
+    """Read the table of a project folder; rows that are not names are passed over, and so is a table that is absent.
+
+    Raises
+    ------
+    InputError
+        If a name has a character that cannot be printed: no other program has such names.
+    """
     data, _ = read_bytes(folder / NAMES_FILE, NAMES_FILE, may_be_absent=True)
     found: dict[str, dict[str, str]] = {"camera": {}, "photo": {}, "point": {}}
     try:
-        for row in csv.reader((data or b"").decode("utf-8-sig").splitlines()):
+        for line, row in enumerate(csv.reader((data or b"").decode("utf-8-sig").splitlines()), start=1):
+            unfit = [word for word in row if has_hidden(word)]
+            if unfit:
+                message = f"'{shown_token(unfit[0])}' has a character that cannot be printed; correct the name"
+                raise InputError.single(message, NAMES_FILE, line)
             if len(row) == len(_HEADING) and row[0] in found:
                 found[row[0]][record_key(row[1]) if row[0] in _RECORDS else row[1]] = row[2]
     except (UnicodeDecodeError, csv.Error):
@@ -86,7 +98,7 @@ def read_original(folder: Path) -> Original | None:
     """Read where a project folder was imported from; None where it does not say."""
     data, _ = read_bytes(folder / SOURCE_FILE, SOURCE_FILE, may_be_absent=True)
     try:
-        table = tomllib.loads((data or b"").decode("utf-8")).get("source", {})
+        table = toml_document((data or b"").decode("utf-8")).get("source", {})
         return Original(table["format"], Path(os.path.normpath(folder / table["path"])))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         return None

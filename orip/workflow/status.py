@@ -119,12 +119,24 @@ def _drive_steps(state: ProjectState) -> Iterator[Step]:
 
 
 def observation_loop() -> str:
-    """Return whether this installation has the compiled loops over photo points."""
+    """Return whether this installation has the compiled loops over photo points, rays and lines of logs."""
     from orip.bundle.compiled import photo_loop
+    from orip.files.log import plain_lines
     from orip.prelim import compiled
 
-    both = photo_loop.is_compiled() and compiled.is_compiled()
-    return "compiled" if both else "NumPy (slower: the extension was not built, as no C compiler was found)"
+    is_whole = photo_loop.is_compiled() and compiled.is_compiled() and plain_lines.is_compiled()
+    return "compiled" if is_whole else "NumPy (slower: not all extensions are built, as no C compiler was found)"
+
+
+def not_compiled() -> tuple[ProjectWarning, ...]:
+    """Return the warning of an installation without compiled loops; none where they are there."""
+    if observation_loop() == "compiled":
+        return ()
+    text = (
+        "this installation of orip has no compiled loops, so that it takes many times longer, with the same results; "
+        "install a wheel of orip, or a C compiler (Debian, Ubuntu: apt install gcc python3-dev) and orip once more"
+    )
+    return (ProjectWarning("not-compiled", "", text),)
 
 
 def _old_outputs(project: ProjectFolder) -> list[ProjectWarning]:

@@ -15,7 +15,10 @@ PROGRAM = [sys.executable, str(REPOSITORY / "tests" / "kernels" / "without_exten
 
 def test_a_project_without_orientations_is_solved(tmp_path: Path) -> None:
     subprocess.run([*PROGRAM, "init", "--sample", "small_frame_block", tmp_path / "a"], check=True)
-    subprocess.run([*PROGRAM, "-q", "-C", tmp_path / "a", "run", "--no-report"], check=True)
+    run = [*PROGRAM, "-C", tmp_path / "a", "run", "--no-report"]
+    said = subprocess.run(run, check=True, capture_output=True, text=True)
+    assert said.stderr.count("has no compiled loops") == 1, "said once, with what helps"
+    assert "install a wheel of orip, or a C compiler" in said.stderr
     result = json.loads((tmp_path / "a" / "result.json").read_text(encoding="utf-8"))
     # as the sample's README says
     assert result["sigma0"] == pytest.approx(1.006, abs=0.0005)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from hostile.fuzzing import mutated, require_words
+from hostile.structured import mutated_structure
 
 from orip.errors import OripError
 from orip.files.text.parsed import Parsed
@@ -26,9 +27,7 @@ def use_mutated_files(
     chance = random.Random(seed)
     for _ in range(count):
         path, data = chance.choice(sound)
-        changed = (
-            _mutated_members(data, chance) if data.startswith(_ZIP) and chance.random() < 0.7 else mutated(data, chance)
-        )
+        changed = _mutated(data, chance)
         path.write_bytes(changed)
         try:
             with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
@@ -43,13 +42,20 @@ def use_mutated_files(
             path.write_bytes(data)
 
 
+def _mutated(data: bytes, chance: random.Random) -> bytes:
+    if data.startswith(_ZIP) and chance.random() < 0.7:
+        return _mutated_members(data, chance)
+    structured = mutated_structure(data, chance) if chance.random() < 0.6 else None
+    return mutated(data, chance) if structured is None else structured
+
+
 def _mutated_members(data: bytes, chance: random.Random) -> bytes:
     """Return a zip file that is sound and has some of its members changed."""
     stream = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as new:
         chosen = set(chance.sample(old.namelist(), k=chance.randint(1, min(2, len(old.namelist())))))
         for name in old.namelist():
-            new.writestr(name, mutated(old.read(name), chance) if name in chosen else old.read(name))
+            new.writestr(name, _mutated(old.read(name), chance) if name in chosen else old.read(name))
     return stream.getvalue()
 
 

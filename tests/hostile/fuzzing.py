@@ -1,6 +1,7 @@
 """Readers given inputs that are nearly right: every one is read or refused in words, and nothing else happens.
 
     PYTHONPATH=tests python -m hostile.fuzzing 1000000
+    PYTHONPATH=tests python -m hostile.fuzzing 100000 --sources     # projects of other programs
 
 Readers are called in this process, so that a million inputs take minutes. Inputs are sound texts with some bytes
 flipped, removed, doubled, put elsewhere or exchanged for those that readers stumble over.
@@ -51,6 +52,7 @@ _STATIONS = "left 1 2 3 0.1 0.1 -1\nright - - - - - - 1 2 3 0 1 1\nX 1 2 3 1 1 1
 _DIRECTIONS = "SET T1 1 AUTO\n  2 H 12.5 0.001\n  3 V 101.5 0.002\n"
 _MOST_EDITS = 4
 _LONGEST = 20_000
+_MOST_MEMORY = 2 << 30
 
 
 class Target(Struct, frozen=True):
@@ -220,9 +222,33 @@ def _exchange(data: bytearray, chance: random.Random) -> None:
 _EDITS = (_flip, _cut, _end, _double, _put, _put, _exchange, _exchange)
 
 
+def fuzz_sources(count: int, seed: int) -> Counter[str]:
+    """Import projects of all formats so often, each time with one of their files changed, in memory that is bounded.
+
+    Raises
+    ------
+    AssertionError
+        With the file that ended in anything but a project or complaints.
+    """
+    import resource
+
+    from exchange.fuzzed.test_hostile_projects import SOUND
+    from exchange.fuzzed.test_hostile_projects import fuzz as fuzz_source
+
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, _MOST_MEMORY))
+    for name in SOUND:
+        with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
+            fuzz_source(Path(folder), name, count // len(SOUND), seed)
+    return Counter(dict.fromkeys(SOUND, count // len(SOUND)))
+
+
 def main() -> None:
     """Fuzz as often as the command line says."""
-    count, seed = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    words = [word for word in sys.argv[1:] if word != "--sources"]
+    count, seed = int(words[0]), int(words[1]) if len(words) > 1 else 1
+    if "--sources" in sys.argv:
+        print(dict(fuzz_sources(count, seed)))  # noqa: T201
+        return
     began = time.monotonic()
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
         given = fuzz(count, seed, Path(folder))

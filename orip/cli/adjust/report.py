@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.cli.options import BundleArgument, Invocation, command
+from orip.cli.options import BundleArgument, ForceOption, Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
@@ -27,7 +27,7 @@ Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write t
 
 def tell_report(terminal: Terminal, written: WrittenReport) -> None:
     """Say where the report is."""
-    terminal.say(f"wrote    {written.shown} ({written.size / 1e6:.1f} MB); open it in a browser")
+    terminal.result("wrote", f"{written.shown} ({written.size / 1e6:.1f} MB); open it in a browser")
 
 
 def register(app: typer.Typer) -> None:
@@ -35,7 +35,11 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "report")
     def report_command(
-        invocation: Invocation, bundle: BundleArgument = None, output: Output = None, pdf: Pdf = False
+        invocation: Invocation,
+        bundle: BundleArgument = None,
+        output: Output = None,
+        pdf: Pdf = False,
+        force: ForceOption = False,
     ) -> None:
         """Write the report of the last adjustment: one HTML page that needs no network.
 
@@ -46,11 +50,14 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.adjust.report_pdf import print_pdf
         from orip.workflow.project.bundle_state import read_bundle
         from orip.workflow.project.commit import commit
+        from orip.workflow.project.named_output import require_replaceable
 
         given = read_bundle(invocation.folder, bundle, *REPORTED_FROM, "solutions")
         output = invocation.folder / output if output is not None else None
         page = output.with_suffix(".html") if output is not None and pdf else output
-        written = commit(report(given, page)).outcome
+        if output is not None and pdf:
+            require_replaceable(given.project, output, force=force)
+        written = commit(report(given, page, force=force)).outcome
         terminal = invocation.terminal
         document = {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
         tell_report(terminal, written)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from orip.cli.completion import of_results
-from orip.cli.options import BundleOption, Invocation, command
+from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.errors import UsageError
 from orip.threads import limited_threads
 
@@ -35,7 +35,12 @@ def register(app: typer.Typer) -> None:
 
     @command(app, "results")
     def results_command(
-        invocation: Invocation, what: What, names: Names = None, output: Output = None, bundle: BundleOption = None
+        invocation: Invocation,
+        what: What,
+        names: Names = None,
+        output: Output = None,
+        bundle: BundleOption = None,
+        force: ForceOption = False,
     ) -> None:
         """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
 
@@ -48,7 +53,7 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.project.bundle_state import read_bundle
 
         if what == "covariance":
-            _write_covariance(invocation, names or (), output, bundle)
+            _write_covariance(invocation, names or (), output, bundle, force=force)
             return
         if output is not None and (what != "residuals" or names):
             message = (
@@ -56,9 +61,10 @@ def register(app: typer.Typer) -> None:
                 "other results with > FILE"
             )
             raise UsageError(message)
-        solution = read_bundle(invocation.folder, bundle, "solutions").adjusted
+        given = read_bundle(invocation.folder, bundle, "solutions")
+        solution = given.adjusted
         if output is not None:
-            write_residuals(solution, invocation.folder / output)
+            write_residuals(given.project, solution, invocation.folder / output, force=force)
             invocation.terminal.say(f"wrote    {output}: {len(solution.residuals.kind)} residuals")
             return
         shown = results(solution, what, names or ())
@@ -68,15 +74,18 @@ def register(app: typer.Typer) -> None:
             invocation.terminal.data(shown.text)
 
 
-def _write_covariance(invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None) -> None:
+def _write_covariance(
+    invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None, *, force: bool
+) -> None:
     from orip.workflow.adjust.covariance import covariance_matrix, require_format, write_covariance
     from orip.workflow.adjust.solve import ADJUSTED_FROM
     from orip.workflow.project.bundle_state import read_bundle
 
     path, terminal = require_format(output), invocation.terminal
     with limited_threads(terminal.threads):
-        matrix = covariance_matrix(read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions"), names)
-    write_covariance(matrix, invocation.folder / path)
+        given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions")
+        matrix = covariance_matrix(given, names)
+    write_covariance(given.project, matrix, invocation.folder / path, force=force)
     if terminal.json:
         figures = len(matrix.names)
         terminal.document(

@@ -9,7 +9,7 @@ import typer
 
 from orip.cli.completion import formats_written
 from orip.cli.exchange.import_project import tell_formats
-from orip.cli.options import BundleOption, Invocation, command
+from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.cli.terminal import Terminal
 from orip.wording import counted
 
@@ -37,6 +37,7 @@ def register(app: typer.Typer) -> None:
         exact_distortion: Annotated[
             bool, typer.Option("--exact-distortion", help="Correct measurements for what the format's cameras lack.")
         ] = False,
+        force: ForceOption = False,
         list_formats: Annotated[bool, typer.Option("--list", help="List the formats that are written.")] = False,
     ) -> None:
         """Write the result of the last adjustment in the format of another program.
@@ -57,7 +58,7 @@ def register(app: typer.Typer) -> None:
         given = None if target is None else folder / target
         source = None if original is None else folder / original
         exported = export(state, format_name, given, source, corrects_distortion=exact_distortion)
-        write_export(exported)
+        write_export(exported, force=force)
         tell_export(invocation.terminal, exported)
 
 

@@ -17,6 +17,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.files.text.parsed import Parsed
+from orip.files.text.shown import printable
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
 DATABASE = "database.db"
@@ -26,6 +27,9 @@ _LEVELS = 3
 _CAMERA_SENSOR, _WGS84, _CARTESIAN = 0, 0, 1
 _GEOGRAPHIC = "EPSG:4979"
 _LARGEST = 1e8
+_LONGEST_VALUE = 1 << 20
+_INSTRUCTIONS, _MOST_STEPS = 100_000, 5_000
+"""Of SQLite's machine, between two looks, and how many looks: some ten million rows, and some seconds."""
 
 
 class PosePriors(Struct, frozen=True):
@@ -52,25 +56,53 @@ def pose_priors(model: Path) -> Parsed[PosePriors]:
         return Parsed(PosePriors())
     try:
         with closing(sqlite3.connect(f"{found.as_uri()}?mode=ro&immutable=1", uri=True)) as connection:
-            connection.execute("PRAGMA trusted_schema = OFF")
+            _confine(connection)
             return Parsed(_priors(connection))
     except (sqlite3.Error, ValueError, OverflowError) as fault:
-        message = f"the positions of photos in it cannot be read ({fault}); move it away, and they are left out"
+        reason = "it takes longer than all of a large project" if "interrupted" in str(fault) else str(fault)
+        message = (
+            f"the positions of photos in it cannot be read ({printable(reason)}); move it away, and they are left out"
+        )
         return Parsed(PosePriors(), (Complaint(message, str(found)),))
 
 
+def _confine(connection: sqlite3.Connection) -> None:
+    """Let nothing in a database do more than be read: it may be made by anybody."""
+    connection.execute("PRAGMA trusted_schema = OFF")
+    connection.execute("PRAGMA temp_store = MEMORY")
+    connection.execute("PRAGMA cell_size_check = ON")
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST_VALUE)
+    connection.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+    left = iter(range(_MOST_STEPS))
+    connection.set_progress_handler(lambda: next(left, -1) < 0, _INSTRUCTIONS)
+
+
+def _columns(connection: sqlite3.Connection, table: str) -> list[str]:
+    """Return the names of the columns of a table; none where there is no such table.
+
+    Raises
+    ------
+    ValueError
+        If it is a view or a virtual table, or has computed columns: what they do has no bounds.
+    """
+    for kind, statement in connection.execute(
+        "SELECT type, sql FROM sqlite_master WHERE name = ? COLLATE NOCASE AND type <> 'index'", (table,)
+    ).fetchall():
+        if kind != "table" or "VIRTUAL" in str(statement).upper().split()[:2]:
+            message = f"'{table}' in it is no plain table, as COLMAP makes it"
+            raise ValueError(message)
+    rows = connection.execute(f"PRAGMA table_xinfo({table})").fetchall()
+    if any(row[-1] for row in rows):
+        message = f"'{table}' in it has a computed column, as COLMAP makes none"
+        raise ValueError(message)
+    return [str(row[1]) for row in rows]
+
+
 def _priors(connection: sqlite3.Connection) -> PosePriors:
-    columns = [row[1] for row in connection.execute("PRAGMA table_info(pose_priors)")]
+    columns = _columns(connection, "pose_priors")
     if "position" not in columns or "coordinate_system" not in columns:
         return PosePriors()
-    is_new = "corr_data_id" in columns
-    covariance = "p.position_covariance" if "position_covariance" in columns else "NULL"
-    joined = f"p.{'corr_data_id' if is_new else 'image_id'} = i.image_id"
-    only = f" WHERE p.corr_sensor_type = {_CAMERA_SENSOR}" if is_new and "corr_sensor_type" in columns else ""
-    rows = connection.execute(
-        f"SELECT i.name, p.coordinate_system, p.position, {covariance} "
-        f"FROM pose_priors p JOIN images i ON {joined}{only} ORDER BY i.image_id"
-    ).fetchall()
+    rows = _rows(connection, columns)
     given = [row for row in rows if row[1] in {_WGS84, _CARTESIAN}]
     systems = {row[1] for row in given}
     if len(systems) != 1:
@@ -84,6 +116,35 @@ def _priors(connection: sqlite3.Connection) -> PosePriors:
             f"Positions of photos in {DATABASE} have no standard deviations: they are compared, and have no influence."
         )
     return PosePriors(stations, StationReference(_GEOGRAPHIC) if is_geographic else IN_PROJECT, tuple(notes))
+
+
+def _rows(connection: sqlite3.Connection, columns: list[str]) -> list[tuple[object, ...]]:
+    """Return name, system, position and covariance of each image with a position, in the order of the images.
+
+    Each table is read by itself, from its beginning to its end: a join has no bounds.
+    """
+    images: dict[object, object] = {}
+    _columns(connection, "images")
+    for image, name in connection.execute("SELECT image_id, name FROM images"):
+        if image in images:
+            message = f"image {image} is there twice"
+            raise ValueError(message)
+        images[image] = name
+    is_new = "corr_data_id" in columns
+    covariance = "position_covariance" if "position_covariance" in columns else "NULL"
+    sensor = "corr_sensor_type" if is_new and "corr_sensor_type" in columns else str(_CAMERA_SENSOR)
+    found: dict[object, tuple[object, ...]] = {}
+    for image, of_sensor, *row in connection.execute(
+        f"SELECT {'corr_data_id' if is_new else 'image_id'}, {sensor}, coordinate_system, position, {covariance} "
+        "FROM pose_priors"
+    ):
+        if of_sensor != _CAMERA_SENSOR or image not in images:
+            continue
+        if image in found:
+            message = f"the position of image {image} is there twice"
+            raise ValueError(message)
+        found[image] = (images[image], *row)
+    return [found[image] for image in images if image in found]
 
 
 def _stations(rows: list[tuple[object, ...]], *, is_geographic: bool) -> Iterator[Station]:

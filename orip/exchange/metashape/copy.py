@@ -16,6 +16,7 @@ from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_edit import SAME, PlacedElement, XmlEdit
 from orip.exchange.sources.xml_tree import XmlFields, xml_of
 from orip.files.text.lines import read_bytes
+from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _CAMERAS = "cameras.xml"
@@ -54,13 +55,45 @@ def copied_document(project: ExchangedProject, path: Path) -> bytes:
     if faults.complaints:
         raise InputError(faults.complaints)
     placed = next(edit.root.within("chunk"))
-    cameras = {photo.name: photo for photo in project.photos if photo.rotation}
+    cameras, sensors = _wanted(project)
     for label, element in _labelled(placed, "cameras", "camera", cameras, path):
         _move(edit, element, cameras[label], reader.transform(element.attributes.get("component_id")))
-    sensors = {camera.name: camera for camera in project.cameras}
     for label, element in _labelled(placed, "sensors", "sensor", sensors, path):
         _calibrate(edit, element, sensors[label], path)
     return edit.result()
+
+
+def require_labels(project: ExchangedProject, original: Path) -> None:
+    """Refuse an original that a result could not be put into, as labels do not tell its cameras from one another.
+
+    Parameters
+    ----------
+    project : ExchangedProject
+        As it was read.
+    original : Path
+
+    Raises
+    ------
+    InputError
+    """
+    path = document_file(original)
+    data = None if path is None else read_bytes(path, str(path))[0]
+    if path is None or data is None:
+        return
+    placed = next(XmlEdit(data, str(path)).root.within("chunk"), None)
+    if placed is None:
+        return
+    cameras, sensors = _wanted(project)
+    for _ in (
+        *_labelled(placed, "cameras", "camera", cameras, path),
+        *_labelled(placed, "sensors", "sensor", sensors, path),
+    ):
+        pass
+
+
+def _wanted(project: ExchangedProject) -> tuple[dict[str, ExchangedPhoto], dict[str, ExchangedCamera]]:
+    photos = {photo.name: photo for photo in project.photos if photo.rotation}
+    return photos, {camera.name: camera for camera in project.cameras}
 
 
 def _labelled(
@@ -74,8 +107,9 @@ def _labelled(
             continue
         if label in labels:
             message = (
-                f"the label '{label}' is that of several elements <{tag}>, so that the result cannot be put in its "
-                "place; give them labels of their own, or export another format"
+                f"the label '{shown_token(label)}' is that of several elements <{tag}>, so that the result cannot be "
+                "put in its place; give them labels of their own, or adjust it by 'orip import' and 'orip run' and "
+                "export another format"
             )
             raise InputError.single(message, str(path))
         labels.add(label)

@@ -34,7 +34,7 @@ def copied_files(project: ExchangedProject, folder: Path) -> dict[str, bytes]:
     for camera in project.cameras:
         name = f"{camera.name}.xml"
         before = files.pop(name, None)
-        after = None if before is None else _camera(before, camera)
+        after = None if before is None else _camera(before, str(folder / name), camera)
         if after is not None:
             files[name] = after
         if after != before:
@@ -43,7 +43,7 @@ def copied_files(project: ExchangedProject, folder: Path) -> dict[str, bytes]:
         name = ORIENTATION.format(photo.name)
         if photo.rotation and name in files:
             of_photo = project.cameras[photo.camera].name
-            files[name] = _orientation(files[name], photo, is_camera_same=of_photo not in changed)
+            files[name] = _orientation(files[name], str(folder / name), photo, is_camera_same=of_photo not in changed)
     return files
 
 
@@ -54,9 +54,9 @@ def _bytes(path: Path) -> bytes:
     return data
 
 
-def _camera(data: bytes, camera: ExchangedCamera) -> bytes | None:
+def _camera(data: bytes, shown: str, camera: ExchangedCamera) -> bytes | None:
     """Return a camera's file with new values; None if its model has no place for them."""
-    edit = XmlEdit(data)
+    edit = XmlEdit(data, shown)
     value: Mapping[str, float] = camera.parameters
     root = next(edit.root.within("CalibrationInternConique"), None)
     radial = None if root is None else _radial_part(root)
@@ -94,8 +94,8 @@ def _replace(edit: XmlEdit, parent: PlacedElement | None, path: str, values: tup
     return any(changes)
 
 
-def _orientation(data: bytes, photo: ExchangedPhoto, *, is_camera_same: bool) -> bytes:
-    edit = XmlEdit(data)
+def _orientation(data: bytes, shown: str, photo: ExchangedPhoto, *, is_camera_same: bool) -> bytes:
+    edit = XmlEdit(data, shown)
     root = next(edit.root.within("OrientationConique"), None)
     if root is None:
         return data

@@ -5,12 +5,14 @@ It is a copy of the folder that the project was imported from, where that is of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import escape
 
 from orip.exchange.micmac.copy import ORIENTATION, copied_files
 from orip.exchange.micmac.source import find_orientations
+from orip.files.text.exported_names import exported_file_names
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _HEAD = '<?xml version="1.0" ?>\n<ExportAPERO>\n'
@@ -26,12 +28,13 @@ def write_micmac(project: ExchangedProject, original: Path | None) -> Mapping[st
         If a file of the original cannot be read.
     """
     copied = copied_files(project, find_orientations(original)[0]) if original and is_copied_folder(original) else {}
-    names = [f"{camera.name}.xml" if copied else f"{_calibration(camera.name)}.xml" for camera in project.cameras]
+    cameras = [camera.name if copied else _calibration(camera.name) for camera in project.cameras]
+    names = exported_file_names("{}.xml", cameras)
     files = {name: _camera_text(camera) for name, camera in zip(names, project.cameras, strict=True)}
-    for photo in project.photos:
-        if photo.rotation:
-            file = photo.name.replace("\\", "/").rsplit("/", 1)[-1]
-            files[ORIENTATION.format(file)] = _orientation_text(photo, names[photo.camera])
+    oriented = [photo for photo in project.photos if photo.rotation]
+    photos = exported_file_names(ORIENTATION, _without_folders([photo.name for photo in oriented]), names)
+    for name, photo in zip(photos, oriented, strict=True):
+        files[name] = _orientation_text(photo, names[photo.camera])
     return {name: text.encode() for name, text in files.items()} | copied
 
 
@@ -39,6 +42,13 @@ def is_copied_folder(original: Path) -> bool:
     """Return whether a result is put into a copy: of the first version's orientations, of which there is one folder."""
     folders = find_orientations(original) if original.is_dir() else []
     return len(folders) == 1 and any(folders[0].glob(ORIENTATION.format("*")))
+
+
+def _without_folders(names: Sequence[str]) -> list[str]:
+    """Return names of photos without their folders, with them where they would be the same."""
+    short = [name.replace("\\", "/").rsplit("/", 1)[-1] for name in names]
+    number = Counter(map(str.casefold, short))
+    return [one if number[one.casefold()] == 1 else name for one, name in zip(short, names, strict=True)]
 
 
 def _calibration(name: str) -> str:

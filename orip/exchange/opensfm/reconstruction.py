@@ -182,7 +182,9 @@ def _points(part: JsonValue) -> dict[str, tuple[float, ...]]:
 
 def _sound_points(points: Any) -> dict[str, tuple[float, ...]]:
     """Return the coordinates of points where all of them are sound, which is quickly seen; else nothing."""
-    values = list(points.values()) if isinstance(points, dict) else []
+    if not isinstance(points, dict):
+        return {}
+    values = list(points.values())
     if not all(isinstance(value, dict) for value in values):
         return {}
     places = [value.get("coordinates") for value in values]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from orip.errors import InputError
+from orip.exchange.opensfm.reconstruction import largest_reconstruction
 from orip.exchange.opensfm.shots_geojson import is_shots_geojson
 from orip.exchange.opensfm.source import reconstruction_file
 from orip.exchange.sources.faults import Faults
@@ -48,12 +49,9 @@ def write_opensfm(project: ExchangedProject, original: Path | None) -> Mapping[s
         return {_NAME: _encoded([_new(project)]), "tracks.csv": _tracks(project)}
     faults = Faults(str(path))
     document = read_json(path, faults)
-    if document is None:
+    if document is None or largest_reconstruction(document) is None or faults.complaints:
         raise InputError(faults.complaints)
     parts = [part for part in document.value if isinstance(part, dict) and isinstance(part.get("shots"), dict)]
-    if not parts:
-        message = "there is no reconstruction with shots in the original"
-        raise InputError.single(message, str(path))
     _update(max(parts, key=lambda part: len(part["shots"])), project)
     data = document.source.data
     ending = data[len(data.rstrip()) :]
@@ -132,7 +130,7 @@ def _update(part: dict[str, Any], project: ExchangedProject) -> None:
     points = {
         project.points.names[row]: values for row, values in _points(project).items() if project.points.is_track[row]
     }
-    kept = {name: point for name, point in part.get("points", {}).items() if name in points}
+    kept = {name: point for name, point in (part.get("points") or {}).items() if name in points}
     for name, point in kept.items():
         coordinates = _kept(point.get("coordinates"), points[name]["coordinates"])
         point.update(points[name] | {"coordinates": coordinates})
@@ -186,7 +184,7 @@ def _kept(old: Any, new: Any) -> list[float]:
 
 
 def _is_same(old: Any, new: Any) -> bool:
-    if not isinstance(old, list) or len(old) != len(new):
+    if not isinstance(old, list) or len(old) != len(new) or not all(isinstance(one, int | float) for one in old):
         return False
     size = max(1.0, *(abs(value) for value in new))
     return all(abs(first - second) <= _SAME * size for first, second in zip(old, new, strict=True))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,9 @@ from orip.exchange.sources.faults import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import shown_token
+
+MOST_VALUES = 50_000_000
+"""Each takes some thirty times its bytes in memory."""
 
 
 class JsonText(Struct, frozen=True):
@@ -109,6 +113,21 @@ def _is_number(value: object) -> bool:
     return abs(value) <= LARGEST_NUMBER  # neither NaN nor infinite; whole numbers may have any size
 
 
+_SURROGATE = re.compile(rb"\\u[dD][89a-fA-F]")
+
+
+def _half_of_pair(data: bytes, value: Any) -> int | None:
+    """Return where a text begins to have half a surrogate pair: files and stores could not hold it; None: nowhere."""
+    first = _SURROGATE.search(data)
+    if first is None:
+        return None
+    try:
+        json.dumps(value, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        return first.start()
+    return None
+
+
 def read_json(path: Path, faults: Faults) -> JsonValue | None:
     """Return the value of a JSON file; None, and a complaint kept, if it is no such file."""
     data, complaints = read_bytes(path, faults.shown)
@@ -116,8 +135,16 @@ def read_json(path: Path, faults: Faults) -> JsonValue | None:
     if data is None:
         return None
     data = data.removeprefix(b"\xef\xbb\xbf")
+    if data.count(b",") + data.count(b"[") + data.count(b"{") > MOST_VALUES:
+        faults.complain(f"there are more than {MOST_VALUES} values, which are not read; divide the project")
+        return None
     try:
-        return JsonValue(json.loads(data), JsonText(data, faults))
+        value = json.loads(data)
+        half = _half_of_pair(data, value)
+        if half is None:
+            return JsonValue(value, JsonText(data, faults))
+        message = "a text has half a character (a \\u of D800 to DFFF alone), which no name can have; correct it"
+        faults.complain(message, data.count(b"\n", 0, half) + 1)
     except json.JSONDecodeError as fault:
         faults.complain(f"this is not JSON ({fault.msg}); export the file again", fault.lineno, fault.colno)
     except UnicodeDecodeError as fault:

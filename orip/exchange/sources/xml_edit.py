@@ -8,6 +8,10 @@ from xml.parsers import expat
 
 from msgspec import Struct, field
 
+from orip.errors import InputError
+from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.xml_tree import xml_of
+
 _TAG = re.compile(rb"""<[^"'>]*(?:"[^"]*"[^"'>]*|'[^']*'[^"'>]*)*>""")
 
 SAME = 1e-11
@@ -54,14 +58,24 @@ class PlacedElement(Struct):
 
 
 class XmlEdit:
-    """A file of XML that was read without complaints, and what is to be changed in it.
+    """A file of XML, and what is to be changed in it.
 
     Parameters
     ----------
     data : bytes
+    shown : str or None
+        The file, as the user would name it; None: it was read without complaints already.
+
+    Raises
+    ------
+    InputError
+        If it is no XML, or has what is refused when it is read.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, shown: str | None = None) -> None:
+        faults = Faults(shown or "")
+        if shown is not None and xml_of(data, faults) is None:
+            raise InputError(faults.complaints)
         self.data = data
         self.root = _placed(data)
         self._changes: list[tuple[int, int, bytes]] = []

@@ -61,6 +61,7 @@ class _TreeBuilder:
         self._parser = parser
         self._parts = parts
         self._open: list[XmlElement] = []
+        self._texts: list[list[str]] = []
         self._kept = 0
         self.root: XmlElement | None = None
 
@@ -75,9 +76,11 @@ class _TreeBuilder:
         else:
             self.root = element
         self._open.append(element)
+        self._texts.append([])
 
     def end(self, tag: str) -> None:
         element = self._open.pop()
+        element.text = "".join(self._texts.pop())  # as a whole: a long text comes in thousands of pieces
         take = self._parts.get(tag)
         if take is not None and self._open:
             siblings = self._open[-1].children
@@ -86,7 +89,7 @@ class _TreeBuilder:
             take(element)
 
     def text(self, data: str) -> None:
-        self._open[-1].text += data
+        self._texts[-1].append(data)
 
     def doctype(self, name: str, *_: object) -> None:
         message = f"a document type is declared (<!DOCTYPE {shown_token(name)}); remove it, entities are not read"

@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from orip.exchange.sources.faults import Faults
 from orip.files.text.lines import read_bytes
+from orip.files.text.regular_file import LARGEST_FILE
 from orip.files.text.shown import shown_token
 
 _LARGEST_GROWTH = 100
@@ -79,4 +80,4 @@ def open_zip(path: Path, faults: Faults) -> ZipMembers | None:
     if outside:
         faults.complain(f"member '{shown_token(outside[0])}' leads out of the zip file; nothing of it is read")
         return None
-    return ZipMembers(archive, faults, _ALWAYS + _LARGEST_GROWTH * len(data))
+    return ZipMembers(archive, faults, min(_ALWAYS + _LARGEST_GROWTH * len(data), LARGEST_FILE))

@@ -8,7 +8,6 @@ away.
 from __future__ import annotations
 
 import copy
-import tomllib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from orip.files.project.record_values import TomlTable
 from orip.files.project.tables import keys_of, table_of
 from orip.files.project.toml_faults import unknown_key
 from orip.files.text.shown import printable, shown_token
+from orip.files.text.toml import toml_document
 from orip.records.project.definition import RECORD_TYPES
 
 
@@ -109,8 +109,8 @@ def _set(table: TomlTable, key: str, form: Form | None, text: str) -> str | None
 def _toml(text: str) -> Any:
     """Return the value of a text that is TOML, None for any other text."""
     try:
-        document = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
+        document = toml_document(f"value = {text}")
+    except ValueError:
         return None
     return document["value"] if len(document) == 1 else None
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
+from orip.files.text.exported_names import is_device
+from orip.records.names import name_fault
+
 _UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
 _WILDCARDS = frozenset("*?[")
 _LONGEST_NAME = 200
@@ -21,7 +24,16 @@ def file_name_fault(name: str) -> str | None:
     unfit = sorted(set(name) & _UNFIT_IN_FILE_NAMES)
     if unfit:
         return f"has {' '.join(unfit)}, which file names cannot have"
+    if is_device(name):
+        return "is the name of a device on Windows, which no file can have"
     return "is not a file name" if name in {".", ".."} else _length_fault(name)
+
+
+def bundle_name_fault(name: str) -> str | None:
+    """Say why a name cannot be that of a bundle, whose files have it too, or return None if it can."""
+    if fault := name_fault(name):
+        return f"is not fit: {fault}"
+    return file_name_fault(name)
 
 
 def fit_file_name(name: str) -> str:
@@ -36,6 +48,8 @@ def store_path_fault(path: str, extension: str) -> str | None:
         return f"has characters that cannot be printed; write a file name such as NAME{extension}"
     if PurePath(path).suffix.upper() != extension:
         return f"does not end in {extension}, as this store does; write a file name such as NAME{extension}"
+    if is_device(PurePath(path).name):
+        return f"is the name of a device on Windows; write a file name such as NAME{extension}"
     fault = _length_fault(path)
     return None if fault is None else f"{fault}; choose a shorter one"
 

@@ -39,6 +39,10 @@ class MissingKey(Struct, frozen=True):
 Finding = WrongValue | UnknownKey | MissingKey
 
 
+LARGEST_WHOLE = 10**15 - 1
+"""Stores hold more, but other programs take whole numbers of JSON for decimals."""
+
+
 class Form(Struct, frozen=True):
     """The form of a value."""
 
@@ -66,6 +70,8 @@ class Number(Form, frozen=True):
     def _fault(self, number: float) -> str | None:
         if isinstance(number, float) and not math.isfinite(number):
             return "a finite number"
+        if isinstance(number, int) and abs(number) > LARGEST_WHOLE:
+            return f"a whole number of at most {len(str(LARGEST_WHOLE))} digits"
         if self.most is not None and number > self.most:
             return f"a number of at most {self.most:g}"
         if self.least is not None and number < self.least:

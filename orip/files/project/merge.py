@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
@@ -15,6 +14,7 @@ from orip.files.project.text import RECORD_SECTIONS, SINGLE_SECTIONS, project_do
 from orip.files.project.toml_lines import KeyPath, TomlLines
 from orip.files.project.toml_text import toml_assignment
 from orip.files.text.lines import split_line
+from orip.files.text.toml import toml_document
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
 
@@ -81,7 +81,7 @@ def _merged(text: str, old: ProjectDefinition, new: ProjectDefinition) -> str:
 
 def _blocks(text: str) -> dict[KeyPath, _Block]:
     """Return the lines of each table of a project file by what leads to it."""
-    document: Mapping[str, Any] = tomllib.loads(text)
+    document: Mapping[str, Any] = toml_document(text)
     where = TomlLines(text)
     starts = sorted((where.line_of(place), place) for place in _places(document))
     lines = [f"{line}\n" for line in text.removesuffix("\n").split("\n")]
@@ -99,7 +99,7 @@ def _blocks(text: str) -> dict[KeyPath, _Block]:
 
 def _with_changed_keys(own: str, section: str, old: TomlTable, new: TomlTable) -> str | None:
     """Return the lines of a record with those of its changed keys replaced; None where that cannot be done."""
-    (written,) = tomllib.loads(own)[section]
+    (written,) = toml_document(own)[section]
     where, lines = TomlLines(own), own.splitlines(keepends=True)
     starts = sorted((where.line_of((section, 0, key)), key) for key in written)
     ends = [line for line, _ in starts[1:]] + [len(lines) + 1]
@@ -122,8 +122,8 @@ def _with_changed_keys(own: str, section: str, old: TomlTable, new: TomlTable) -
             lines.append(f"{text}\n")
     merged = "".join(lines)
     try:
-        return merged if tomllib.loads(merged)[section] == [wanted] else None
-    except tomllib.TOMLDecodeError:
+        return merged if toml_document(merged)[section] == [wanted] else None
+    except ValueError:
         return None
 
 
@@ -131,8 +131,8 @@ def _comment(line: str) -> str:
     """Return the comment of a line with a key and its value, and the blanks before it."""
     marks = (index for index, character in enumerate(line) if character == "#")
     for index in marks:
-        with suppress(tomllib.TOMLDecodeError):
-            tomllib.loads(line[:index])
+        with suppress(ValueError):
+            toml_document(line[:index])
             return line[len(line[:index].rstrip()) :].rstrip("\n")
     return ""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from orip.files.project.toml_syntax import syntax_complaint
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable
+from orip.files.text.toml import NestingError, toml_document
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition
 from orip.records.project.stages import plan_stages
@@ -96,9 +96,9 @@ def parse_project(text: str, shown: str = "orip.toml") -> Parsed[ProjectText | N
 
 def _toml_document(text: str, shown: str) -> dict[str, Any] | Complaint:
     try:
-        return tomllib.loads(text)
-    except RecursionError:
-        return Complaint("the text is nested too deeply; a project file needs three levels at most", shown)
+        return toml_document(text)
+    except NestingError as fault:
+        return Complaint(f"{fault}; correct the line", shown, fault.line)
     except ValueError as fault:  # TOMLDecodeError is one; so is a whole number of thousands of digits
         return syntax_complaint(str(fault), text, shown)
 

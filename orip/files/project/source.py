@@ -143,6 +143,8 @@ def _elements(around: Mapping[str, Any], key: str, place: KeyPath, source: Proje
     header = "bundle.model" if key == "model" else key
     message = f"{key} is one table or value, but may come several times; write each as [[{header}]]"
     source.faults.append((place, message))
+    if isinstance(value, dict):  # what is right in it is not reported as missing elsewhere
+        yield 0, value
 
 
 def _table(raw: Any, kind: type[Record], title: str, place: KeyPath, source: ProjectSource) -> dict[str, Any] | None:

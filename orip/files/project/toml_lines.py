@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Sequence
 from functools import cached_property
 
 from msgspec import Struct, field
+
+from orip.files.text.toml import toml_document
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, e.g. ``("camera", 0, "fiducials", 2, "x")``."""
@@ -177,6 +178,6 @@ def _key_parts(words: Sequence[str]) -> list[str]:
 
 def _unquoted(word: str) -> str:
     try:
-        return str(tomllib.loads(f"key = {word}")["key"])
-    except (tomllib.TOMLDecodeError, ValueError):
+        return str(toml_document(f"key = {word}")["key"])
+    except ValueError:
         return word

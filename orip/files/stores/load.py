@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 
+from orip.files.stores.contents import exterior
 from orip.files.stores.dump import dumped_tables
 from orip.files.stores.dump_reader import read_dump
 from orip.files.stores.identity import create
@@ -43,6 +44,8 @@ def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: flo
         connection.execute("BEGIN")
         create(checked, packed=False)
         run = read_dump(lines, checked, source)
+        if checked.kind == "EXT":
+            exterior.require_names(checked, source)
         with writing([path], timeout=timeout) as stores:
             _take_over(stores[path], checked, run)
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import unicodedata
+
+_HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+_JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
 _LONGEST_TOKEN = 40
 _LONGEST_MESSAGE = 500
 
@@ -10,6 +14,38 @@ def printable(text: str) -> str:
     """Return a message with characters that cannot be printed written as escapes, and not longer than a few lines."""
     shown = text if text.isprintable() else "".join(map(_escaped, text))
     return shown if len(shown) <= _LONGEST_MESSAGE else shown[: _LONGEST_MESSAGE - 3] + "..."
+
+
+def has_hidden(text: str) -> bool:
+    """Tell whether a text has characters that no reader sees and that make a terminal do something.
+
+    Those are control characters of all kinds, what turns the direction of writing, and halves of characters; but not
+    the joiners that some scripts are written with.
+    """
+    return not text.isprintable() and any(map(_is_hidden, text))
+
+
+def visible(text: str, kept: str = "") -> str:
+    """Return a text with hidden characters written as escapes, but for those that are kept."""
+    if text.isprintable() or not has_hidden(text):
+        return text
+    return "".join(_escaped(one) if _is_hidden(one) and one not in kept else one for one in text)
+
+
+def visible_json(text: str) -> str:
+    """Return a JSON text that means the same, with hidden characters written as JSON's escapes."""
+    if not has_hidden(text):
+        return text
+    return "".join(_json_escape(one) if _is_hidden(one) and one != "\n" else one for one in text)
+
+
+def _json_escape(character: str) -> str:
+    units = character.encode("utf-16-be", "surrogatepass").hex()
+    return "".join(f"\\u{units[place : place + 4]}" for place in range(0, len(units), 4))
+
+
+def _is_hidden(character: str) -> bool:
+    return unicodedata.category(character) in _HIDDEN and character not in _JOINERS
 
 
 def shown_token(token: str) -> str:

@@ -25,7 +25,10 @@ def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:
     """Yield a measurement precision in micrometres or pixels if it is too large, in metres if it is too small."""
     precision, points = block.definition.measurement_precision, block.photo_points
     factors = {}
-    part = float(np.median(points.error)) / float(np.ptp(points.xy, axis=0).max())
+    extent = float(np.ptp(points.xy, axis=0).max())
+    if extent <= 0.0:  # all points are at one place of their photos
+        return
+    part = float(np.median(points.error)) / extent
     if part < _IMPOSSIBLE:
         factors["metres"] = 1.0 / _MILLI
     elif part > _USELESS:

@@ -27,6 +27,8 @@ from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
 from orip.workflow.adjust.solve import run_of_solution, solve_with_equations
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.named_output import require_replaceable
 
 MOST_FIGURES = 10_000
 """A matrix of so many figures takes 800 MB."""
@@ -77,18 +79,20 @@ def covariance_matrix(bundle: BundleState, names: Sequence[str]) -> CovarianceMa
     )  # fmt: skip
 
 
-def write_covariance(matrix: CovarianceMatrix, output: Path) -> None:
-    """Write a matrix in the format that the file's name says.
+def write_covariance(project: ProjectFolder, matrix: CovarianceMatrix, output: Path, *, force: bool = False) -> None:
+    """Write a matrix in the format that the file's name says; with `force` also in the place of another file.
 
     Raises
     ------
     UsageError
-        If it ends in neither .npz nor .csv.
+        If it ends in neither .npz nor .csv, or another file would be replaced.
     OripError
         If it cannot be written.
     """
     with reporting_failure(output, "choose another file with --output"):
-        replace_bytes(output, _FORMATS[output.suffix.lower()](matrix))
+        data = _FORMATS[output.suffix.lower()](matrix)
+        require_replaceable(project, output, force=force, begins=data)
+        replace_bytes(output, data)
 
 
 def require_format(output: Path | None) -> Path:

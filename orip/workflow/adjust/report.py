@@ -15,6 +15,7 @@ from orip.report.report_input import ReportInput
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
+from orip.workflow.project.named_output import first_bytes, require_replaceable
 from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import Digests, is_measurement_file
@@ -35,7 +36,7 @@ class WrittenReport(Struct, frozen=True):
     size: int
 
 
-def report(bundle: BundleState, output: Path | None) -> Change[WrittenReport]:
+def report(bundle: BundleState, output: Path | None, *, force: bool = False) -> Change[WrittenReport]:
     """Make the report of the last adjustment of a bundle, with the gates of orip.toml.
 
     Parameters
@@ -44,14 +45,23 @@ def report(bundle: BundleState, output: Path | None) -> Change[WrittenReport]:
         With `REPORTED_FROM` and solutions.
     output : Path or None
         None: report.html in the project folder, NAME_report.html where there are several bundles.
+    force : bool
+        Also in the place of a file that is no earlier report.
 
     Raises
     ------
     InputError
         If the bundle has not been adjusted, or a gate of orip.toml is malformed.
+    UsageError
+        If another file would be replaced.
     """
     gates = project_gates(bundle.project)
-    return report_of(bundle.state, bundle.adjusted, check_solution(bundle.adjusted, gates), output)
+    change = report_of(bundle.state, bundle.adjusted, check_solution(bundle.adjusted, gates), output)
+    usual = (bundle.project.report(bundle.name),)
+    for written in change.outputs:
+        begins = first_bytes(written.pieces())
+        require_replaceable(bundle.project, written.path, force=force, usual=usual, begins=begins)
+    return change
 
 
 def report_of(

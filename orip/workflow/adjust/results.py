@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +23,8 @@ from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
 from orip.structs import replace
+from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.named_output import first_bytes, require_replaceable
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
@@ -115,13 +118,15 @@ def _residuals(solution: Solution, names: Sequence[str]) -> Results:
     return Results(f"{text}\n", document)
 
 
-def write_residuals(solution: Solution, output: Path) -> None:
+def write_residuals(project: ProjectFolder, solution: Solution, output: Path, *, force: bool = False) -> None:
     """Write all residuals with their reliability, in the format that the file's name says.
+
+    With `force` also in the place of another file.
 
     Raises
     ------
     UsageError
-        If it ends in neither .npz nor .csv.
+        If it ends in neither .npz nor .csv, or another file would be replaced.
     OripError
         If it cannot be written.
     """
@@ -130,7 +135,13 @@ def write_residuals(solution: Solution, output: Path) -> None:
         message = "name the file of the residuals: --output residuals.npz for NumPy, or --output residuals.csv"
         raise UsageError(message)
     with reporting_failure(output, "choose another file with --output"):
-        replace_in_pieces(output, write(solution.residuals, reliability_of(solution)))
+        pieces = iter(write(solution.residuals, reliability_of(solution)))
+        first = [*islice(pieces, 1)]
+        usual = project.outputs(solution.bundle)
+        require_replaceable(
+            project, output, force=force, usual=(usual.residuals, usual.residual_arrays), begins=first_bytes(first)
+        )
+        replace_in_pieces(output, chain(first, pieces))
 
 
 _FORMATS: Mapping[str, Callable[[Residuals, Reliability], Iterable[str | bytes | memoryview]]] = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from orip.archive.order import ArchiveProject
 from orip.errors import UsageError
 from orip.files.project.tables import ProjectTable
 from orip.files.text.regular_file import regular_bytes
+from orip.files.text.toml import toml_document
 from orip.workflow.project.folder import PROJECT_FILE
 
 _STORE_KEYS = ("camera_file", "temtick_file")
@@ -56,7 +56,7 @@ def _name(folder: Path, base: Path) -> str:
 def _stores(folder: Path) -> tuple[str, ...]:
     """Return the stores of cameras and tick marks of a project; none where orip.toml cannot be read."""
     try:
-        table = tomllib.loads(regular_bytes(folder / PROJECT_FILE).decode("utf-8")).get("project")
+        table = toml_document(regular_bytes(folder / PROJECT_FILE).decode("utf-8")).get("project")
     except (OSError, ValueError):
         return ()
     given = table if isinstance(table, dict) else {}

@@ -7,16 +7,20 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import UsageError
+from orip.errors import InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.exported_names import is_one_file_name
+from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.original import in_terms_of
 from orip.workflow.exchange.result import exchanged_result
+from orip.workflow.exchange.temporary import write_whole_folder
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.named_output import require_replaceable
 from orip.workflow.project.state import Part
 
 EXPORTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "heads", "solutions")
@@ -33,6 +37,10 @@ class ExportedResult(Struct, frozen=True):
         By their names in the folder, or the only one.
     target : Path
         Folder, or file if the format is a file.
+    is_usual : bool
+        The target has the name that orip gives it.
+    source : ProjectFolder
+        The project that was adjusted.
     original : Path or None
         The project that the result is written into a copy of.
     notes : tuple of str
@@ -42,6 +50,8 @@ class ExportedResult(Struct, frozen=True):
     project: ExchangedProject
     files: Mapping[str, bytes]
     target: Path
+    is_usual: bool
+    source: ProjectFolder
     original: Path | None
     notes: tuple[str, ...]
 
@@ -104,31 +114,49 @@ def export(
     if found.conventions.is_drawn and project.crs is None:
         notes.append("The project has no crs: coordinates are its own, not longitude and latitude or those of a map.")
     files = found.write(project, original)
+    _require_files_of_its_own(files, found)
     default = folder / (next(iter(files)) if found.is_file else f"{found.name}_adjusted")
-    return ExportedResult(found, project, files, target or default, original, tuple(notes))
+    is_usual = target is None
+    return ExportedResult(found, project, files, target or default, is_usual, bundle.project, original, tuple(notes))
 
 
-def write_export(exported: ExportedResult) -> None:
-    """Write what is exported: a file in the place of an old one, or a whole new folder.
+def _require_files_of_its_own(files: Mapping[str, bytes], found: Format) -> None:
+    """Let no name from the data make a file beside the destination, whatever a format does with names."""
+    outside = [name for name in files if not is_one_file_name(name)]
+    if outside:
+        message = (
+            f"'{shown_token(outside[0])}' cannot be a file of {found.name}: it leads out of its folder, or no file can "
+            f"have the name; correct the names of cameras and photos, also those in names.csv"
+        )
+        raise InputError.single(message)
+
+
+def write_export(exported: ExportedResult, *, force: bool = False) -> None:
+    """Write what is exported: a file in the place of an earlier one, or a whole new folder.
+
+    Parameters
+    ----------
+    exported : ExportedResult
+    force : bool
+        Also in the place of another file.
 
     Raises
     ------
     UsageError
-        If the folder has something in it, or a folder has the name of the file.
+        If the folder has something in it, or the file would replace what is no earlier export or of the project.
     OripError
         If it cannot be written.
     """
     target = exported.target
     with reporting_failure(str(target), "name another one"):
         if exported.format.is_file:
-            replace_bytes(target, next(iter(exported.files.values())))
+            data = next(iter(exported.files.values()))
+            usual = (target,) if exported.is_usual else ()
+            require_replaceable(exported.source, target, force=force, usual=usual, begins=data)
+            replace_bytes(target, data)
             return
-        if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            message = (
-                f"{target} has something in it already; a result is exported into a new or empty folder: name another"
-            )
-            raise UsageError(message)
-        write_new_folder(target, dict(exported.files))
+        rule = "a result is exported into a new or empty folder: name another"
+        write_whole_folder(target, exported.files, rule)
 
 
 def _named(name: str | None, imported: str | None) -> str:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import InputError, UsageError
+from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.names_table import SOURCE_FILE, place_from
 from orip.files.project.ignored import IGNORE_FILE, IGNORED
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.shown import has_hidden, shown_token
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.exchange.block import ExchangeSettings, ImportedBlock, imported_block
+from orip.workflow.exchange.temporary import write_whole_folder
 from orip.workflow.exchange.texts import ImportedTexts, ImportSource, imported_texts
 
 _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "binary", ""}
@@ -76,11 +78,43 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
         raise InputError(parsed.complaints)
+    require_names(parsed.value, str(source))
     project = _with_references(found, parsed.value, settings)
     block = imported_block(project, str(source), settings)
     title = project.name or _title(source)
     origin = ImportSource(found.name, source.absolute().name, title, found.write is not None)
     return ImportedProject(found, source, block, imported_texts(block, origin, settings.precision), title)
+
+
+def require_names(project: ExchangedProject, shown: str) -> None:
+    """Refuse names that no text, table or message could hold as they are, whatever the format.
+
+    Raises
+    ------
+    InputError
+        With all of them.
+    """
+    faults = tuple(_faults_of_names(project, shown))
+    if faults:
+        raise InputError(faults)
+
+
+def _faults_of_names(project: ExchangedProject, shown: str) -> Iterator[Complaint]:
+    """Yield what is wrong with names, whatever the format: no text, table or message could hold them as they are."""
+    kinds: Mapping[str, Iterable[str]] = {
+        "camera": [camera.name for camera in project.cameras],
+        "photo": [photo.name for photo in project.photos],
+        "point": project.points.names,
+        "control point": [point.name for point in project.control],
+        "station": [station.photo for station in project.stations],
+    }
+    for kind, names in kinds.items():
+        if " ".join(names).isprintable():  # there may be a million of them
+            continue
+        for name in dict.fromkeys(names):
+            if has_hidden(name):
+                what = "has a character that cannot be shown, or that is not UTF-8; rename it"
+                yield Complaint(f"the {kind} '{shown_token(name)}' {what}", shown)
 
 
 def _with_references(found: Format, project: ExchangedProject, settings: ExchangeSettings) -> ExchangedProject:
@@ -106,13 +140,9 @@ def write_project(imported: ImportedProject, folder: Path) -> None:
     OripError
         If it cannot be written.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        message = (
-            f"{folder} has something in it already; a project is imported into a new or empty folder: name another"
-        )
-        raise UsageError(message)
+    texts = texts_with_source(imported, folder)
     with reporting_failure(str(folder), "name another folder"):
-        write_new_folder(folder, texts_with_source(imported, folder))
+        write_whole_folder(folder, texts, "a project is imported into a new or empty folder: name another")
 
 
 def texts_with_source(imported: ImportedProject, folder: Path) -> dict[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 
-from orip.errors import ProjectWarning, UsageError
+from orip.errors import ProjectWarning
 from orip.files.listings.observations import todo_text
 from orip.files.text.natural_order import natural_key
 from orip.interior.replay import replay
@@ -20,6 +20,7 @@ from orip.workflow.observations.names import without_kills
 from orip.workflow.observations.places import NOWHERE, Places, PredictedPlace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
+from orip.workflow.project.named_output import require_replaceable
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import is_measurement_file, raise_complaints
 
@@ -58,9 +59,8 @@ def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite:
     """
     require_observations(bundle)
     path = None if output is None else bundle.project.folder / output
-    if path is not None and path.exists() and not overwrite:
-        message = f"{output} already exists; name another file, or replace it with --force"
-        raise UsageError(message)
+    if path is not None:
+        require_replaceable(bundle.project, path, force=overwrite, is_text=True)
     points = _points_to_measure(bundle)
     title = bundle.project.title
     text = todo_text(points, title, bundle.name, bundle.solution.run if bundle.solution else None)

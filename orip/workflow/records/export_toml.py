@@ -22,6 +22,7 @@ from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.named_output import require_replaceable
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.records.apply_text import apply_text
@@ -97,6 +98,8 @@ def export_toml(state: ProjectState, output: Path | None = None, *, force: bool 
         shown = project.shown(path)
         message = f"{shown} already exists with another text; write over it with --force (it is kept as .bak)"
         raise UsageError(message)
+    if path != project.text:
+        require_replaceable(project, path, force=force)
     backup = None if there is None else _free_name(path)
     outcome = ExportedToml(project, text, path, changed=True, backup=backup, warnings=warnings)
     output_text = TextOutput(path, lambda: [text], _REMEDY)

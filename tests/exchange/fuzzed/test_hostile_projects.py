@@ -8,6 +8,7 @@ import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, block
 from exchange import (
@@ -34,8 +35,10 @@ from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
 from orip.exchange.tables import project as tables
 from orip.exchange.vision import bundler, nvm
+from orip.files.project.reader import parse_project
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
+from orip.workflow.exchange.imported import require_names
 from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 SETTINGS = ExchangeSettings(frame=(4000, 3000), corrects_distortion=True)
@@ -52,6 +55,32 @@ def _opensfm(folder: Path) -> Path:
     written(folder / "gcp_list.txt", "EPSG:4326\n10 20 30 5 6 0.jpg A\n10 20 NaN 5 6 1.jpg B\n")
     written(folder / "geo.txt", "EPSG:25833\n0.jpg 1 2 3 nan nan nan 0.02 0.05\n")
     return folder
+
+
+def _marked(folder: Path) -> Path:
+    points = [
+        {
+            "id": "A",
+            "position": {"latitude": 20.0, "longitude": 10.0, "altitude": 30.0},
+            "observations": [
+                {"shot_id": "0.jpg", "projection": [0.01, 0.02]},
+                {"shot_id": "1.jpg", "projection": [0, 0]},
+            ],
+        },
+        {"id": 2, "observations": [{"shot_id": "0.jpg", "projection": [0.1, -0.2]}]},
+    ]
+    written(folder / "ground_control_points.json", json.dumps({"points": points}))
+    written(folder / "config.yaml", "feature_process_size: 2048\n")
+    project = small(reconstruction.READING)
+    written(folder / "reconstruction.json", json.dumps(test_opensfm.reconstruction_of(project)))
+    written(folder / "tracks.csv", test_opensfm.tracks_of(project, 2))
+    return folder
+
+
+def _shots(folder: Path) -> Path:
+    centres = np.array([[33.0, 52.0, 100.0], [33.0001, 52.0001, 101.0]])
+    shots = test_opensfm.shots_of(small(reconstruction.READING), centres)
+    return written(folder / "shots.geojson", json.dumps(shots))
 
 
 def _file(name: str, text: Callable[[ExchangedProject], str], reading: PoseReading) -> Callable[[Path], Path]:
@@ -85,6 +114,8 @@ def _folder(files: Callable[[Path, ExchangedProject], Path], reading: PoseReadin
 
 SOUND: dict[str, Callable[[Path], Path]] = {
     "opensfm": _opensfm,
+    "opensfm marked": _marked,
+    "opensfm shots": _shots,
     "micmac": test_micmac.project_folder,
     "metashape": _file("cameras.xml", test_metashape.document, metashape.READING),
     "blocks": _file("a.xml", test_blocks_exchange.text, test_blocks_exchange.MATRIX_DOWN),
@@ -125,9 +156,41 @@ def fuzz(folder: Path, name: str, count: int, seed: int) -> None:
     def use(_: Path) -> None:
         project = project_or_complaints(read(source, name))
         if project is not None:
-            imported_texts(imported_block(project, name, SETTINGS), ImportSource(name, "x", "x"), None)
+            require_names(project, name)
+            origin = ImportSource(name, "x", project.name or "x")
+            content = imported_texts(imported_block(project, name, SETTINGS), origin, None)
+            "".join(content.texts.values()).encode("utf-8")
+            parsed = parse_project(content.texts["orip.toml"])
+            assert not parsed.complaints, [str(complaint) for complaint in parsed.complaints]
 
     use_mutated_files([(path, path.read_bytes()) for path in files], count, seed, use)
+
+
+ORIGINALS = ("opensfm", "micmac", "metashape")
+
+
+def fuzz_original(folder: Path, name: str, count: int, seed: int) -> None:
+    """Write a project that often into a copy of its original, which has changed."""
+    source = SOUND[name](folder)
+    found = format_of(name)
+    assert found.read is not None
+    assert found.write is not None
+    project = found.read(source, name).value
+    assert project is not None
+    write = found.write
+    files = [source] if source.is_file() else sorted(path for path in source.rglob("*") if path.is_file())
+    use_mutated_files([(path, path.read_bytes()) for path in files], count, seed, lambda _: write(project, source))
+
+
+@pytest.mark.parametrize("name", ORIGINALS)
+def test_some_mutated_originals(tmp_path: Path, name: str) -> None:
+    fuzz_original(tmp_path, name, 30, 9)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ORIGINALS)
+def test_ten_thousand_mutated_originals(tmp_path: Path, name: str) -> None:
+    fuzz_original(tmp_path, name, 10_000, 10)
 
 
 @pytest.mark.parametrize("name", SOUND)

@@ -12,6 +12,7 @@ import pytest
 from files.full_project import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workflow.small_projects import REPOSITORY
 
 from orip.files.project.reader import parse_project, read_project
 from orip.files.project.text import project_document, project_text
@@ -425,3 +426,14 @@ def test_a_camera_with_the_lens_of_another_has_its_distance_and_distortion() -> 
     again = project_text(project_document(project))
     assert definition(again) == project
     assert again.count("c = 8.5") == 1
+
+
+def test_a_table_in_place_of_a_list_of_tables_is_one_complaint(tmp_path: Path) -> None:
+    """Photos that name the camera are not told that it is missing."""
+    path = tmp_path / "orip.toml"
+    text = Path(REPOSITORY, "sample_projects", "small_frame_block", "orip.toml").read_text(encoding="utf-8")
+    path.write_text(text.replace("[[camera]]", "[camera]"), encoding="utf-8")
+    found = read_project(path, "orip.toml").complaints
+    assert [complaint.message for complaint in found] == [
+        "camera is one table or value, but may come several times; write each as [[camera]]"
+    ]
