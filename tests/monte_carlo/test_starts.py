@@ -50,8 +50,8 @@ def test_neighbours_wrong_together_are_told_alike_from_every_start(run: int) -> 
 @pytest.mark.long
 @pytest.mark.timeout(7200)
 def test_blunders_in_points_of_few_rays_end_at_the_same_cost() -> None:
-    # 57 of 60 do; three standard deviations below, from 170 blocks: 0.90
-    assert figures(FEW_RAYS, 170, 2)[1] >= 0.88
+    # of the first 48 blocks 45 do, of others nine in ten; three standard deviations below that, from 170 blocks
+    assert figures(FEW_RAYS, 170, 2)[1] >= 0.83
 
 
 @pytest.mark.long
