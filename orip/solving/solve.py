@@ -14,10 +14,12 @@ from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
+from orip.mistakes.before_adjustment import coordinate_units, free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.vertical_photos import SHORT_TEXTS
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
@@ -30,6 +32,9 @@ from orip.structs import replace
 
 FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
+
+WRONG = {**SHORT_TEXTS, coordinate_units.CODE: "the photo coordinates are in another unit"}
+"""What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -125,7 +130,22 @@ def solve(
     others = [warning for warning in gathered.warnings if warning not in causes]
     warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows, diagnosis=_after_causes(solution, mistaken)), adjusted.solved
+    return replace(_doubted(solution, (*mistaken, *gathered.warnings)), warnings=rows), adjusted.solved
+
+
+def _doubted(solution: Solution, mistaken: Sequence[ProjectWarning]) -> Solution:
+    """Return a solution with the verdict on it, where it fits, and is wrong nevertheless."""
+    diagnosis = _after_causes(solution, mistaken)
+    wrong = [
+        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "mend first what the warning says of it")
+        for found in mistaken
+        if found.code in WRONG
+    ]
+    if not wrong:
+        return replace(solution, diagnosis=diagnosis)
+    status = "doubtful" if solution.status == "converged" else solution.status
+    judged = replace(solution, status=status, diagnosis=(*wrong, *diagnosis))
+    return replace(judged, verdict=headline(judged, 0, sigma0_test(judged))[1])
 
 
 def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
