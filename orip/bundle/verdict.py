@@ -8,11 +8,15 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.bundle.groups.words import CODE
+from orip.bundle.groups.words import CODE, group_name
+from orip.bundle.results.misfits import has_suspects
 from orip.records.results.solution import Diagnosis, Solution
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]
+
+MISTAKE = "mistake"
+"""Code of the diagnoses of what was probably mistaken; a warning says what."""
 
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
@@ -91,7 +95,7 @@ def sigma0_test(solution: Solution) -> GlobalTest | Untested:
 
 
 def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tuple[Level, str]:
-    """Return whether all is well, and what comes first; `failed` gates were not passed."""
+    """Return whether all is well, and what comes first, from all that was found; `failed` gates were not passed."""
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
@@ -104,12 +108,21 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if contradicting:
         return "caution", f"Converged, but {contradicting[0].text}"
-    if solution.blunders or solution.status == "doubtful":
+    if doubted := [group for group in solution.groups if group.doubted]:
+        return "caution", f"Converged, but the {group_name(doubted[0])} contradict the other observations"
+    if solution.blunders:
         found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
-        why = f"{found} found and left out" if solution.blunders else "observations do not fit"
-        return "caution", f"Converged, with doubts: {why}"
+        return "caution", f"Converged, with doubts: {found} found and left out"
+    mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
+    if solution.status == "doubtful":
+        why = f"; {mistakes[0].text}" if mistakes else ""
+        return "caution", f"Converged, with doubts: observations do not fit{why}"
+    if mistakes:
+        return "caution", f"Converged, but {mistakes[0].text}"
     if far_above:
         return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
+    if has_suspects(solution):
+        return "caution", "Converged; not all observations fit"
     if solution.diagnosis:
         return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
     return "good", "Converged, nothing conspicuous"

@@ -14,6 +14,7 @@ from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
@@ -30,6 +31,9 @@ from orip.structs import replace
 
 FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
+
+REPLACED = "given-values"
+"""Code of the warning that the adjustment did not start from the given values."""
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -125,7 +129,20 @@ def solve(
     others = [warning for warning in gathered.warnings if warning not in causes]
     warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows, diagnosis=_after_causes(solution, mistaken)), adjusted.solved
+    diagnosis = (*_after_causes(solution, mistaken), *map(_mistake, (*mistaken, *taken)))
+    solution = replace(solution, warnings=rows, diagnosis=diagnosis)
+    return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
+
+
+def _mistake(warning: ProjectWarning) -> Diagnosis:
+    """Return what the first sentence has of a warning that says what is probably wrong."""
+    if warning.code == REPLACED:
+        text = "not from the given values, see the warning"
+    elif warning.where:
+        text = f"see the warning about {warning.where}"
+    else:
+        text = "see the warning"
+    return Diagnosis(MISTAKE, warning.where, text, "see the warning")
 
 
 def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
@@ -221,7 +238,7 @@ class _Adjuster(Struct):
             f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
             f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
         )
-        return ProjectWarning("given-values", "", text)
+        return ProjectWarning(REPLACED, "", text)
 
     def _found(self, block: Block) -> PreliminaryValues:
         self.values = explained_preliminary_values(block)

@@ -26,7 +26,7 @@ from orip.records.results.solution import (
     SingularUnknown,
     Solution,
 )
-from orip.report.misfits import suspect_rows
+from orip.bundle.results.misfits import suspect_rows
 from orip.structs import replace
 
 NAN = float("nan")

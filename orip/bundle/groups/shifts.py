@@ -37,6 +37,9 @@ _MATERIAL = 0.01
 """Mean square that a held parameter's error leaves in the photo coordinates, in a-priori variances, from which it
 counts by itself: photo points are so many that immaterial errors are significant."""
 
+_EXPLAINS = 0.25
+"""Part of what the photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
+
 _EQUAL = 1e-6
 """Part of a statistic by which equal ones differ at most from rounding."""
 
@@ -281,18 +284,22 @@ def _whole(ground: GroundGroups) -> Iterator[Together]:
 def _without_immaterial(
     tests: Sequence[Together], squares: FloatArray, ground: GroundGroups, limit: float
 ) -> FloatArray:
-    """Return the squares without those of held parameters whose errors do not matter, where nothing else is wrong."""
+    """Return the squares without those of held parameters that explain little: of residuals that blunders have made
+    large, or, where nothing else is wrong, of residuals as large as they should be."""
     is_held = np.array([test.extent == "held" for test in tests], dtype=bool)
-    if ground.held is None or not is_held.any() or _log_p(float(squares[~is_held].max(initial=0.0))) < limit:
+    if ground.held is None or not is_held.any():
         return squares
-    number = {
-        test.span: ground.held.number[test.groups[0] - len(ground.groups)] for test in tests if test.extent == "held"
-    }
-    immaterial = [
-        held and square < _MATERIAL * number[test.span]
-        for test, held, square in zip(tests, is_held.tolist(), squares.tolist(), strict=True)
-    ]
-    return np.where(immaterial, 0.0, squares)
+    number = np.array(
+        [
+            ground.held.number[test.groups[0] - len(ground.groups)] if held else 0
+            for test, held in zip(tests, is_held.tolist(), strict=True)
+        ]
+    )
+    variance = ground.sums.rows.others_variance
+    little = variance * squares < _EXPLAINS * (variance - 1.0) * number
+    if _log_p(float(squares[~is_held].max(initial=0.0))) >= limit:
+        little |= squares < _MATERIAL * number
+    return np.where(is_held & little, 0.0, squares)
 
 
 def _alternatives(
