@@ -101,24 +101,25 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
         return "bad", f"The adjustment {how}: do not use its values"
     contradicting = group_findings(solution)
     far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
+    mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
     if solution.singular:
-        unfit = f", and {contradicting[0].text}" if contradicting else f", and {_FAR_ABOVE_TEXT}" if far_above else ""
+        also = [found.text for found in (*contradicting, *mistakes)] + ([_FAR_ABOVE_TEXT] if far_above else [])
+        unfit = f", and {also[0]}" if also else ""
         return "bad", f"Converged, but {_undetermined(solution)} could not be determined{unfit}"
     if failed:
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if contradicting:
         return "caution", f"Converged, but {contradicting[0].text}"
-    if doubted := [group for group in solution.groups if group.doubted]:
-        return "caution", f"Converged, but the {group_name(doubted[0])} contradict the other observations"
     if solution.blunders:
         found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
         return "caution", f"Converged, with doubts: {found} found and left out"
-    mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
     if solution.status == "doubtful":
         why = f"; {mistakes[0].text}" if mistakes else ""
         return "caution", f"Converged, with doubts: observations do not fit{why}"
     if mistakes:
         return "caution", f"Converged, but {mistakes[0].text}"
+    if doubted := [group for group in solution.groups if group.doubted]:
+        return "caution", f"Converged, but the {group_name(doubted[0])} contradict the other observations"
     if far_above:
         return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
     if has_suspects(solution):

@@ -9,6 +9,7 @@ from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_
 from orip.records.results.solution import Residuals, Solution
 from orip.report.numbers import SINGULAR, decimals_for, fixed
 
+
 def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
     """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
     found: dict[str, list[str]] = {}

@@ -146,8 +146,14 @@ def _mistake(warning: ProjectWarning) -> Diagnosis:
 
 
 def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
-    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set."""
+    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set.
+
+    A wrong control point may have displaced itself or others: what is then said of groups follows from it.
+    """
     causes = {warning.where for warning in mistaken}
+    contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
+        return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
         replace(found, remedy=f"mend first what the warning says of the {found.where}")
         if found.code == CONTRADICTION and found.where in causes

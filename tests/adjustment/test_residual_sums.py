@@ -35,7 +35,12 @@ class Design:
         q, m = self.adjusted(weight)
         residual = (m @ self.observed)[OTHERS:]
         rows = RowsUnderTest(
-            csr_array(self.tested), np.arange(self.tested.shape[1]), residual, weight, lambda right: q @ right, others_variance
+            csr_array(self.tested),
+            np.arange(self.tested.shape[1]),
+            residual,
+            weight,
+            lambda right: q @ right,
+            others_variance,
         )
         return residual_sums(rows, self.factors)
 
@@ -62,7 +67,9 @@ def test_an_error_changes_the_sums_by_their_response():
     error = np.linspace(-1.0, 2.0, TESTED)
     before = given.sums(given.weight)
     given.observed[OTHERS:] += error
-    assert before.values - given.sums(given.weight).values == pytest.approx(before.responses(error[:, None])[:, 0], rel=1e-7)
+    assert before.values - given.sums(given.weight).values == pytest.approx(
+        before.responses(error[:, None])[:, 0], rel=1e-7
+    )
 
 
 def test_check_observations_taking_part_are_another_adjustment():

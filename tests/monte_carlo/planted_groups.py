@@ -24,7 +24,6 @@ from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo
 from orip.records.results.solution import Solution
 from orip.solving.solve import solve
-from orip.structs import replace
 
 Kind = Literal["stations", "control", "close range", "elements"]
 KINDS: tuple[Kind, ...] = ("stations", "control", "close range", "elements")

@@ -12,10 +12,10 @@ from report.sample_pages import SAMPLES, sample
 from scipy import stats
 
 from orip.bundle.groups.words import CODE
+from orip.bundle.results.misfits import suspect_rows, suspicious_w
 from orip.files.listings.errors import error_listing_lines
 from orip.records.results.gate import Gate, GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
-from orip.bundle.results.misfits import suspect_rows, suspicious_w
 from orip.report.misfits import suspects
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary

@@ -21,7 +21,6 @@ from orip.report.trust import verdict
 from orip.structs import replace
 
 
-
 def without_misfits(solution: Solution) -> Solution:
     rows = solution.residuals
     return replace(solution, residuals=replace(rows, w=0.0 * rows.w, weight_factor=np.ones_like(rows.weight_factor)))

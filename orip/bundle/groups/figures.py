@@ -46,7 +46,8 @@ TESTABLE = 1e-4
 """Variance of a sum of residuals, as a part of that of as many independent ones, below which it shows no error."""
 
 _MOST_SINGLE = 20
-"""Most distances of which each is a hypothesis of its own: a scale bar is calibrated by itself."""
+"""Most distances, and control points, of which each is a hypothesis of its own: scale bars are calibrated, and control
+points surveyed, one by one."""
 
 HELD_TESTABLE = 1e-8
 """The same of a held parameter: of C the heights of a block absorb all but a part in many thousands, and photo points
@@ -155,7 +156,7 @@ class GroundGroups(Struct, frozen=True):
     together : tuple of AllStations
         Their errors follow the drifts.
     singles : tuple of (group, name)
-        Distances that are tested one by one; they follow.
+        Distances and control coordinates that are tested one by one; they follow.
     held : HeldCameras or None
         Held parameters of cameras, whose sums are the last ones.
     """
@@ -191,7 +192,7 @@ class GroundGroups(Struct, frozen=True):
         if any(group.kind in STATIONS for group in groups):
             found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
             strips, errors, factors, together = found.strips, found.errors, found.factors, found.together
-        singles, of_singles = _single_distances(groups, places, errors)
+        singles, of_singles = _single_observations(groups, places, errors)
         errors, factors = np.hstack([errors, of_singles]), np.hstack([factors, of_singles])
         tested = rows_under_test(solved, rows, weight, figures.photo_variance)
         held = held_cameras(solved, figures.weight)
@@ -212,14 +213,14 @@ class GroundGroups(Struct, frozen=True):
         return with_checks_used(self.sums, self.checks, self.unit_sums(np.flatnonzero(self.checks)).smoothed)
 
 
-def _single_distances(
+def _single_observations(
     groups: Sequence[ObservationGroup], places: Sequence[IntArray], errors: FloatArray
 ) -> tuple[tuple[tuple[int, str], ...], FloatArray]:
-    """Return the distances that are tested one by one, and an error of one unit of each (k, singles)."""
+    """Return the distances and control coordinates that are tested one by one, and an error of one unit of each (k, singles)."""
     found = [
         (number, row)
         for number, (group, mine) in enumerate(zip(groups, places, strict=True))
-        if group.kind == "distance" and 1 < len(mine) <= _MOST_SINGLE
+        if group.kind in ("distance", "control") and 1 < len(mine) <= _MOST_SINGLE
         for row in mine.tolist()
     ]
     units = np.zeros((len(errors), len(found)))
@@ -238,7 +239,8 @@ def held_tests(ground: GroundGroups) -> list[GroupTest]:
     variance = np.diag(covariance)
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
     shown = is_testable(sums, variance)
-    nothing = GroupFigures(*[np.zeros(0)] * 5, 1.0)
+    empty = np.zeros(0)
+    nothing = GroupFigures(empty, empty, empty, empty, empty, 1.0)
     found = []
     for group, column in zip(ground.held.groups, range(len(variance) - count, len(variance)), strict=True):
         log_p: dict[TestName, float] = {}

@@ -64,7 +64,8 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
         partials = found.partials / part.rows.error[:, None]
         camera = np.repeat(part.camera, 2)
         acts = np.column_stack(
-            [np.where(np.isin(camera, one.cameras), partials[:, one.place], 0.0) for one in parameters]
+            # a parameter that is too large acts like photo coordinates that are too small by its partials
+            [np.where(np.isin(camera, one.cameras), -partials[:, one.place], 0.0) for one in parameters]
         )
         weighted = weight[rows, None] * acts
         values += weighted.T @ solved.equations.residual[rows]

@@ -37,6 +37,10 @@ _MATERIAL = 0.01
 """Mean square that a held parameter's error leaves in the photo coordinates, in a-priori variances, from which it
 counts by itself: photo points are so many that immaterial errors are significant."""
 
+_ALONE = np.log(0.1)
+"""Logarithm of the part of the error probability that a single control point has by itself: that it does not fit is
+found by the test of every observation, and here it explains what groups and cameras misfit by."""
+
 _EXPLAINS = 0.25
 """Part of what the photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
 
@@ -118,7 +122,9 @@ class Together(Struct, frozen=True):
     @property
     def cause(self) -> Cause:
         """Return what it says is wrong."""
-        return Cause(self.groups[0], self.extent, tuple(name for name, drift in self.components if not drift), self.name)
+        return Cause(
+            self.groups[0], self.extent, tuple(name for name, drift in self.components if not drift), self.name
+        )
 
     @property
     def has_drift(self) -> bool:
@@ -158,7 +164,7 @@ class _Sums(NamedTuple):
         inverse, scale = self._scaled_inverse(columns)
         scaled = self.values[columns] / scale
         log_p = chi_square_tail(float(scaled @ inverse @ scaled), float(len(columns)))
-        return float(ndtri_exp(log_p - np.log(2.0)) ** 2) if log_p < 0.0 else 0.0
+        return _square_of(log_p) if log_p < 0.0 else 0.0
 
 
 def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Iterator[CommonShift]:
@@ -181,7 +187,8 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
     gone = set[tuple[str, ...]]()
     while True:
         possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]
-        squares = _without_immaterial(possible, np.array([left.square(test) for test in possible]), ground, limit)
+        squares = np.array([left.square(test) for test in possible])
+        squares = _without_single_control(possible, _without_immaterial(possible, squares, ground, limit), limit)
         if not squares.any():
             return
         # the first of those that are equal up to rounding, so that the words are the same on all processors
@@ -194,11 +201,14 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
         chosen, others = _rather_stations(possible[best], others)
         chosen = _with_further_components(possible, chosen, left, sums)
         chosen = _without_drift(possible, chosen, ground, sums, left.testable, limit)
+        common = _common(ground, sums, chosen, left.testable)
+        if chosen.extent == "one" and all(abs(error.size) < error.sd for error in common):
+            chosen, common = possible[best], ()  # its coordinates cannot be told apart
         column = chosen.columns[0]
         doubted = tuple(dict.fromkeys(group for test in (chosen, *others) for group in test.groups))
         yield CommonShift(
             log_p, chosen.cause, tuple(test.cause for test in others), doubted, float(shift[column]),
-            float(shift_sd[column]), _common(ground, sums, chosen, left.testable),
+            float(shift_sd[column]), common,
         )  # fmt: skip
         gone |= {test.span for test in (chosen, *others)}
         left = left.without(chosen, sums)
@@ -239,9 +249,7 @@ def hypotheses(ground: GroundGroups) -> list[Together]:
                 mine = tuple(number for number in every.groups if groups[number].component == component[0])
                 tests.append(Together((column,), (component,), mine, span, "all"))
         first += len(components)
-    for place, (number, name) in enumerate(ground.singles):
-        component = ((groups[number].component, False),)
-        tests.append(Together((first + place,), component, (number,), (groups[number].kind, name), "one", name))
+    tests += _single(ground, first)
     for place, held in enumerate(ground.held.groups if ground.held is not None else ()):
         column = width - len(ground.held.groups) + place if ground.held is not None else 0
         span = ("camera", held.names[0], held.component)
@@ -249,10 +257,29 @@ def hypotheses(ground: GroundGroups) -> list[Together]:
     return tests
 
 
+def _single(ground: GroundGroups, first: int) -> Iterator[Together]:
+    """Yield distances and control coordinates one by one, and all coordinates of a control point."""
+    members: dict[tuple[str, ...], list[Together]] = {}
+    for column, (number, name) in enumerate(ground.singles, first):
+        group = ground.groups[number]
+        span: tuple[str, ...] = (group.kind, name)
+        test = Together((column,), ((group.component, False),), (number,), span, "one", name)
+        members.setdefault(span, []).append(test)
+        yield test
+    for span, mine in members.items():
+        if len(mine) > 1:
+            columns, components, groups = (
+                tuple(part[0] for part in parts)
+                for parts in zip(*((test.columns, test.components, test.groups) for test in mine), strict=True)
+            )
+            yield Together(columns, components, groups, span, "one", span[1])
+
+
 def number_of_further(ground: GroundGroups) -> int:
     """Return how many hypotheses there are beside the mean of each group, which share their error probability."""
     of_strips = sum(1 + strip.has_drift for strip in ground.strips)
-    return len(hypotheses(ground)) - len(ground.groups) - of_strips
+    of_control = sum(test.span[0] == "control" and test.extent == "one" for test in hypotheses(ground))
+    return len(hypotheses(ground)) - len(ground.groups) - of_strips - of_control
 
 
 def _span(ground: GroundGroups, number: int) -> tuple[str, ...]:
@@ -281,11 +308,24 @@ def _whole(ground: GroundGroups) -> Iterator[Together]:
             yield Together(numbers, components, numbers, _span(ground, numbers[0]), "whole")
 
 
+def _without_single_control(tests: Sequence[Together], squares: FloatArray, limit: float) -> FloatArray:
+    """Return the squares without those of single control points, where nothing else is wrong and they hardly are."""
+    single = np.array([test.extent == "one" and test.span[0] == "control" for test in tests], dtype=bool)
+    if not single.any() or _log_p(float(squares[~single].max(initial=0.0))) < limit:
+        return squares
+    return np.where(single & (squares < _square_of(limit + _ALONE)), 0.0, squares)
+
+
+def _square_of(log_p: float) -> float:
+    return float(ndtri_exp(log_p - np.log(2.0)) ** 2)
+
+
 def _without_immaterial(
     tests: Sequence[Together], squares: FloatArray, ground: GroundGroups, limit: float
 ) -> FloatArray:
     """Return the squares without those of held parameters that explain little: of residuals that blunders have made
-    large, or, where nothing else is wrong, of residuals as large as they should be."""
+    large, or, where nothing else is wrong, of residuals as large as they should be.
+    """
     is_held = np.array([test.extent == "held" for test in tests], dtype=bool)
     if ground.held is None or not is_held.any():
         return squares
@@ -333,7 +373,9 @@ def _rather_shift(tests: Sequence[Together], squares: FloatArray, best: int) -> 
 
 def _rather_stations(best: Together, others: list[Together]) -> tuple[Together, list[Together]]:
     """Return the stations before all of the control, which contradict each other alike: control was surveyed."""
-    of_stations = [test for test in others if test.extent in ("all", "whole") and test.span[0] in ("station", "element")]
+    of_stations = [
+        test for test in others if test.extent in ("all", "whole") and test.span[0] in ("station", "element")
+    ]
     if best.extent != "whole" or best.span != ("control",) or not of_stations:
         return best, others
     return of_stations[0], [best, *(test for test in others if test is not of_stations[0])]
@@ -391,11 +433,15 @@ def _without_drift(
 def _common(ground: GroundGroups, sums: ResidualSums, test: Together, testable: BoolArray) -> tuple[CommonError, ...]:
     """Return the errors of stations and of several components; none of others, or where none can be tested."""
     of_stations = any(test.groups[0] in strip.groups for strip in ground.strips)
-    if not (of_stations or test.extent == "whole") or not testable[list(test.columns)].any():
+    is_point = test.extent == "one" and len(test.columns) > 1
+    if not (of_stations or is_point or test.extent == "whole") or not testable[list(test.columns)].any():
         return ()
     found = _estimated(ground, sums, test, testable)
     names = dict(zip(test.columns, test.components, strict=True))
     return tuple(
         CommonError(*names[column], float(one), float(deviation))
-        for column, one, deviation in zip(found.columns, found.size, np.sqrt(np.diag(found.covariance)), strict=True)
+        for column, one, deviation in zip(
+            found.columns, found.size, np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), strict=True
+        )
+        if deviation > 0.0
     )

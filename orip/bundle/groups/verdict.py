@@ -30,7 +30,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.records.results.group_test import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
-FAMILY = 0.03
+FAMILY = 0.02
 """Probability that any group of a block is doubted although all a-priori errors are right."""
 
 _PHOTO_SIGMA0 = 1.5
@@ -167,9 +167,7 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     return [name for name in failed if material[name]]
 
 
-def _others(
-    tested: Sequence[JudgedGroup], limit: float, sigma0: float, *, with_means: bool
-) -> Iterator[_Candidate]:
+def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float, *, with_means: bool) -> Iterator[_Candidate]:
     """Yield all other failed tests; the means on the ground are among the common shifts, if there are any."""
     for place, group in enumerate(tested):
         for name in _doubts(group, limit, sigma0):

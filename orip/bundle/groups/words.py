@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from orip.number_text import decimals_of_two_digits
@@ -51,7 +52,7 @@ _REMEDIES = {
 }
 
 _HELD_REMEDY = (
-    'check the calibration of the camera; if it was made at another time, or in another state of the camera, set '
+    "check the calibration of the camera; if it was made at another time, or in another state of the camera, set "
     'unknown = ["{component}"] in its [[camera]]'
 )
 
@@ -64,6 +65,8 @@ def group_diagnosis(contradictions: Sequence[Contradiction], ground_unit: str) -
 def _where(found: Contradiction) -> str:
     if found.extent in ("all", "lever arm"):
         return "exposure stations" if found.groups[0].kind == "station" else "attitudes"
+    if found.extent == "one" and not found.alternatives:
+        return f"{_KINDS[found.groups[0].kind].label} {found.groups[0].worst}"
     if found.extent == "held" and not found.alternatives:
         return f"camera {found.groups[0].worst}"
     return joined(list(dict.fromkeys([_named(found), *map(_named, found.alternatives)])))
@@ -73,10 +76,16 @@ def _named(found: Contradiction | CommonCause) -> str:
     """Return what has an error in common, without the component where there are several."""
     group = found.group if isinstance(found, CommonCause) else found.groups[0]
     if found.extent == "one":
-        return f"{_KINDS[group.kind].label} {group.worst}"
+        return _single(group)
     if found.extent in ("all", "whole", "lever arm"):
         return _stations_of(found).removeprefix("the ")
     return group_name(group)
+
+
+def _single(group: GroupTest) -> str:
+    """Return what a single observation is called: ``distance BAR1``, ``Z of control point 12``."""
+    of = "" if group.component == _LENGTH else f"{group.component} of "
+    return f"{of}{_KINDS[group.kind].label} {group.worst}"
 
 
 def group_name(group: GroupTest) -> str:
@@ -162,6 +171,9 @@ def _common(found: Contradiction, unit: str) -> str:
         )
         for is_drift in (False, True)
     }
+    if found.extent == "one":
+        group = found.groups[0]
+        return f"{_KINDS[group.kind].label} {group.worst} is off by {sizes[False]}{unit}"
     drift = f", with a drift of {sizes[True]}{unit} a second" if sizes[True] else ""
     return f"{_stations_of(found)} are all off by {sizes[False]}{unit}{drift}"
 
@@ -188,8 +200,13 @@ def _cause(other: CommonCause) -> str:
 
 def _are_plain(found: Contradiction) -> bool:
     """Tell whether the error is that of one group or another, and nothing else: they contradict each other."""
-    return bool(found.alternatives) and not found.common and found.extent == "strip" and all(
-        other.extent == "strip" and other.group.kind not in ("station", "attitude") for other in found.alternatives
+    return (
+        bool(found.alternatives)
+        and not found.common
+        and found.extent == "strip"
+        and all(
+            other.extent == "strip" and other.group.kind not in ("station", "attitude") for other in found.alternatives
+        )
     )
 
 
@@ -201,13 +218,15 @@ def _shift(found: Contradiction, unit: str) -> str:
     if _are_plain(found):
         names = joined([f"the {group_name(other)}" for other in found.groups])
         return f"{names} contradict each other by about {_with_sd(abs(size), sd)}{unit}"
+    if not (math.isfinite(size) and math.isfinite(sd)):
+        return f"{_named(found)} {'contradicts' if group.number <= 1 else 'contradict'} the other observations"
     about = f"about {_with_sd(size, sd, '+')}{unit}"
     if group.kind == "photo":
         return f"the residuals in {group_name(group)} have a mean of {about}"
     if found.extent == "held":
         return f"{group_name(group)} is off by {about}{_alternatives(found)}"
     if group.number == 1:
-        return f"{_KINDS[group.kind].label} {group.worst} is off by {about}{_alternatives(found)}"
+        return f"{_single(group)} is off by {about}{_alternatives(found)}"
     return f"all {group_name(group)} are off by {about}{_alternatives(found)}"
 
 
