@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from typing import Literal
 
@@ -110,23 +111,31 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if contradicting:
         return "caution", f"Converged, but {contradicting[0].text}"
-    if solution.blunders:
-        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
-        return "caution", f"Converged, with doubts: {found} found and left out"
-    if solution.status == "doubtful":
-        why = f"; {mistakes[0].text}" if mistakes else ""
-        return "caution", f"Converged, with doubts: observations do not fit{why}"
-    if mistakes:
-        return "caution", f"Converged, but {mistakes[0].text}"
+    if why := _doubts(solution, mistakes):
+        return "caution", f"Converged, {why}"
     if doubted := [group for group in solution.groups if group.doubted]:
         return "caution", f"Converged, but the {group_name(doubted[0])} contradict the other observations"
     if far_above:
         return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
     if has_suspects(solution):
         return "caution", "Converged; not all observations fit"
+    return "good", _weaknesses(solution)
+
+
+def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
+    """Return what was found wrong with single observations or with what is given; "" if nothing was."""
+    if solution.blunders:
+        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
+        return f"with doubts: {found} found and left out"
+    if solution.status == "doubtful":
+        return "with doubts: observations do not fit" + (f"; {mistakes[0].text}" if mistakes else "")
+    return f"but {mistakes[0].text}" if mistakes else ""
+
+
+def _weaknesses(solution: Solution) -> str:
     if solution.diagnosis:
-        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
-    return "good", "Converged, nothing conspicuous"
+        return f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
+    return "Converged, nothing conspicuous"
 
 
 def _undetermined(solution: Solution) -> str:

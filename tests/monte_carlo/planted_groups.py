@@ -34,7 +34,7 @@ _CAMERAS = ("C", "DX", "A3")
 
 
 class Error(NamedTuple):
-    """An error common to a group: "stations", "control", "camera", "distance" or "elements"; component, strip or bar."""
+    """An error of a group: "stations", "control", "camera", "distance" or "elements"; its component, strip or bar."""
 
     group: str
     component: str = ""
@@ -167,13 +167,14 @@ def _block(kind: Kind, geometry: int, noise: np.random.Generator | None, planted
     if kind == "close range":
         check = []
     observed = truth.centres + drawn(sd, *truth.centres.shape)
+    planted_in = [[off("stations", axis, strip) for axis in "XYZ"] for strip in truth.strips]
     stations: tuple[Station, ...] = ()
     elements: tuple[ControlElement, ...] = ()
     if kind == "stations":
         stations = tuple(
             Station(
-                name, tuple(observed[row, at] + off("stations", axis, truth.strips[row]) for at, axis in enumerate("XYZ")),
-                (sd,) * 3, time=8.0 * row + 1000.0 * int(truth.strips[row]), strip=truth.strips[row],
+                name, tuple((observed[row] + planted_in[row]).tolist()), (sd,) * 3,
+                time=8.0 * row + 1000.0 * int(truth.strips[row]), strip=truth.strips[row],
             )
             for row, name in enumerate(photos)
         )  # fmt: skip

@@ -216,7 +216,7 @@ class GroundGroups(Struct, frozen=True):
 def _single_observations(
     groups: Sequence[ObservationGroup], places: Sequence[IntArray], errors: FloatArray
 ) -> tuple[tuple[tuple[int, str], ...], FloatArray]:
-    """Return the distances and control coordinates that are tested one by one, and an error of one unit of each (k, singles)."""
+    """Return the distances and control coordinates tested one by one, and an error of one unit of each (k, singles)."""
     found = [
         (number, row)
         for number, (group, mine) in enumerate(zip(groups, places, strict=True))

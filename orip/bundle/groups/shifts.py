@@ -1,8 +1,8 @@
 """Errors common to groups of observations, to stations, or due to a held camera: the gravest first.
 
-Those of several components are tested in all of them together (Baarda 1968, the test of several alternative errors), and
-in each alone; those of a strip once as a shift and once as a shift with a drift. Tests of different freedom compete by
-their probabilities.
+Those of several components are tested in all of them together (Baarda 1968, the test of several alternative errors),
+and in each alone; those of a strip once as a shift and once as a shift with a drift. Tests of different freedom compete
+by their probabilities.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _ALONE = np.log(0.1)
 found by the test of every observation, and here it explains what groups and cameras misfit by."""
 
 _EXPLAINS = 0.25
-"""Part of what the photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
+"""Part of what photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
 
 _EQUAL = 1e-6
 """Part of a statistic by which equal ones differ at most from rounding."""
@@ -323,8 +323,10 @@ def _square_of(log_p: float) -> float:
 def _without_immaterial(
     tests: Sequence[Together], squares: FloatArray, ground: GroundGroups, limit: float
 ) -> FloatArray:
-    """Return the squares without those of held parameters that explain little: of residuals that blunders have made
-    large, or, where nothing else is wrong, of residuals as large as they should be.
+    """Return the squares without those of held parameters that explain little.
+
+    That is little of residuals that blunders have made large, or of those as large as they should be, where nothing
+    else is wrong.
     """
     is_held = np.array([test.extent == "held" for test in tests], dtype=bool)
     if ground.held is None or not is_held.any():

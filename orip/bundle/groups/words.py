@@ -97,13 +97,8 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the control points"
         case "check":
             return f"{group.component} of the check points"
-        case "element" if group.of == "PHOTO":
-            of = "photos" if group.component in ANGULAR_UNKNOWNS else "exposure stations"
-            return f"{group.component} of the {of}"
-        case "element" if group.of == "CAMERA" and group.worst:
-            return f"{group.component} of camera {group.worst}"
         case "element":
-            return f"{group.component} of the {_ELEMENTS[group.of]}"
+            return _name_of_elements(group)
         case "distance":
             return "distances" if group.component == _LENGTH else f"distances in {group.component}"
         case "station":
@@ -112,6 +107,15 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the attitudes{_of_strip(group)}"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
+
+
+def _name_of_elements(group: GroupTest) -> str:
+    if group.of == "PHOTO":
+        of = "photos" if group.component in ANGULAR_UNKNOWNS else "exposure stations"
+        return f"{group.component} of the {of}"
+    if group.of == "CAMERA" and group.worst:
+        return f"{group.component} of camera {group.worst}"
+    return f"{group.component} of the {_ELEMENTS[group.of]}"
 
 
 def unit_of_group(group: GroupTest, ground_unit: str) -> str:
@@ -184,7 +188,8 @@ def _alternatives(found: Contradiction) -> str:
         return ""
     strips = found.extent == "strip" and bool(found.common)
     if strips and all(other.extent == "strip" and other.group.of for other in found.alternatives):
-        return f"; it cannot be told whether {joined([f'those{_of_strip(other.group)}' for other in found.alternatives])} are"
+        names = joined([f"those{_of_strip(other.group)}" for other in found.alternatives])
+        return f"; it cannot be told whether {names} are"
     names = joined([_cause(other) for other in found.alternatives], "or")
     return f"; it cannot be told whether instead it is {names}"
 
