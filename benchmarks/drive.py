@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from urllib.parse import urlsplit
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
@@ -99,7 +100,7 @@ def one_by_one(block: OrientedBlock, state: ProcessorState, points: list[tuple[f
 
 @contextmanager
 def emulator() -> Iterator[str]:
-    """Start an emulated plate processor and yield its address."""
+    """Start an emulated plate processor and yield the link to it."""
     command = [sys.executable, "-m", "orip.cli.main", "drive", "emulate", "--listen", "127.0.0.1:0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
         assert process.stdout is not None
@@ -119,11 +120,13 @@ def request_and_reply(url: str, table: bytes, points: list[tuple[float, ...]]) -
         return len(points) / (time.perf_counter() - start)
 
 
-def pipelined(address: str, points: list[tuple[float, ...]]) -> float:
+def pipelined(link: str, points: list[tuple[float, ...]]) -> float:
     """Return how many points a second are driven to when nobody waits for a reply before the next command."""
-    host, port = address.rsplit(":", 1)
+    parts = urlsplit(link)
     commands = "".join(f"DRIVE OBJECT {x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in points).encode()
-    with socket.create_connection((host, int(port))) as connection, connection.makefile("rb") as replies:
+    with socket.create_connection((parts.hostname, parts.port)) as connection, connection.makefile("rb") as replies:
+        connection.sendall(f"TOKEN {parts.username}\n".encode())
+        replies.readline()
         replies.readline()
         start = time.perf_counter()
         sender = threading.Thread(target=connection.sendall, args=(commands,))
@@ -139,9 +142,9 @@ def over_tcp(loaded: Loaded, points: np.ndarray) -> tuple[float, float]:
     can_be_driven_to = drive_objects(*loaded, points)[1].code == 0
     some = [tuple(point) for point in points[can_be_driven_to][:COMMANDS].tolist()]
     data = drive_table_text(loaded.block.table).encode()
-    with emulator() as address:
-        one_by_one = [request_and_reply(f"tcp://{address}", data, some) for _ in range(TIMES)]
-        at_once = [pipelined(address, some) for _ in range(TIMES)]
+    with emulator() as link:
+        one_by_one = [request_and_reply(link, data, some) for _ in range(TIMES)]
+        at_once = [pipelined(link, some) for _ in range(TIMES)]
     return max(one_by_one), max(at_once)
 
 

@@ -43,7 +43,7 @@ _alone = Lock()
 
 @contextmanager
 def columns_in_files(folder: Path) -> Iterator[None]:
-    """Keep in files of a folder, which is made where it is missing, what is set aside within the block.
+    """Keep in files of a folder what is set aside within the block.
 
     Memory that is freed goes back to the system at once.
     """
@@ -91,7 +91,6 @@ class ColumnByParts(Generic[ScalarT]):
         self._dtype, self._folder, self._parts = dtype, _folder.get(), list[NDArray[Any]]()
         if self._folder is not None:
             with _told(self._folder):
-                self._folder.mkdir(exist_ok=True)
                 self._file = tempfile.TemporaryFile(dir=self._folder, buffering=0)  # noqa: SIM115  # until it is whole
 
     def append(self, part: NDArray[Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,15 @@ settings.load_profile("any machine")
 # a shell starts what it runs in the background with SIGINT ignored, and programs that a test starts would ignore it too
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _private_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep tokens of servers in a folder of the tests, as programs find it that they start."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("XDG_RUNTIME_DIR", "LOCALAPPDATA"):
+            patch.setenv(name, str(tmp_path_factory.mktemp("private")))
+        yield
 
 
 @pytest.fixture

@@ -71,6 +71,17 @@ class Terminal(Struct, frozen=True):
             whole = style is None or style.startswith("bold")
             self._talk(f"{label:{LABEL_WIDTH}}{text}", style, None if whole else len(label))
 
+    def result(self, label: str, text: str, style: Style | None = None) -> None:
+        """Print a line of a result for people on stdout, unless quiet; where stdout has a document, on stderr."""
+        if self.json:
+            self.point(label, text, style)
+        elif not self.quiet:
+            whole = style is None or style.startswith("bold")
+            line = f"{label:{LABEL_WIDTH}}{text}"
+            with self._bars[-1].aside() if self._bars else nullcontext():
+                self.data("\n".join(self._lines(line, style, None if whole else len(label), sys.stdout)))
+                self.flush()
+
     def detail(self, text: str) -> None:
         """Print a line on stderr if verbose."""
         if self.verbose:
@@ -115,13 +126,7 @@ class Terminal(Struct, frozen=True):
     @property
     def columns(self) -> int | None:
         """Return the width of messages; None where they do not go to a terminal and lines are not broken."""
-        if not sys.stderr.isatty():
-            return None
-        try:
-            columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size(sys.stderr.fileno()).columns
-            return max(columns or USUAL_COLUMNS, _NARROWEST)
-        except (OSError, ValueError):
-            return USUAL_COLUMNS
+        return _columns_of(sys.stderr)
 
     @contextmanager
     def progress(self) -> Iterator[None]:
@@ -147,9 +152,19 @@ class Terminal(Struct, frozen=True):
         styled : int or None
             Number of characters that have the style; None: all.
         """
-        if (sys.stderr.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
+        lines = self._lines(text, style, styled, sys.stderr)
+        with self._bars[-1].aside() if self._bars else nullcontext():
+            try:
+                sys.stderr.write("".join(f"{line}\n" for line in lines))
+                sys.stderr.flush()
+            except OSError:  # nobody reads it, or the disk is full: the work goes on
+                _send_nowhere(sys.stderr)
+
+    def _lines(self, text: str, style: Style | None, styled: int | None, stream: TextIO) -> list[str]:
+        """Return a text as the lines that a stream shows; see `_talk`."""
+        if (stream.encoding or "").lower().replace("-", "") not in {"utf8", "utf8sig"}:
             text = text.translate(_PLAIN)
-        columns = self.columns
+        columns = _columns_of(stream)
         lines = [
             line
             for paragraph in text.split("\n")
@@ -157,15 +172,8 @@ class Terminal(Struct, frozen=True):
         ]
         lines = [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
         if styled is None:
-            lines = [self._styled(line, style, sys.stderr) for line in lines]
-        else:
-            lines[0] = f"{self._styled(lines[0][:styled], style, sys.stderr)}{lines[0][styled:]}"
-        with self._bars[-1].aside() if self._bars else nullcontext():
-            try:
-                sys.stderr.write("".join(f"{line}\n" for line in lines))
-                sys.stderr.flush()
-            except OSError:  # nobody reads it, or the disk is full: the work goes on
-                _send_nowhere(sys.stderr)
+            return [self._styled(line, style, stream) for line in lines]
+        return [f"{self._styled(lines[0][:styled], style, stream)}{lines[0][styled:]}", *lines[1:]]
 
     def _styled(self, text: str, style: Style | None, stream: TextIO) -> str:
         if style is None or not self._has_color(stream):
@@ -176,6 +184,17 @@ class Terminal(Struct, frozen=True):
         if self.color != "auto":
             return self.color == "always"
         return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def _columns_of(stream: TextIO) -> int | None:
+    """Return the width of a stream; None where it is no terminal."""
+    if not stream.isatty():
+        return None
+    try:
+        columns = int(os.environ.get("COLUMNS") or 0) or os.get_terminal_size(stream.fileno()).columns
+        return max(columns or USUAL_COLUMNS, _NARROWEST)
+    except (OSError, ValueError):
+        return USUAL_COLUMNS
 
 
 @contextmanager

@@ -318,8 +318,7 @@ def _take_role(link: PlateProcessorLink, take: Callable[[PlateProcessorLink], No
 
 
 def _no_processor(url: str, said: str) -> LinkError:
-    shown = ascii(said[:60])
-    return LinkError(f"what answers at {url} is not a plate processor: it said {shown}; check --link")
+    return LinkError(f"what answers at {url} is not a plate processor: it said '{said[:60]}'; check --link")
 
 
 def _request_bytes(line: str) -> bytes:
@@ -335,6 +334,6 @@ def _numbers(*values: float) -> str:
 
 def _count(reply: str) -> int:
     if not reply.isdecimal():
-        message = f"the plate processor was asked for a list, and said {reply[:60]!a}; is it of another version?"
+        message = f"the plate processor was asked for a list, and said '{reply[:60]}'; is it of another version?"
         raise LinkError(message)
     return int(reply)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from orip.link.access import ASKING, shows_token
+from orip.link.access import ASKING, MOST_CLIENTS, Door, hang_up, is_of_browser, shows_token
 from orip.link.line_reader import LONGEST_TABLE_LINE, LineReader
 from orip.link.protocol import NOBODY, Barred, answer, busy, downloaded, error, greeting, hosted, ok
 from orip.link.request_words import Refused, Request, whole_number
@@ -82,7 +82,7 @@ class Emulator:
         patience: Patience = PATIENCE,
         token: str | None = None,
     ) -> None:
-        self._token = token
+        self._door = None if token is None else _door(token, patience)
         self._station = replace(station, is_paced=pace is not None)
         self._load, self._keep, self._pace, self._patience = load, keep, pace, patience
         self._travel = Travel(station.state.plates, time.monotonic())
@@ -119,7 +119,13 @@ class Emulator:
         try:
             writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             writer.transport.set_write_buffer_limits(LARGEST_BACKLOG)
-            if not await self._is_let_in(client):
+            if self._door is not None:
+                writer.write(f"{ASKING}\n".encode("ascii"))
+                if not await self._door.lets_in(stream, writer):
+                    return
+            if self._others_served(client) >= MOST_CLIENTS:
+                writer.write(error(DriveFault(DriveCode.BUSY, f"{MOST_CLIENTS} programs are connected already")))
+                await hang_up(stream, writer)
                 return
             self._operator = self._operator or client
             writer.write(greeting(self._station, self._other_operator(client)))
@@ -131,23 +137,17 @@ class Emulator:
             self._observe(client)
             writer.close()
 
-    async def _is_let_in(self, client: _Client) -> bool:
-        """Ask for the token, if there is one; nobody waits long for it."""
-        if self._token is None:
-            return True
-        client.writer.write(f"{ASKING}\n".encode("ascii"))
-        async with asyncio.timeout(self._patience.token_s):
-            line = await client.lines.next()
-        if line is not None and shows_token(line, self._token):
-            return True
-        text = "that is not the token which 'orip drive emulate' has printed"
-        client.writer.write(error(DriveFault(DriveCode.FORBIDDEN, text)))
-        return False
+    def _others_served(self, client: _Client) -> int:
+        """Return how many other clients have been let in."""
+        waiting = () if self._door is None else self._door.waiting
+        return sum(other is not client and other.writer not in waiting for other in self._clients)
 
     async def _converse(self, client: _Client) -> None:
         goes_on = True
         # once the connection is lost there is nobody to answer
         while goes_on and not client.writer.is_closing() and (line := await client.lines.next()) is not None:
+            if is_of_browser(line):  # some page of the web: what follows are its words, not those of a program
+                return
             found = answer(self._seen(), line, self._barred(client), self._other_operator(client))
             if found.connection is None:
                 self._set(found.station)
@@ -289,6 +289,11 @@ class Emulator:
             client.writer.transport.abort()
         if tasks:
             await asyncio.wait(tasks)
+
+
+def _door(token: str, patience: Patience) -> Door:
+    text = "that is not the token which 'orip drive emulate' has printed; it is said in the first line: TOKEN ..."
+    return Door(lambda line: shows_token(line, token), error(DriveFault(DriveCode.FORBIDDEN, text)), patience.token_s)
 
 
 def _address(writer: asyncio.StreamWriter) -> str:

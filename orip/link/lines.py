@@ -9,7 +9,7 @@ import time
 from typing import Any, Protocol
 
 from orip.errors import LinkError
-from orip.link.access import ASKING
+from orip.link.access import ASKING, stored_token
 
 LONGEST_REPLY = 4096
 """Bytes; a plate processor's longest line has some 200."""
@@ -60,7 +60,8 @@ def without_token(url: str) -> str:
 
 
 def _let_in(line: SocketLine, token: str | None, url: str) -> str:
-    """Show the token, and return the greeting that follows."""
+    """Show the token of the URL, else that of a program of this user's, and return the greeting that follows."""
+    token = token or stored_token(*line.peer)
     if token is not None:
         line.send(f"TOKEN {token}\n".encode("ascii"))
         first = line.greeting()
@@ -69,8 +70,8 @@ def _let_in(line: SocketLine, token: str | None, url: str) -> str:
     line.close()
     what = "wants a token" if token is None else "does not take this token (error 403)"
     message = (
-        f"the plate processor at {url} {what}; give the link as 'orip drive emulate --allow-remote' has printed it: "
-        "tcp://TOKEN@HOST:PORT"
+        f"the plate processor at {url} {what}; give the link as 'orip drive emulate' has printed it, "
+        "tcp://TOKEN@HOST:PORT, best in ORIP_LINK: others can see words of a command"
     )
     raise LinkError(message)
 
@@ -85,6 +86,12 @@ class SocketLine:
         except OSError as error:
             raise ConnectionError(error.strerror or str(error)) from error
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    @property
+    def peer(self) -> tuple[str, int]:
+        """Return the address and port that this is connected to."""
+        host, port = self._socket.getpeername()[:2]
+        return host, port
 
     def greeting(self) -> str:
         """Return the first line."""
@@ -113,7 +120,7 @@ class SocketLine:
                 raise LinkError(message)
             self._received += self._more(deadline)
         line, _, self._received = self._received.partition(b"\n")
-        return line.decode("ascii", errors="replace").removesuffix("\r")
+        return _shown(line)
 
     def close(self) -> None:
         """End the connection."""
@@ -179,7 +186,7 @@ class SerialLine:
             raise LinkError(self._broken(error)) from error
         if not line.endswith(b"\n"):
             raise no_answer(self._url)
-        return line[:-1].decode("ascii", errors="replace").removesuffix("\r")
+        return _shown(line[:-1])
 
     def close(self) -> None:
         """Close the port."""
@@ -187,6 +194,14 @@ class SerialLine:
 
     def _broken(self, error: OSError) -> str:
         return f"the serial line {self._url} broke off ({error}); check the cable, and try again"
+
+
+def _shown(line: bytes) -> str:
+    """Return the text of a reply, which may be shown: characters that steer terminals are written as escapes."""
+    text = line.decode("ascii", errors="replace").removesuffix("\r")
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(one if " " <= one <= "~" else one.encode("unicode_escape").decode("ascii") for one in text)
 
 
 def no_answer(url: str) -> LinkError:

@@ -2,7 +2,8 @@
 
 The first client writes; when it leaves, the next one that asks for something that changes the session does. All others
 watch: they may ask to be shown something, and get what is answered to the one that writes, as ``{"watched": ...}``.
-Requests are answered one at a time. A client that breaks off leaves the session as its last whole line made it.
+Requests are answered one at a time. A client that breaks off leaves the session as its last whole line made it. Who
+connects says the token first, ``{"token": "..."}``, as `orip.link.access` tells.
 """
 
 from __future__ import annotations
@@ -10,14 +11,20 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import socket
 from collections.abc import Awaitable, Callable, Iterator
 from functools import partial
 from typing import Any, NamedTuple
 
+from orip.link.access import MOST_CLIENTS, Door, hang_up, is_of_browser, is_token
+
 Reply = dict[str, Any]
 
 LONGEST_LINE = 4096
-"""Bytes of a request; of a longer one the rest is passed over."""
+"""Bytes of a request; a longer one ends the connection."""
+
+TOKEN_S = 10.0
+"""Seconds to wait for the token."""
 
 _LOOKS_EVERY_S = 0.5
 """Seconds after which is looked for what others have written to measurement files."""
@@ -52,10 +59,11 @@ class Answering(NamedTuple):
 
 
 class OnlineServer:
-    """A session that is served over TCP."""
+    """A session that is served over TCP, to whoever has the token; None: to everybody."""
 
-    def __init__(self, answering: Answering) -> None:
+    def __init__(self, answering: Answering, token: str | None = None) -> None:
         self._answering = answering
+        self._door = None if token is None else _door(token)
         self._clients: dict[asyncio.StreamWriter, str] = {}
         self._serving: set[asyncio.Task[None]] = set()
         self._writing: asyncio.StreamWriter | None = None
@@ -80,34 +88,63 @@ class OnlineServer:
             looking.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await looking
-            for client in list(self._clients):
+            for client in [*self._clients, *(self._door.waiting if self._door is not None else ())]:
                 client.close()
             if self._serving:
                 await asyncio.wait(set(self._serving), timeout=_ENDING_S)
 
     async def _serve_client(self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        host, port = (writer.get_extra_info("peername") or ("unknown", 0))[:2]
-        self._clients[writer] = f"{host}:{port}"
         task = asyncio.current_task()
         assert task is not None, "asyncio calls it in a task"
         self._serving.add(task)
         try:
-            self._writing = self._writing or writer
-            self._say(
-                writer, {**self._answering.greeting(), "role": "writes" if self._writing is writer else "watches"}
-            )
-            while not writer.is_closing() and (line := await _next_line(stream)) is not None:
-                if line.strip() and not self._answer(writer, line):
-                    break
-                await writer.drain()
-        except OSError:
+            writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            if self._door is not None:
+                self._say(writer, {"wants": "token"})
+                if not await self._door.lets_in(stream, writer):
+                    return
+            await self._converse(stream, writer)
+        except OSError:  # time-outs are of this class
             writer.transport.abort()
         finally:
             self._serving.discard(task)
-            del self._clients[writer]
+            self._clients.pop(writer, None)
             if self._writing is writer:
                 self._writing = None
             writer.close()
+
+    async def _converse(self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._clients) >= MOST_CLIENTS:
+            self._say(writer, {"error": f"{MOST_CLIENTS} programs are connected already"})
+            await hang_up(stream, writer)
+            return
+        host, port = (writer.get_extra_info("peername") or ("unknown", 0))[:2]
+        self._clients[writer] = f"{host}:{port}"
+        self._writing = self._writing or writer
+        self._say(writer, {**self._answering.greeting(), "role": "writes" if self._writing is writer else "watches"})
+        try:
+            while not writer.is_closing():
+                line = await stream.readuntil(b"\n")
+                if is_of_browser(line):  # some page of the web: what follows are its words, not those of a program
+                    return
+                if line.strip() and not self._answer_bytes(writer, line):
+                    return
+                await writer.drain()
+        except asyncio.IncompleteReadError:  # a line without an end is none
+            pass
+        except asyncio.LimitOverrunError:
+            self._say(writer, {"error": f"a request has at most {LONGEST_LINE} bytes; the connection ends"})
+            await hang_up(stream, writer)
+
+    def _answer_bytes(self, writer: asyncio.StreamWriter, line: bytes) -> bool:
+        """Answer a line, if it is text; return whether the client stays."""
+        try:
+            return self._answer(writer, line.decode("utf-8"))
+        except UnicodeDecodeError as error:
+            self._say(
+                writer, {"error": f"a request is text in UTF-8, which byte {error.start + 1} of this line is not"}
+            )
+            return True
 
     def _answer(self, writer: asyncio.StreamWriter, line: str) -> bool:
         """Answer a line; return whether the client stays."""
@@ -152,24 +189,23 @@ class OnlineServer:
             self._tell_news()
 
 
+def _door(token: str) -> Door:
+    def shows(line: bytes) -> bool:
+        try:
+            given = json.loads(line)
+        except (ValueError, RecursionError):
+            return False
+        return isinstance(given, dict) and is_token(str(given.get("token")).encode("utf-8", "replace"), token)
+
+    text = "that is not the token which 'orip online' has printed; it is said in the first line"
+    refusal = json.dumps({"error": f'{text}: {{"token": "..."}}'}).encode() + b"\n"
+    return Door(shows, refusal, TOKEN_S)
+
+
 def _called_soon(loop: asyncio.AbstractEventLoop, action: Callable[[], None]) -> None:
     """Have an event loop do something soon, from any thread; nothing where it has ended."""
     with contextlib.suppress(RuntimeError):
         loop.call_soon_threadsafe(action)
-
-
-async def _next_line(stream: asyncio.StreamReader) -> str | None:
-    """Return the next line; None at the end, where a line without an end is none. One too long comes cut."""
-    begin = b""
-    while True:
-        try:
-            line = await stream.readuntil(b"\n")
-        except asyncio.IncompleteReadError:
-            return None
-        except asyncio.LimitOverrunError as overrun:
-            begin = begin or (await stream.readexactly(overrun.consumed))[:LONGEST_LINE] + b"..."
-            continue
-        return (begin or line).decode("utf-8", errors="replace")
 
 
 def _only_shows(line: str) -> bool:

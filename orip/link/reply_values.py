@@ -40,7 +40,7 @@ def _reading(read: Callable[[str], T]) -> Callable[[str], T]:
         try:
             return read(reply)
         except (ValueError, IndexError) as error:
-            message = f"the plate processor's reply {reply[:80]!a} cannot be read; is it of another version?"
+            message = f"the plate processor's reply '{reply[:80]}' cannot be read; is it of another version?"
             raise LinkError(message) from error
 
     return read_reply

@@ -34,6 +34,7 @@ IDLE_S = 30.0
 
 LONGEST_REQUEST = 4096
 MOST_STREAMS = 64
+MOST_CONNECTIONS = 128
 
 _TICK_S = 0.05
 _SIGN_OF_LIFE_S = 5.0
@@ -92,6 +93,7 @@ class WatchServer(ThreadingTCPServer):
         self.scene = _json(watch.scene)
         self.ending = threading.Event()
         self.streams = threading.BoundedSemaphore(MOST_STREAMS)
+        self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
         self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
         super().__init__(address, _Handler)
 
@@ -110,6 +112,20 @@ class WatchServer(ThreadingTCPServer):
     def url(self) -> str:
         """Return the address of the page."""
         return f"http://{self.host}:{self.port}/{self.token}/"
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Serve a connection in a thread, if there are not too many."""
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection to its end."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
 
     def server_close(self) -> None:
         """End: streams too."""

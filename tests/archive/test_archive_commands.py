@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -13,6 +14,7 @@ from cli.command_line import orip
 from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
+from orip.archive.tables import SCHEMA
 from orip.errors import OripError
 from orip.files.archive.layout import ResultsFolder
 from orip.files.text.lock import locked
@@ -39,6 +41,7 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 @needs_fork
 @pytest.mark.slow
 def test_a_run_on_this_machine(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography")
     for name in ("a", "b", "c"):
         (tmp_path / "surveys" / name).mkdir(parents=True)
         first_project(tmp_path / "surveys" / name)
@@ -46,7 +49,7 @@ def test_a_run_on_this_machine(tmp_path: Path) -> None:
     first = run(tmp_path, "archive", "run", "surveys", "--no-report", "--json", "--workers", "1")
     assert first.returncode == 0, first.stderr
     assert json.loads(first.stdout)["states"] == {"adjusted": 2, "wrong": 1}
-    assert "dashboard http" in first.stderr
+    assert "dashboard" not in first.stderr
     assert "wrong    b: FIRST.PNT:1" in first.stderr
     assert "Traceback" not in first.stderr
     status = orip(tmp_path, "--json", "archive", "status").document
@@ -129,3 +132,80 @@ def test_workers_that_do_not_fit_are_named_with_all_that_is_wrong(tmp_path: Path
     assert f"it has orip 0.0, and this is {here.orip}" in lines[1]
     assert "lacks the compiled loops" in lines[2]
     assert f"does not see {tmp_path}" in lines[3]
+
+
+PLAN = {
+    "schema": SCHEMA, "base": "/surveys\x1b[2J", "projects": ["a"], "settings": "s", "method": "", "orip": "1",
+    "dashboard": "", "began": 1.0,
+}  # fmt: skip
+HEAD = {
+    "schema": SCHEMA, "project": "a", "state": "wrong", "message": "\x1b]0;title\x07", "settings": "s", "texts": "",
+    "steps": "", "ended": 2.0,
+}  # fmt: skip
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes with a name")
+@pytest.mark.timeout(60)
+def test_a_pipe_in_place_of_a_file_of_the_archive_is_not_waited_for(tmp_path: Path) -> None:
+    results = ResultsFolder(tmp_path / "r")
+    results.folder.mkdir()
+    os.mkfifo(results.plan)
+    for words in (("report", "r"), ("status", "r"), ("diff", "r", "r")):
+        said = orip(tmp_path, "archive", *words)
+        assert said.code == 3, said
+        assert "archive.json: is a pipe (FIFO), not a file; remove it" in said.err
+    results.plan.unlink()
+    results.plan.write_text(json.dumps(PLAN), encoding="utf-8")
+    results.project("a").parent.mkdir(parents=True)
+    os.mkfifo(results.project("a"))
+    assert orip(tmp_path, "--json", "archive", "status", "r").document["states"] == {}
+    assert orip(tmp_path, "--json", "archive", "report", "r").document["rows"]["projects"] == 0
+    table = results.table("projects", "a")
+    table.unlink()
+    os.mkfifo(table)
+    assert (
+        "rows.parquet: cannot be read: [Errno 22] this is a pipe (FIFO)"
+        in orip(tmp_path, "archive", "diff", "r", "r").err
+    )
+    assert orip(tmp_path, "archive", "report", "r").code == 1
+    results.lock.unlink(missing_ok=True)
+    os.mkfifo(results.lock)
+    (tmp_path / "surveys" / "a").mkdir(parents=True)
+    first_project(tmp_path / "surveys" / "a")
+    said = orip(tmp_path, "archive", "run", "surveys", "--out", "r", "--dask", "tcp://127.0.0.1:9")
+    assert "'archive.lock' is no regular file" in said.err
+
+
+@pytest.mark.parametrize("damage", [{"projects": 5}, {"began": "x"}, {"base": None}, {"schema": "\x1b[31mnone"}])
+def test_a_plan_with_other_values_is_no_plan(tmp_path: Path, damage: dict[str, object]) -> None:
+    (tmp_path / "archive.json").write_text(json.dumps({**PLAN, **damage}), encoding="utf-8")
+    said = orip(tmp_path, "archive", "status", ".")
+    assert "archive.json: holds" in said.err
+    assert "\x1b" not in said.err
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "null", "{}", "\xff"])
+def test_a_plan_that_is_none_is_told(tmp_path: Path, text: str) -> None:
+    (tmp_path / "archive.json").write_text(text, encoding="latin-1")
+    assert "archive.json: holds something else" in orip(tmp_path, "archive", "status", ".").err
+
+
+def finished_text(**values: object) -> str:
+    """Return what is kept of a project, as whoever knows how it is summed up could write it."""
+    head = {**HEAD, "rows": hashlib.sha256(b"{}").hexdigest(), **values}
+    digest = hashlib.sha256(json.dumps(head, separators=(",", ":")).encode()).hexdigest()
+    return f"{json.dumps({**head, 'head': digest})}\n{{}}\n"
+
+
+def test_words_of_a_foreign_archive_do_not_steer_the_terminal(tmp_path: Path) -> None:
+    results = ResultsFolder(tmp_path)
+    results.plan.write_text(json.dumps(PLAN), encoding="utf-8")
+    results.project("a").parent.mkdir(parents=True)
+    results.project("a").write_text(finished_text(), encoding="utf-8")
+    said = orip(tmp_path, "archive", "status", ".").out
+    assert "wrong    a: \\x1b]0;title\\x07" in said
+    assert "\x1b" not in said
+    results.project("a").write_text(finished_text().replace("{}", "[]"), encoding="utf-8")
+    assert "is damaged; remove it, and 'orip archive run' adjusts" in orip(tmp_path, "archive", "report", ".").err
+    results.project("a").write_text(finished_text(state="\x1b"), encoding="utf-8")
+    assert orip(tmp_path, "--json", "archive", "status", ".").document["not_adjusted"] == []

@@ -18,8 +18,10 @@ from orip.archive.differences import Changed, Moved, changed_outcomes, changed_w
 from orip.archive.outcome import ProjectOutcome, rows_of_error
 from orip.archive.rows import AdjustedBundle, rows_of_bundles
 from orip.archive.tables import SCHEMA, TABLES, Row
-from orip.files.archive.finished import write_finished
-from orip.files.archive.layout import ResultsFolder
+from orip.errors import InputError
+from orip.files.archive.dataset import read_shard
+from orip.files.archive.finished import read_head, write_finished
+from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.records.results.gate import Gate, GateResult
 from orip.records.results.solution import Solution
@@ -163,3 +165,23 @@ def test_two_runs_are_compared_by_a_command(tmp_path: Path) -> None:
     assert len(document["changed"]) == 2
     assert schema_faults(document) == []
     assert one.is_dir()
+
+
+def test_rows_that_are_not_what_was_written_are_not_taken(tmp_path: Path) -> None:
+    """A figure changed in what is kept of a project, or in the tables, is no figure of the archive."""
+    folder = written(tmp_path, awkward())
+    results = ResultsFolder(folder)
+    path = results.project("a/good")
+    head, rows, _ = path.read_text().split("\n")
+    path.write_text(f"{head}\n{rows.replace('EPSG:25832', 'EPSG:25833')}\n")
+    said = orip(folder, "archive", "report", ".")
+    assert said.code == 3
+    assert f"{path.name}: is damaged; remove it, and 'orip archive run' adjusts its project again" in said.err
+    path.write_text(f"{head.replace('adjusted', 'sadjuted')}\n{rows}\n")
+    assert read_head(results, "a/good") is None, "it is adjusted again"
+    table = results.table("projects", name_digest("a/good")[0])
+    content = bytearray(table.read_bytes())
+    content[20] ^= 1
+    table.write_bytes(content)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_shard(results, "projects", name_digest("a/good")[0])

@@ -26,11 +26,12 @@ def commands_put_together_once() -> AbstractContextManager[object]:
 
 
 class Said(Struct, frozen=True):
-    """What a command said, and its exit code."""
+    """What a command said, and its exit code; `told` is both, as a terminal shows them together."""
 
     code: int
     out: str
     err: str
+    told: str
 
     @property
     def document(self) -> Any:
@@ -44,9 +45,22 @@ class Said(Struct, frozen=True):
         return document
 
 
+class _Shared(io.BytesIO):
+    """A stream that writes what it takes into another one too."""
+
+    def __init__(self, both: io.BytesIO) -> None:
+        super().__init__()
+        self._both = both
+
+    def write(self, data: Any) -> int:
+        self._both.write(data)
+        return super().write(data)
+
+
 def orip(folder: Path, *arguments: str) -> Said:
     """Run ``orip -C folder arguments``."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    both = io.BytesIO()
+    out, err = (io.TextIOWrapper(_Shared(both), encoding="utf-8", write_through=True) for _ in range(2))
     words = ["orip", "-C", str(folder), *arguments]
     with patch.multiple(sys, argv=words, stdout=out, stderr=err), commands_put_together_once():
         try:
@@ -55,4 +69,4 @@ def orip(folder: Path, *arguments: str) -> Said:
             code = end.code
     texts = [stream.buffer.getvalue().decode("utf-8") for stream in (out, err)]  # type: ignore[attr-defined]
     assert "Traceback" not in texts[1]
-    return Said(int(code or 0), *texts)
+    return Said(int(code or 0), *texts, both.getvalue().decode("utf-8"))

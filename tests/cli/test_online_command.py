@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import signal
+import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -115,3 +119,77 @@ def test_sessions_killed_after_each_step_and_within_the_next_end_like_one_that_w
         ends.append(json.loads(done.stdout.splitlines()[-1]))
     assert ends[0] == ends[1]
     assert "10 photo points measured, 2 photos oriented" in ends[0]["summary"]
+
+
+@contextlib.contextmanager
+def listening(folder: Path) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
+    """Serve a session to programs; yield its process, port and token."""
+    words = [*PROGRAM, "-C", folder, "online", "--listen", "127.0.0.1:0"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT) as session:
+        assert session.stdout is not None
+        told = json.loads(session.stdout.readline())
+        try:
+            yield session, int(told["listening"].rpartition(":")[2]), told["token"]
+        finally:
+            session.kill()
+
+
+def said_to(port: int, *sent: bytes) -> list[str]:
+    """Return all that is said to a program, which sends its words in pieces."""
+    with socket.create_connection(("127.0.0.1", port), 30) as connection:
+        for piece in sent:
+            with contextlib.suppress(ConnectionError):
+                connection.sendall(piece)
+            time.sleep(0.2)
+        received = b""
+        with contextlib.suppress(ConnectionError):
+            while data := connection.recv(1 << 16):
+                received += data
+    return received.decode().splitlines()
+
+
+MEASURED = b'{"do": "measure", "photo": "left", "point": "K9", "x": 1500.25, "y": 1600.5}\n'
+SAID_BY_ANOTHER_ACCOUNT = """
+import os, socket, sys
+"x".encode("idna"); os.setgroups([]); os.setgid(65534); os.setuid(65534)
+with socket.create_connection(("127.0.0.1", int(sys.argv[1])), 10) as connection:
+    connection.sendall(sys.argv[2].encode())
+    with connection.makefile() as lines:
+        print(lines.read())
+"""
+
+
+def test_a_page_of_the_web_and_another_account_measure_nothing(adjusted: Path) -> None:
+    with listening(adjusted) as (_, port, token):
+        before = {path: path.read_bytes() for path in adjusted.glob("*.MEA")}
+        head = b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://evil.example\r\nContent-Length: 100\r\n\r\n"
+        for said in (said_to(port, head + MEASURED), said_to(port, MEASURED + MEASURED)):
+            assert said[0] == '{"wants": "token"}'
+            assert "is not the token" in said[1]
+            assert len(said) == 2
+        if os.name == "posix" and os.geteuid() == 0:
+            words = [sys.executable, "-c", SAID_BY_ANOTHER_ACCOUNT, str(port), MEASURED.decode()]
+            assert "is not the token" in subprocess.run(words, capture_output=True, text=True, check=True).stdout
+        assert {path: path.read_bytes() for path in adjusted.glob("*.MEA")} == before
+        quit_ = b'{"do": "quit"}\n'
+        shown = said_to(port, json.dumps({"token": token}).encode() + b"\n", MEASURED, quit_)
+        assert '"role": "writes"' in shown[1]
+        assert '"error"' not in shown[2]
+    assert b"K9" in (adjusted / "EDITS.MEA").read_bytes()
+
+
+@pytest.mark.parametrize("length", [5000, 100_000])
+def test_a_long_line_in_two_pieces_hangs_nobody_and_ctrl_c_ends_the_session(adjusted: Path, length: int) -> None:
+    with listening(adjusted) as (session, port, token):
+        let_in = json.dumps({"token": token}).encode() + b"\n"
+        with socket.create_connection(("127.0.0.1", port), 30) as other, other.makefile() as lines:
+            other.sendall(let_in)
+            assert "role" in lines.readline() + lines.readline()
+            said = said_to(port, let_in, b"A" * length, b"A" * length, b"\n")
+            assert "a request has at most 4096 bytes; the connection ends" in said[-1]
+            other.sendall(b'{"do": "show"}\n')
+            assert "error" not in lines.readline()
+            began = time.monotonic()
+            session.send_signal(signal.SIGINT)
+            assert session.wait(20) == 0
+            assert time.monotonic() - began < 5.0

@@ -49,10 +49,10 @@ def test_shared_options_before_and_after_mean_the_same(project: Path, option: st
 def test_quiet_verbose_and_color(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert orip(project, "run", "-q").err == ""
     assert "read FIRST.MEA" in orip(project, "-v", "measure").err
-    assert "\x1b[" not in orip(project, "run").err
-    assert "\x1b[1mstatus" in orip(project, "--color", "always", "run").err
+    assert "\x1b[" not in orip(project, "run").out
+    assert "\x1b[1mstatus" in orip(project, "--color", "always", "run").out
     monkeypatch.setenv("NO_COLOR", "1")
-    assert "\x1b[1mstatus" in orip(project, "run", "--color", "always").err, "asked for on the command line"
+    assert "\x1b[1mstatus" in orip(project, "run", "--color", "always").out, "asked for on the command line"
 
 
 def test_files_are_named_as_from_inside_the_project(

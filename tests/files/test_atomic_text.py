@@ -102,8 +102,7 @@ def test_after_a_failure_the_old_text_stands_and_no_temporary_file(
     def fail(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    owner: object = os if failing == "fsync" else Path
-    monkeypatch.setattr(owner, failing, fail)
+    monkeypatch.setattr(os, failing, fail)
     with pytest.raises(OSError, match="No space"):
         replace_text(path, "new")
     monkeypatch.undo()

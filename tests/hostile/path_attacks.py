@@ -136,8 +136,7 @@ def attack(place: Path, chance: random.Random) -> str:
     if chance.random() < 0.15:
         return _name_in_text(place, chance)
     path = place / chance.choice(chance.choice((TEXTS, OUTPUTS, STORES, names)))
-    # a store with a second name is written under both, as SQLite does it
-    make = chance.choice((*ANYWHERE, *(() if path.name in STORES else (_second_name,))))
+    make = chance.choice((*ANYWHERE, _second_name))
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     path.unlink(missing_ok=True)

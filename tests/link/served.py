@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from support.drive_tables import vertical_block
 
 from orip.files.drive.table_text import drive_table_text
+from orip.link.access import ASKING, stored_token
 from orip.link.emulator import Emulator, Patience
 from orip.link.station import bare_stages
 from orip.workflow.drive.table import load_drive_table
@@ -31,6 +32,8 @@ class Raw:
         self.socket = socket.create_connection(("127.0.0.1", port), timeout_s)
         self.lines = self.socket.makefile("rb")
         self.greeting = self.read()
+        if self.greeting == ASKING:
+            self.greeting = self.ask(f"TOKEN {stored_token('127.0.0.1', port)}")
 
     def __enter__(self):
         return self

@@ -11,7 +11,14 @@ from typing import Any
 import pytest
 
 from orip.link import online_server
+from orip.link.access import MOST_CLIENTS, MOST_WAITING
 from orip.link.online_server import LONGEST_LINE, Answering, OnlineServer
+
+TOKEN = "a-token_of-this-test"
+HEADS = (
+    b"POST / HTTP/1.1", b"GET / HTTP/1.1", b"BREW /pot HTTP/1.0", b"PRI * HTTP/2.0", b"OPTIONS * HTTP/1.1",
+    b"Host: evil.example", b"post / http/1.1", b"Origin:null", b" POST / HTTP/1.1", b"GET /",
+)  # fmt: skip
 
 
 class _Session:
@@ -23,7 +30,7 @@ class _Session:
     def reply(self, line: str) -> dict[str, Any] | None:
         try:
             do = json.loads(line)["do"]
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             return {"error": "no request"}
         if do == "quit":
             return None
@@ -51,10 +58,12 @@ class _Client:
         return await self.heard()
 
 
-def _run(talk: Callable[[_Session, Callable[[], Awaitable[_Client]]], Awaitable[None]]) -> None:
+def _run(
+    talk: Callable[[_Session, Callable[[], Awaitable[_Client]]], Awaitable[None]], token: str | None = None
+) -> None:
     async def run() -> None:
         session, end, port = _Session(), asyncio.Event(), asyncio.get_running_loop().create_future()
-        server = OnlineServer(Answering(lambda: {"summary": ""}, session.reply, session.news, session.on_news))
+        server = OnlineServer(Answering(lambda: {"summary": ""}, session.reply, session.news, session.on_news), token)
         serving = asyncio.create_task(server.serve("127.0.0.1", 0, lambda _, at: port.set_result(at), end.wait()))
         number = await port
 
@@ -106,20 +115,102 @@ def test_a_client_that_breaks_off_within_a_line_has_said_nothing() -> None:
     _run(talk)
 
 
-def test_rubbish_and_long_lines_are_answered_and_change_nothing() -> None:
+def test_rubbish_is_answered_and_changes_nothing() -> None:
     async def talk(session: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
         client = await connect()
         await client.heard()
-        for line in (
-            b"\xff\xfe\x00",
-            b"[]",
-            b"x" * (3 * LONGEST_LINE),
-            b'{"do": "measure"' + b" " * LONGEST_LINE + b"}",
-        ):
+        for line in (b"\xff\xfe\x00", b"[]", b'{"do": "measure", "point": "\xff"}', b"[" * 4000):
             client.writer.write(line + b"\n")
             assert "error" in await client.heard()
         assert not session.lines
         assert (await client.asked(do="measure"))["number"] == 1
+
+    _run(talk)
+
+
+@pytest.mark.parametrize("length", [LONGEST_LINE + 1, 5000, 3 * LONGEST_LINE, 300_000])
+def test_a_long_line_in_two_pieces_ends_its_connection_and_no_other(length: int) -> None:
+    async def talk(session: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        first, second = await connect(), await connect()
+        await first.heard()
+        await second.heard()
+        with contextlib.suppress(ConnectionError):  # who goes on sending may be cut off
+            for piece in (b'{"do": "measure"' + b" " * length, b" " * length, b"}\n"):
+                second.writer.write(piece)
+                await second.writer.drain()
+                await asyncio.sleep(0.1)
+        assert (await second.heard())["error"] == f"a request has at most {LONGEST_LINE} bytes; the connection ends"
+        assert await asyncio.wait_for(second.stream.read(), 5.0) == b""
+        assert (await first.asked(do="show"))["number"] == 0
+        assert not session.lines
+
+    _run(talk)
+
+
+def test_the_token_is_said_first_or_nothing_is_carried_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(online_server, "TOKEN_S", 0.3)
+
+    async def talk(session: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        for first in (
+            b'{"do": "measure"}', b'{"token": "no"}', b'{"token": null}', b'{"token": ["' + TOKEN.encode() + b'"]}',
+            b"[]", b"[" * 400, b"\xff", b"\x16\x03\x01\x02\x00\x01", b"x" * 5000,
+        ):  # fmt: skip
+            client = await connect()
+            assert await client.heard() == {"wants": "token"}
+            client.writer.write(first + b'\n{"do": "measure"}\n')
+            assert "is not the token" in (await client.heard())["error"]
+            assert await asyncio.wait_for(client.stream.read(), 5.0) == b""
+        silent = await connect()
+        assert await silent.heard() == {"wants": "token"}
+        assert await asyncio.wait_for(silent.stream.read(), 5.0) == b""
+        assert not session.lines
+        client = await connect()
+        await client.heard()
+        assert (await client.asked(token=TOKEN))["role"] == "writes"
+        assert (await client.asked(do="measure"))["number"] == 1
+
+    _run(talk, TOKEN)
+
+
+@pytest.mark.parametrize("token", [None, TOKEN])
+def test_a_page_of_the_web_that_posts_is_hung_up_on(token: str | None) -> None:
+    async def talk(session: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        for head in HEADS:
+            client = await connect()
+            await client.heard()
+            client.writer.write(head + b'\r\nHost: 127.0.0.1\r\n\r\n{"do": "measure"}\n')
+            with contextlib.suppress(ConnectionError):
+                await asyncio.wait_for(client.stream.read(), 5.0)
+        assert not session.lines
+
+    _run(talk, token)
+
+
+def test_many_that_wait_do_not_keep_out_who_has_the_token() -> None:
+    async def talk(_: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        waiting = [await connect() for _ in range(3 * MOST_WAITING)]
+        client = await connect()
+        await client.heard()
+        assert (await client.asked(token=TOKEN))["role"] == "writes"
+        ended = [one for one in waiting if one.stream.at_eof() or one.stream.exception()]
+        for one in waiting:
+            with contextlib.suppress(ConnectionError, TimeoutError):
+                if (
+                    await asyncio.wait_for(one.stream.readline(), 0.02)
+                    and await asyncio.wait_for(one.stream.read(1), 0.02) == b""
+                ):
+                    ended.append(one)
+        assert len(ended) >= MOST_WAITING
+
+    _run(talk, TOKEN)
+
+
+def test_no_more_programs_than_can_be_served() -> None:
+    async def talk(_: _Session, connect: Callable[[], Awaitable[_Client]]) -> None:
+        clients = [await connect() for _ in range(MOST_CLIENTS)]
+        assert [(await client.heard())["role"] for client in clients] == ["writes", *["watches"] * (MOST_CLIENTS - 1)]
+        assert "are connected already" in (await (await connect()).heard())["error"]
+        assert (await clients[0].asked(do="measure"))["number"] == 1
 
     _run(talk)
 

@@ -17,7 +17,7 @@ from orip.errors import LinkError
 from orip.link.client import ProcessorFault
 from orip.link.watch import Watch
 from orip.link.watch_processor import OwnProcessor
-from orip.link.watch_server import MOST_STREAMS, WatchServer
+from orip.link.watch_server import MOST_CONNECTIONS, MOST_STREAMS, WatchServer
 from orip.multimodel.plan_view import BlockPoints, plan_view
 
 POINTS = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
@@ -299,3 +299,21 @@ def test_a_link_that_breaks_off_is_shown():
     broken.fault = None
     time.sleep(0.05)
     assert {**watch.state(), "serial": 1} == first
+
+
+def test_more_connections_than_can_be_served_are_ended_and_those_that_end_make_room():
+    with served(watch_of()) as server:
+        held = [socket.create_connection(("127.0.0.1", server.port), 10) for _ in range(MOST_CONNECTIONS + 5)]
+        held[-1].settimeout(10)
+        assert held[-1].recv(1) == b""
+        for one in held:
+            one.close()
+        deadline = time.monotonic() + 10
+        while True:
+            try:
+                assert ask(server, "GET", f"/{server.token}/scene")[0] == 200
+            except (OSError, http.client.HTTPException):  # those that were left are not all ended yet
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            else:
+                break

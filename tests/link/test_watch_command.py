@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
+import queue
 import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import urllib.request
+import webbrowser
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 from cli.command_line import orip
 from link.served import loaded_station, served
+from link.test_watch import watch_of
 from support.driven_projects import add_models
 from workflow.small_projects import contents, first_project
+
+from orip.cli.drive import watch as watch_module
+from orip.link.watch_server import WatchServer
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +114,26 @@ def test_before_the_adjustment(tmp_path):
     assert said.code == 3
     assert "bundle MAIN has not been adjusted yet; run 'orip solve' first" in said.err
     assert contents(folder) == before
+
+
+def test_the_token_is_in_no_command_that_others_see(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_RUNTIME_DIR" if os.name == "posix" else "LOCALAPPDATA", str(tmp_path))
+    opened, seen = queue.Queue(), []
+    monkeypatch.setattr(webbrowser, "open", opened.put)
+    server = WatchServer(watch_of())
+
+    def look():
+        page = Path(url2pathname(urlsplit(opened.get(timeout=20)).path))
+        seen.append((page, page.read_text(encoding="utf-8"), page.stat().st_mode & 0o777))
+        server.shutdown()
+
+    looking = threading.Thread(target=look)
+    looking.start()
+    with server:
+        watch_module._serve(server, browser=True)
+    looking.join()
+    ((page, text, mode),) = seen
+    assert server.token not in str(page)
+    assert f"0; url={server.url}" in text
+    assert os.name != "posix" or mode == 0o600
+    assert not page.exists()

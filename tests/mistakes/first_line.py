@@ -23,7 +23,7 @@ def said_of(mistake: Mistake, folder: Path) -> list[Said]:
 
 def first_line(said: list[Said]) -> str:
     """Return the first error or warning; else the status, and without one nothing."""
-    lines = [line for answer in said for line in answer.err.splitlines()]
+    lines = [line for answer in said for line in answer.told.splitlines()]
     return next((line for line in lines if re.match("error: |warning: |status ", line)), "")
 
 

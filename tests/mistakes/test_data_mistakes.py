@@ -51,7 +51,7 @@ def test_the_table_has_all_mistakes_and_a_sufficient_mean() -> None:
 
 @pytest.mark.long
 def test_what_a_recognised_mistake_causes_is_not_to_be_set(tmp_path: Path) -> None:
-    said = said_of(DATA_MISTAKES["moved_by_one_photo"], tmp_path / "moved").err
+    said = said_of(DATA_MISTAKES["moved_by_one_photo"], tmp_path / "moved").told
     assert "all off by a lever arm" in said
     assert "set lever_arm" not in said
     assert "mend first what the warning says of the exposure stations" in said
@@ -61,7 +61,7 @@ def test_what_a_recognised_mistake_causes_is_not_to_be_set(tmp_path: Path) -> No
 def test_of_the_projects_without_mistakes_nothing_is_said(tmp_path: Path, project) -> None:
     said = orip(project(tmp_path / "clean"), "run", "--no-report")
     assert said.code == 0
-    (status,) = [line for line in said.err.splitlines() if line.startswith("status ")]
+    (status,) = [line for line in said.out.splitlines() if line.startswith("status ")]
     assert status.startswith("status   converged")
     # of a free network is said where its origin is; nothing else
     assert not [line for line in said.err.splitlines() if re.match("error: |warning: (?!no ground |crs )", line)]
@@ -70,7 +70,7 @@ def test_of_the_projects_without_mistakes_nothing_is_said(tmp_path: Path, projec
 def test_positions_that_are_all_shifted_are_named_with_the_shift(tmp_path: Path) -> None:
     project = drone(tmp_path / "shifted")
     in_lines(project / "DRONE.STA", lambda words: moved(words, np.array([0.04, -0.03, 0.25])))
-    said = orip(project, "run", "--no-report").err
+    said = orip(project, "run", "--no-report").told
     size = r"(\S+) ± (\S+)"
     found = re.search(f"^status .* exposure stations are all off by X {size}, Y {size}, Z {size} m", said, re.MULTILINE)
     assert found is not None, said

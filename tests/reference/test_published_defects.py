@@ -95,8 +95,8 @@ def test_free_network_has_seven_movements_and_nothing_undetermined(free: Any) ->
 def test_without_a_datum_only_photo_elements_are_named(tmp_path: Path) -> None:
     said = orip(without_datum(None).write(tmp_path / "block"), "run")
     assert said.code == 0
-    assert "7 unknowns could not be determined" in said.err
-    assert "the ground system is not fixed" in said.err
+    assert "7 unknowns could not be determined" in said.told
+    assert "the ground system is not fixed" in said.told
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "converged"
     assert result["singular"]
@@ -139,7 +139,7 @@ def test_points_without_rays_are_named_and_change_nothing(given: str, tmp_path: 
     }
     assert named == {f"{where} {name}": "is not measured in any photo" for name in unseen}
     # those of a kind are one line, with the first names
-    (line,) = [line for line in said.err.splitlines() if line.endswith("are not measured in any photo")]
+    (line,) = [line for line in said.told.splitlines() if line.endswith("are not measured in any photo")]
     assert line.startswith(f"warning: {where}s ")
     assert sum(name in line.replace(",", "").replace(":", "").split() for name in unseen) == min(len(unseen), 3)
     assert result["status"] == "converged"
@@ -162,8 +162,8 @@ def test_one_coordinate_of_a_point_with_one_ray_is_named(preliminary: bool, tmp_
         block = replace(block, preliminary=export.points)
     said = orip(block.write(tmp_path / "block"), "run")
     assert said.code == 0
-    assert f"of point {point} cannot be determined" in said.err
-    assert (f"point {point} is seen by one ray" in said.err) is not preliminary
+    assert f"of point {point} cannot be determined" in said.told
+    assert (f"point {point} is seen by one ray" in said.told) is not preliminary
     result = json.loads((tmp_path / "block" / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "converged"
     (singular,) = result["singular"]

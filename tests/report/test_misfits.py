@@ -113,7 +113,7 @@ def test_the_level_of_orip_toml_is_that_of_listing_summary_and_report(tmp_path: 
         text = (folder / "orip.toml").read_text(encoding="utf-8")
         begin, rest = text.split("[[camera]]", 1)
         (folder / "orip.toml").write_text(f"{begin}{level}[[camera]]{rest}", encoding="utf-8")
-        said = orip(folder, "run").err
+        said = orip(folder, "run").told
         found = re.search(r"(\d+) observations? (?:does|do) not fit", said)
         page = (folder / "report.html").read_text(encoding="utf-8")
         on_page = re.search(r"(\d+) observations?, \d+ components?;", page)

@@ -104,10 +104,10 @@ def test_strip_and_fix_are_named_and_the_setting_that_is_named_helps(tmp_path: P
     folder = copied(tmp_path / "drone")
     said = orip(folder, "run", "--no-report")
     assert said.code == 0
-    (status,) = [line for line in said.err.splitlines() if line.startswith("status")]
+    (status,) = [line for line in said.out.splitlines() if line.startswith("status")]
     assert "the exposure stations of strip S3 are all off by X" in status
-    assert 'set shift = "strip" and strips = ["S3"] in [[antenna]] of orip.toml' in said.err
-    assert "station DJI_0044" in said.err
+    assert 'set shift = "strip" and strips = ["S3"] in [[antenna]] of orip.toml' in said.out
+    assert "station DJI_0044" in said.out
     before = json.loads((folder / "result.json").read_text())
     (folder / "orip.toml").write_text((folder / "orip.toml").read_text() + SHIFT)
     assert orip(folder, "run", "--no-report").code == 0

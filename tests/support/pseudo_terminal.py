@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import io
 import os
 import re
 import struct
@@ -23,10 +22,9 @@ _ESCAPE = re.compile(r"\x1b\[([0-9;?]*)([A-Za-z])")
 
 
 class Shown(Struct, frozen=True):
-    """What a command wrote to a terminal by stderr, to a pipe by stdout, and its exit code."""
+    """What a command wrote to a terminal, by stdout and stderr, and its exit code."""
 
     code: int
-    out: bytes
     raw: bytes
 
     @property
@@ -70,7 +68,7 @@ def at_terminal(
     encoding: str = "utf-8",
     environment: dict[str, str] | None = None,
 ) -> Shown:
-    """Run ``orip -C folder arguments`` with stderr on a terminal; bars appear after a delay in seconds."""
+    """Run ``orip -C folder arguments`` at a terminal; bars appear after a delay in seconds."""
     leader, follower = os.openpty()
     fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 50, columns, 0, 0))
     given = {key: value for key, value in os.environ.items() if key not in {"COLUMNS", "NO_COLOR"}}
@@ -78,8 +76,8 @@ def at_terminal(
     reader = threading.Thread(target=_read, args=(leader, raw))
     reader.start()
     code: object = 0
-    out = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
     with (
+        os.fdopen(os.dup(follower), "w", encoding=encoding) as out,
         os.fdopen(follower, "w", encoding=encoding) as err,
         patch.multiple(sys, argv=["orip", "-C", str(folder), *arguments], stdout=out, stderr=err),
         patch.dict(os.environ, {**given, "TERM": "xterm", **(environment or {})}, clear=True),
@@ -91,7 +89,7 @@ def at_terminal(
             code = end.code
     reader.join()
     os.close(leader)
-    return Shown(int(code or 0), out.buffer.getvalue(), bytes(raw))  # type: ignore[attr-defined,call-overload]
+    return Shown(int(code or 0), bytes(raw))  # type: ignore[call-overload]
 
 
 def _read(leader: int, raw: bytearray) -> None:

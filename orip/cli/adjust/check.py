@@ -54,10 +54,10 @@ def register(app: typer.Typer) -> None:
             for result in outcome.results:
                 terminal.data(str(result))
         if not outcome.solved:
-            terminal.say(f"check    the last adjustment of {outcome.bundle} {_ENDED[outcome.status]}", "red")
+            terminal.result("check", f"the last adjustment of {outcome.bundle} {_ENDED[outcome.status]}", "red")
             raise typer.Exit(NotSolvableError.exit_code)
         if outcome.failed:
-            terminal.say(f"check    {outcome.failed} of {len(outcome.results)} gates failed", "red")
+            terminal.result("check", f"{outcome.failed} of {len(outcome.results)} gates failed", "red")
             raise typer.Exit(GateError.exit_code)
 
     width = max(map(len, GATE_FIGURES))

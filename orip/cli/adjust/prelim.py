@@ -73,13 +73,16 @@ def relative_command(invocation: Invocation, model: Model = None, bundle: Bundle
     from orip.workflow.adjust.prelim_steps import relative_orientations
 
     with limited_threads(invocation.terminal.threads):
-        found = relative_orientations(_given(invocation, bundle), model)
+        given = _given(invocation, bundle)
+        found = relative_orientations(given, model)
     if invocation.terminal.json:
         invocation.terminal.document("relative", relative_document(found))
     else:
         points = [line for one in found.oriented for line in relative_orientation_lines(one)]
         lines = [*relative_overview(found.oriented), *(points if model else relative_remarks(found.oriented))]
         invocation.terminal.data("\n".join(lines))
+    if model is None:
+        invocation.terminal.warn(given.unmeasured_models)
     raise_failures(found.failures)
 
 
@@ -92,7 +95,10 @@ def bridge_command(invocation: Invocation, model: Model = None, bundle: BundleOp
     from orip.workflow.adjust.prelim_steps import bridges
 
     with limited_threads(invocation.terminal.threads):
-        found = bridges(_given(invocation, bundle), model)
+        given = _given(invocation, bundle)
+        found = bridges(given, model)
+    if model is None:
+        invocation.terminal.warn(given.unmeasured_models)
     _show_similarities(invocation, found, alone=model is not None, nothing="bridge: no row has two models")
 
 
@@ -109,7 +115,10 @@ def connect_command(invocation: Invocation, rows: Rows = None, bundle: BundleOpt
         raise UsageError(message)
     with limited_threads(invocation.terminal.threads):
         pair = (rows[0], rows[1]) if rows else None
-        found = connections(_given(invocation, bundle), pair)
+        given = _given(invocation, bundle)
+        found = connections(given, pair)
+    if pair is None:
+        invocation.terminal.warn(given.unmeasured_models)
     _show_similarities(invocation, found, alone=pair is not None, nothing="connect: there is one row of models")
 
 

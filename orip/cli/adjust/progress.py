@@ -117,7 +117,7 @@ def _is_narrow(terminal: Terminal) -> bool:
 
 
 def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
-    """Print the summary of an adjustment."""
+    """Print the summary of an adjustment: it is the command's result, warnings are not."""
     from orip.report.summary import summary
 
     outcome = solved.outcome
@@ -128,12 +128,12 @@ def tell_solution(terminal: Terminal, solved: Committed[SolveOutcome]) -> None:
     for line in summary(solution, outcome.gates, project.shown(files[1]), project.definition.test_level):
         style = None if line.level is None else _STYLES[line.level]
         if line.label == "status":
-            terminal.point(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
+            terminal.result(line.label, line.text, _VERDICT_STYLES[line.level or "good"])
         else:
-            terminal.point(line.label, line.text, style)
+            terminal.result(line.label, line.text, style)
     terminal.warn(warning for warning in warnings if warning.code in REMINDERS)
     same = "" if solved.changed else "; unchanged: the store holds this solution already"
-    terminal.point("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
+    terminal.result("wrote", f"{', '.join(project.shown(path) for path in files)}{same}")
 
 
 def exit_code(outcome: SolveOutcome, *, all_wanted: bool) -> int:

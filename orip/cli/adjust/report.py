@@ -27,7 +27,7 @@ Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write t
 
 def tell_report(terminal: Terminal, written: WrittenReport) -> None:
     """Say where the report is."""
-    terminal.say(f"wrote    {written.shown} ({written.size / 1e6:.1f} MB); open it in a browser")
+    terminal.result("wrote", f"{written.shown} ({written.size / 1e6:.1f} MB); open it in a browser")
 
 
 def register(app: typer.Typer) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from orip.archive.progress import duration
 from orip.cli.terminal import Terminal
+from orip.files.text.shown import printable
 from orip.wording import counted
 
 if TYPE_CHECKING:
@@ -34,14 +35,15 @@ def watcher(terminal: Terminal) -> ArchiveWatcher:
     told, not_adjusted = time.monotonic(), 0
 
     def began(plan: ArchivePlan) -> None:
-        terminal.say(f"archive  {counted(len(plan.projects), 'project')} below {plan.base}; dashboard {plan.dashboard}")
+        dashboard = f"; dashboard {plan.dashboard}" if plan.dashboard else ""
+        terminal.say(f"archive  {counted(len(plan.projects), 'project')} below {plan.base}{dashboard}")
 
     def replied(reply: TaskReply, progress: Progress) -> None:
         nonlocal told, not_adjusted
         if reply.state != "adjusted" and not reply.repeated:
             not_adjusted += 1
             if not_adjusted <= _SHOWN or terminal.verbose:
-                terminal.say(f"{reply.state:8} {reply.name}: {reply.message}", "yellow")
+                terminal.say(f"{reply.state:8} {printable(reply.name)}: {printable(reply.message)}", "yellow")
             elif not_adjusted == _SHOWN + 1:
                 terminal.say("         further ones are not listed; 'orip archive status -v' does", "yellow")
         if time.monotonic() - told > _SECONDS_BETWEEN:
@@ -97,10 +99,10 @@ def show_status(terminal: Terminal, status: ArchiveStatus) -> None:
     state = (
         "running" if status.is_running else "finished" if ended else "not running; the same 'orip archive run' goes on"
     )
-    lines = [f"archive  {plan.base}, {state}", f"         {progress}"]
-    lines += [f"         dashboard {plan.dashboard}"] if status.is_running else []
+    lines = [f"archive  {printable(plan.base)}, {state}", f"         {progress}"]
+    lines += [f"         dashboard {printable(plan.dashboard)}"] if status.is_running and plan.dashboard else []
     shown = status.wrong if terminal.verbose else status.wrong[:_SHOWN]
-    lines += [f"wrong    {name}: {message}" for name, message in shown]
+    lines += [f"wrong    {printable(name)}: {printable(message)}" for name, message in shown]
     if len(shown) < len(status.wrong):
         lines.append(f"         {len(status.wrong) - len(shown)} more; -v lists all")
     content = {
@@ -129,9 +131,12 @@ def show_differences(terminal: Terminal, found: ArchiveDifferences) -> None:
     }
     changes = found.changed if terminal.verbose else found.changed[:_SHOWN]
     values = found.moved if terminal.verbose else found.moved[:_SHOWN]
-    lines = [f"{_place(change)}: {change.name}: {change.before or '-'} -> {change.after or '-'}" for change in changes]
+    lines = [
+        printable(f"{_place(change)}: {change.name}: {change.before or '-'} -> {change.after or '-'}")
+        for change in changes
+    ]
     lines += [
-        f"{_place(value)}: {value.name}: {value.before:.10g} -> {value.after:.10g} ({value.times:.1f} sd)"
+        printable(f"{_place(value)}: {value.name}: {value.before:.10g} -> {value.after:.10g} ({value.times:.1f} sd)")
         for value in values
     ]
     if terminal.json or lines:

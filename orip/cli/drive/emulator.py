@@ -56,8 +56,8 @@ def emulate_command(
 ) -> None:
     """Emulate a plate processor over TCP until Ctrl-C or SIGTERM.
 
-    The first client operates, others may read; beside a program that digitises one may operate. Line protocol: send
-    HELP, for example with netcat.
+    The first client operates, others may read; beside a program that digitises one may operate. Commands of orip find
+    the token that is printed. Line protocol, for example with netcat: send TOKEN and the token, then HELP.
 
     Example: orip drive emulate --state plates.json
     """
@@ -71,12 +71,12 @@ def emulate_command(
     pace = None if speed is None else Pace(speed, rate or PLATE_UPDATES_HZ)
     terminal = invocation.terminal
 
-    def listening(address: str, token: str | None) -> None:
-        link = f"tcp://{address}" if token is None else f"tcp://{token}@{address}"
+    def listening(address: str, token: str) -> None:
+        link = f"tcp://{token}@{address}"
         terminal.answer(
             "drive-emulate",
             {"command": "drive emulate", "listening": address, "link": link},
-            f"listening on {address}" if token is None else f"listening on {address}; link {link}",
+            f"listening on {address}; link {link}",
         )
         terminal.flush()
 

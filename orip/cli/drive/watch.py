@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -84,16 +86,34 @@ def _server(watch: Watch, address: tuple[str, int]) -> WatchServer:
         raise OripError(message) from error
 
 
+@contextmanager
+def _page_to_open(server: WatchServer) -> Iterator[str]:
+    """Yield what a browser is given to open: others can see its command, and with the token they could drive."""
+    from orip.link.access import private_file
+
+    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={server.url}"><a href="{server.url}">orip</a>'
+    try:
+        path = private_file(f"watch-{server.port}.html", page)
+    except (OSError, RuntimeError):
+        yield server.url.replace(f"{server.token}/", "")  # tells to take the address that was printed
+        return
+    try:
+        yield path.as_uri()
+    finally:
+        path.unlink(missing_ok=True)
+
+
 def _serve(server: WatchServer, *, browser: bool) -> None:
     """Serve until Ctrl-C or SIGTERM, which are the way to end and no error."""
     import webbrowser
 
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        if browser:
-            # one that runs in this terminal comes back only when it is left
-            threading.Thread(target=webbrowser.open, args=(server.url,), daemon=True).start()
-        server.serve_forever(poll_interval=0.1)
+        with _page_to_open(server) if browser else nullcontext() as page:
+            if page is not None:
+                # one that runs in this terminal comes back only when it is left
+                threading.Thread(target=webbrowser.open, args=(page,), daemon=True).start()
+            server.serve_forever(poll_interval=0.1)
     except KeyboardInterrupt:
         pass
     finally:

@@ -70,19 +70,26 @@ def serve_programs(invocation: Invocation, session: ServedSession, address: tupl
     OripError
         If the address is taken.
     """
+    from orip.link.access import new_token
     from orip.link.online_server import Answering, OnlineServer
 
-    server = OnlineServer(Answering(session.greeting, session.reply, session.news, session.on_news))
+    token = new_token()
+    server = OnlineServer(Answering(session.greeting, session.reply, session.news, session.on_news), token)
 
     def listening(host: str, port: int) -> None:
         at = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-        invocation.terminal.data(json.dumps({"listening": at}) + "\n")
+        invocation.terminal.data(json.dumps({"listening": at, "token": token}) + "\n")
         invocation.terminal.flush()
 
     async def serve() -> None:
         end, loop = asyncio.Event(), asyncio.get_running_loop()
-        for stop in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(stop, lambda *_: loop.call_soon_threadsafe(end.set))
+
+        def stop(number: int, _: object) -> None:
+            signal.signal(number, signal.default_int_handler)  # a second one ends what is being computed
+            loop.call_soon_threadsafe(end.set)
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, stop)
         await server.serve(*address, listening, end.wait())
 
     try:

@@ -14,6 +14,7 @@ from orip.cli.editing import EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal
+from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.workflow.project.commit import Change
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from orip.workflow.records.references import RecordKind
 
 Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=of_group)]
+DeletedName = Annotated[str | None, typer.Argument(metavar="NAME", autocompletion=of_group)]
+AllModelsOption = Annotated[bool, typer.Option("--all", help="Delete all models of the bundle.")]
 NewName = Annotated[str, typer.Argument(metavar="NEW_NAME")]
 Values = Annotated[
     list[str] | None,
@@ -144,18 +147,27 @@ def _register_changing(group: typer.Typer, kind: RecordKind) -> None:
         outcome = _edited(invocation, edit, dry=options.dry_run, with_solutions=kind == "bundle")
         tell(invocation.terminal, f"{kind} rename", outcome)
 
-    @command(group, "delete", without=_left_out(kind))
+    @command(group, "delete", without=(*_left_out(kind), *(() if kind == "model" else ("everything",))))
     def delete_command(
         invocation: Invocation,
-        name: Name,
         options: EditOptions,
+        name: DeletedName = None,
         with_referents: ReferentsOption = False,
+        everything: AllModelsOption = False,
         yes: YesOption = False,
     ) -> None:
         """Delete a record that nothing refers to, or with all that does."""
-        from orip.workflow.records.commands import delete_record, read_records
+        from orip.workflow.records.commands import delete_models, delete_record, read_records
 
-        edit = partial(delete_record, record=_record(kind, name, options.bundle), with_referents=with_referents)
+        if (name is None) != everything:
+            ways = " or --all" if kind == "model" else ""
+            message = f"name the {kind} to delete{ways}; 'orip {kind} list' shows them"
+            raise UsageError(message)
+        edit: Callable[[ProjectState], Change[RecordsOutcome]] = (
+            partial(delete_models, bundle=options.bundle)
+            if name is None
+            else partial(delete_record, record=_record(kind, name, options.bundle), with_referents=with_referents)
+        )
         if not options.dry_run:
             planned = edit(read_records(invocation.folder)).outcome  # errors are reported before the user is asked
             require_confirmation(f"Delete {_deleted_text(planned)}?", yes)

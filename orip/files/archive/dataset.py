@@ -17,6 +17,9 @@ from orip.archive.tables import SCHEMA, TABLES, ColumnType, Row
 from orip.errors import InputError
 from orip.files.archive.layout import SHARDS, ResultsFolder
 from orip.files.text.atomic import replace_bytes, reporting_failure
+from orip.files.text.own_files import make_folder
+from orip.files.text.regular_file import open_regular, regular_bytes
+from orip.files.text.shown import printable, shown_token
 
 _TYPES: Mapping[ColumnType, pa.DataType] = {
     "text": pa.string(),
@@ -37,11 +40,16 @@ def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[
     for table, columns in TABLES.items():
         schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()], {"schema": SCHEMA})
         buffer = io.BytesIO()
-        pq.write_table(pa.Table.from_pylist(list(rows.get(table, ())), schema=schema), buffer, compression="zstd")
+        pq.write_table(
+            pa.Table.from_pylist(list(rows.get(table, ())), schema=schema),
+            buffer,
+            compression="zstd",
+            write_page_checksum=True,
+        )
         path = results.table(table, shard)
         with reporting_failure(path, "remove the cause; 'orip archive report' writes the tables again"):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.is_file() or path.read_bytes() != buffer.getvalue():
+            make_folder(path.parent, results.folder)
+            if not path.is_file() or regular_bytes(path) != buffer.getvalue():
                 replace_bytes(path, buffer.getvalue())
 
 
@@ -54,17 +62,17 @@ def read_shard(results: ResultsFolder, table: str, shard: str, columns: Sequence
         If the file cannot be read, or has another schema.
     """
     path = results.table(table, shard)
-    if not path.is_file():
+    if not path.exists():
         return []
     try:
-        with pq.ParquetFile(path) as file:
-            schema = (file.schema_arrow.metadata or {}).get(b"schema", b"").decode()
+        with open_regular(path) as stream, pq.ParquetFile(stream, page_checksum_verification=True) as file:
+            schema = (file.schema_arrow.metadata or {}).get(b"schema", b"").decode(errors="replace")
             rows: list[Row] = file.read(columns=None if columns is None else list(columns)).to_pylist()
     except (OSError, pa.ArrowException) as error:
-        message = f"cannot be read: {error}; 'orip archive report' writes it again"
+        message = f"cannot be read: {printable(str(error))}; 'orip archive report' writes it again"
         raise InputError.single(message, str(path)) from error
     if schema != SCHEMA:
-        message = f"has the schema {schema or 'of another program'}; this version reads {SCHEMA}"
+        message = f"has the schema {shown_token(schema) or 'of another program'}; this version reads {SCHEMA}"
         raise InputError.single(message, str(path))
     return rows
 

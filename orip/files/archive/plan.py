@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from msgspec import Struct
+from msgspec import Struct, ValidationError, convert
 from msgspec.structs import asdict
 
 from orip.archive.tables import SCHEMA
 from orip.errors import InputError, UsageError
 from orip.files.archive.layout import ResultsFolder
 from orip.files.text.atomic import replace_text, reporting_failure
+from orip.files.text.own_files import make_named_folder
+from orip.files.text.regular_file import NoRegularFileError, regular_bytes
+from orip.files.text.shown import shown_token
 
 
 class ArchivePlan(Struct, frozen=True):
@@ -30,7 +33,7 @@ class ArchivePlan(Struct, frozen=True):
     orip : str
         Version of orip.
     dashboard : str
-        Address of Dask's dashboard; empty before the run begins.
+        Address of Dask's dashboard; empty where orip has started the workers, which have none.
     began : float
         Seconds since 1970.
     """
@@ -53,7 +56,7 @@ def write_plan(results: ResultsFolder, plan: ArchivePlan) -> None:
         If the folder or the disk refuses.
     """
     with reporting_failure(results.plan, "remove the cause, or name another folder with --out"):
-        results.folder.mkdir(parents=True, exist_ok=True)
+        make_named_folder(results.folder)
         replace_text(results.plan, json.dumps({"schema": SCHEMA, **asdict(plan)}, indent=1) + "\n")
 
 
@@ -65,20 +68,24 @@ def read_plan(folder: Path, shown: str) -> ArchivePlan:
     UsageError
         If the folder holds no results of an archive.
     InputError
-        If the plan is damaged, or of another schema.
+        If the plan is damaged, no file, or of another schema.
     """
     results = ResultsFolder(folder)
+    at = f"{shown}/{results.plan.name}"
     try:
-        found = json.loads(results.plan.read_text(encoding="utf-8"))
+        found = json.loads(regular_bytes(results.plan))
         schema = found.pop("schema")
         if schema == SCHEMA:
-            return ArchivePlan(**{**found, "projects": tuple(found["projects"])})
+            return convert(found, ArchivePlan)
+    except NoRegularFileError as error:
+        message = f"is {error.kind}, not a file; remove it, and 'orip archive run' writes one"
+        raise InputError.single(message, at) from None
     except OSError:
         message = (
             f"'{shown}' holds no results of an archive: there is no {results.plan.name}; 'orip archive run' makes it"
         )
         raise UsageError(message) from None
-    except (ValueError, TypeError, KeyError, AttributeError):
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, ValidationError):
         schema = "something else"
-    message = f"holds {schema} where this version reads {SCHEMA}; 'orip archive run' writes it again"
-    raise InputError.single(message, f"{shown}/{results.plan.name}")
+    message = f"holds {shown_token(str(schema))} where this version reads {SCHEMA}; 'orip archive run' writes it again"
+    raise InputError.single(message, at)

@@ -21,6 +21,9 @@ NO_ACCESS = {
     sqlite3.SQLITE_TOOBIG: "cannot be written: a text is too long for the store",
 }
 
+DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_FORMAT, sqlite3.SQLITE_MISMATCH)
+"""What SQLite says of a file that it cannot make sense of: the statements are sound, as tables are looked at first."""
+
 
 @contextmanager
 def explained(paths: Sequence[Path]) -> Iterator[None]:
@@ -69,7 +72,7 @@ def _explanation(error: sqlite3.Error, paths: Sequence[Path]) -> OripError | Non
     if primary in NO_ACCESS:
         return OripError(f"{names} {NO_ACCESS[primary]} ({error})")
     # sqlite3 gives text that is not UTF-8 no code of its own.
-    if primary == sqlite3.SQLITE_CORRUPT or str(error).startswith("Could not decode"):
+    if primary in DAMAGE or str(error).startswith("Could not decode"):
         return damage(Path(names), str(error).partition(":")[0])
     return None
 

@@ -55,7 +55,9 @@ def create(store: Store, *, packed: bool = True) -> None:
 
 def content_sums(store: Store) -> ContentSums:
     """Return the checksums of a store that is present."""
-    rows = store.connection.execute(CHECKSUM.select(store.schema)) if store.present else ()
+    rows = store.connection.execute(CHECKSUM.select(store.schema)).fetchall() if store.present else []
+    if any(tuple(map(type, row)) != (str, str, int, str) for row in rows):
+        raise damage(store.path, "its checksums are illegible")
     return ContentSums(
         summed_tables(store.kind), {(table, part): Sum(count, digest) for table, part, count, digest in rows}
     )

@@ -9,7 +9,10 @@ together by two kinds of files:
 The pact is made first, then the copies, then the connections commit; removing the pact is the commit of the whole, and
 the copies go last. Whoever finds a copy beside a store looks for its pact: if it is gone, the transaction was completed
 and the copy goes too; if it is there, its process was killed (it would hold the pact's lock), and all stores are put
-back. A reader looks for copies once it has its locks: no store can be committed under them, and no copy goes before all
+back. Both may have come with a project from somebody else: a pact counts only if it lists the store whose copy names
+it, and a copy is touched only if it names the pact, so that neither reaches other files.
+
+A reader looks for copies once it has its locks: no store can be committed under them, and no copy goes before all
 stores are committed, so that a reader who finds none has a state from before or from after the whole.
 """
 
@@ -18,6 +21,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import sqlite3
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing, suppress
@@ -26,7 +30,14 @@ from pathlib import Path
 from orip.files.stores.store import damage
 from orip.files.text.atomic import flush_folder, replace_bytes
 from orip.files.text.lock import locked
-from orip.files.text.regular_file import regular_bytes
+from orip.files.text.own_files import STORE_NAME, remove_file
+from orip.files.text.regular_file import NoRegularFileError, open_regular, regular_bytes
+from orip.files.text.shown import shown_token
+
+_STORE = re.compile(STORE_NAME)
+_PACT = re.compile(rf"{STORE_NAME}-pact")
+_LONGEST_LIST = 1 << 20
+"""Bytes of a pact: the names of some thousand stores."""
 
 Connect = Callable[[Path], sqlite3.Connection]
 """Opens one store by itself, for reading and writing."""
@@ -112,7 +123,7 @@ def remove_orphaned_pact(files: Sequence[Path]) -> None:
     pact = _pact_of(files[0])
     with suppress(OSError, ValueError):
         if pact.exists() and not any(has_undo(file) for file in _listed(pact)):
-            pact.unlink()
+            remove_file(pact)
 
 
 def _put_back_with(file: Path, connect: Connect) -> None:
@@ -122,8 +133,10 @@ def _put_back_with(file: Path, connect: Connect) -> None:
             pact, _ = _read_undo(file)
             before = _identity(pact)
             if before is None:
-                _undo_of(file).unlink(missing_ok=True)
+                remove_file(_undo_of(file))
                 return
+            if file not in _listed(pact):
+                raise damage(_undo_of(file), f"it names '{shown_token(str(pact))}', which does not list this store")
             with locked(pact, file.name):
                 if _identity(pact) == before:  # else that transaction has ended while its lock was waited for
                     _put_back(pact, connect)
@@ -133,18 +146,18 @@ def _put_back_with(file: Path, connect: Connect) -> None:
 
 
 def _put_back(pact: Path, connect: Connect) -> None:
-    files = _listed(pact)
+    files = [file for file in _listed(pact) if has_undo(file) and _read_undo(file)[0] == pact]
     for file in files:
-        if has_undo(file) and _read_undo(file)[0] == pact:
-            _restore(file, _read_undo(file)[1], connect)
+        _restore(file, _read_undo(file)[1], connect)
     _end(pact, files)
 
 
 def _end(pact: Path, files: Iterable[Path]) -> None:
-    pact.unlink()
+    """Remove the pact, and then the copies that name it."""
+    remove_file(pact)
     flush_folder(pact.parent)
     for file in files:
-        _undo_of(file).unlink(missing_ok=True)
+        remove_file(_undo_of(file))
 
 
 def _restore(file: Path, content: bytes, connect: Connect) -> None:
@@ -178,18 +191,24 @@ def _read_undo(file: Path) -> tuple[Path, bytes]:
     try:
         found = json.loads(head)
         pact, digest = _at(file, found["pact"]), found["sha256"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         pact, digest = file, ""
-    if hashlib.sha256(content).hexdigest() != digest:
+    if hashlib.sha256(content).hexdigest() != digest or not _PACT.fullmatch(pact.name):
         raise damage(_undo_of(file), "it is not a copy of a store")
     return pact, content
 
 
 def _listed(pact: Path) -> list[Path]:
     try:
-        return [_at(pact, name) for name in json.loads(regular_bytes(pact))]
-    except (ValueError, TypeError):
-        raise damage(pact, "it is not a list of stores") from None
+        with open_regular(pact) as file:
+            listed = [_at(pact, name) for name in json.loads(file.read(_LONGEST_LIST))]
+    except NoRegularFileError as error:
+        raise damage(pact, f"it is {error.kind}, and no list of stores") from None
+    except (ValueError, TypeError, RecursionError):
+        listed = [pact]
+    if pact.is_symlink() or not all(_STORE.fullmatch(path.name) for path in listed):
+        raise damage(pact, "it is not a list of stores")
+    return listed
 
 
 def _undo_of(file: Path) -> Path:

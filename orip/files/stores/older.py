@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from orip.errors import InputError
 from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION
+from orip.files.text.own_files import make_folder, rename
 from orip.files.text.regular_file import kind_of_no_file
 
 OLDER_STORES = "older-stores"
@@ -69,12 +71,12 @@ def set_older_stores_aside(paths: Iterable[Path]) -> list[Path]:
     moved = []
     for path in filter(is_older_store, paths):
         folder = path.parent / OLDER_STORES
-        folder.mkdir(exist_ok=True)
+        make_folder(folder)
         target = folder / path.name
         number = 1
-        while target.exists():
+        while os.path.lexists(target):
             number += 1
             target = folder / f"{path.name}.{number}"
-        path.rename(target)
+        rename(path, target)
         moved.append(target)
     return moved

@@ -222,13 +222,20 @@ class Store(Struct, frozen=True):
             return [None]
         owner = quoted(table.columns[0].name)
         query = f"SELECT DISTINCT {owner} FROM {self.schema}.{quoted(table.name)} ORDER BY 1"
-        return [row[0] for row in self.connection.execute(query)]
+        owners = [row[0] for row in self.connection.execute(query)]
+        if not all(isinstance(owner, str) for owner in owners):
+            raise damage(self.path, f"table {table.name}: a name is no text")
+        return list[str | None](owners)
 
     def _sum_of(self, table: StoreTable, owner: str | None) -> Sum | None:
         running = RunningSum(table)
         cursor = self._cursor(table, owner)
         while rows := cursor.fetchmany(1 if table.packed else ROWS_AT_A_TIME):
-            running.add(list(zip(*rows, strict=True)))
+            # a damaged file may have other types than its schema, which would not be worth a look at each value
+            try:
+                running.add(list(zip(*rows, strict=True)))
+            except (TypeError, ValueError, OverflowError, AttributeError) as error:
+                raise damage(self.path, f"table {table.name}: {error}") from error
         return running.value()
 
     def _require_sum(self, table: StoreTable, owner: str | None, found: Sum | None) -> None:

@@ -11,14 +11,15 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import InputError, OripError, UsageError
+from orip.errors import OripError, UsageError
 from orip.files.stores.explain import explained, opened
 from orip.files.stores.identity import content_sums, create, is_present
 from orip.files.stores.joint_commit import commit_jointly, has_undo, put_back_killed, remove_orphaned_pact
 from orip.files.stores.schema import kind_of
 from orip.files.stores.store import Store
-from orip.files.stores.super_journals import remove_orphans
-from orip.files.text.regular_file import file_of, kind_of_no_file
+from orip.files.stores.store_files import remove_orphans, require_own_store
+from orip.files.text.own_files import remove_file
+from orip.files.text.regular_file import file_of
 from orip.structs import replace
 
 _LONGEST_VALUE = 100_000_000
@@ -61,7 +62,7 @@ def writing(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     OripError
         If disk or permissions are in the way.
     """
-    files = _files(paths)
+    files = _files(paths, writes=True)
     if not files:
         message = "a transaction that writes needs at least one store"
         raise ValueError(message)
@@ -89,14 +90,16 @@ def remove_empty(path: Path, is_empty: Callable[[Store], bool]) -> bool:
         Tells whether a store with its tables has nothing in it.
     """
     with suppress(OripError, OSError, sqlite3.Error):
-        _require_regular(path)
+        require_own_store(path, writes=True)
         with closing(connected(_uri(path, "rw"), timeout=0.0)) as connection:
             store = _store(path, connection, "main")
             with _transaction(connection, "BEGIN IMMEDIATE"):
                 if has_undo(file_of(path)):
                     return False
                 if not is_present(store) or is_empty(_with_sums(replace(store, present=True))):
-                    path.unlink()  # a process that waits for the lock finds that its file has gone, and makes a new one
+                    remove_file(
+                        path
+                    )  # a process that waits for the lock finds that its file has gone, and makes a new one
                     return True
     return False
 
@@ -135,6 +138,7 @@ def _opened_for_writing(attempt: ExitStack, paths: Sequence[Path], timeout: floa
 
 def _single(file: Path, timeout: float) -> sqlite3.Connection:
     """Return a connection to one store alone, which is not made where it is missing."""
+    require_own_store(file, writes=True)
     connection = connected(_uri(file, "rw"), timeout)
     connection.execute("PRAGMA synchronous = EXTRA")
     return connection
@@ -163,13 +167,14 @@ def reading(paths: Iterable[Path], *, timeout: float = 10.0) -> Iterator[Stores]
     OripError
         If disk or permissions are in the way.
     """
-    files = _files(paths)
+    files = _files(paths, writes=False)
     with explained(list(files.values())), ExitStack() as held:
         while True:
             with ExitStack() as attempt:
                 stores = _shared(attempt, files, timeout)
                 if not any(map(has_undo, files)):
                     held.enter_context(attempt.pop_all())
+                    remove_orphans(file for file, store in stores.items() if store.present)
                     break
             put_back_killed(files, partial(_single, timeout=timeout))
         yield Stores(stores)
@@ -192,31 +197,14 @@ def _shared(attempt: ExitStack, files: Mapping[Path, Path], timeout: float) -> d
     return found
 
 
-def _files(paths: Iterable[Path]) -> dict[Path, Path]:
+def _files(paths: Iterable[Path], *, writes: bool) -> dict[Path, Path]:
     """Return the paths by the file that they lead to, each file once, in the order in which all processes lock them."""
     files = {}
     for path in paths:
         kind_of(path)
-        _require_regular(path)
+        require_own_store(path, writes=writes)
         files[file_of(path)] = path
     return dict(sorted(files.items()))
-
-
-def _require_regular(path: Path) -> None:
-    """Refuse what SQLite should not open: it would wait for a pipe, and make a file wherever a link leads to."""
-    if path.is_symlink() and not path.exists():
-        message = f"this link points to {path.readlink()}, which does not exist; repair or remove the link"
-        raise InputError.single(message, str(path))
-    file = file_of(path)
-    for beside in ("", "-journal", "-wal", "-shm"):
-        found = Path(f"{file}{beside}")  # of '/' too, which has no name
-        try:
-            kind = kind_of_no_file(found.stat())
-        except OSError:
-            continue  # what is absent is made, and of the rest SQLite tells
-        if kind is not None:
-            message = f"this is {kind}, not a file; a record store is one file"
-            raise InputError.single(message, f"{path}{beside}")
 
 
 def _size(file: Path) -> int:

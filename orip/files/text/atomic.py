@@ -12,6 +12,7 @@ from pathlib import Path
 
 from orip.errors import OripError
 from orip.files.text.leftovers import temporary_beside
+from orip.files.text.own_files import discard, new_file, rename
 from orip.files.text.regular_file import NoRegularFileError, kind_of_no_file
 
 _BUFFER_BYTES = 1 << 20
@@ -108,10 +109,10 @@ def _replace(path: Path, pieces: Iterable[bytes | memoryview]) -> None:
     temporary = temporary_beside(path)
     try:
         _write_through(temporary, pieces, mode)
-        temporary.replace(path)
+        rename(temporary, path)
     except BaseException:  # an interrupt must not leave the temporary file behind either
         with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+            discard(temporary)
         raise
     flush_folder(path.parent)
 
@@ -129,7 +130,7 @@ def _mode_of(path: Path) -> int | None:
 
 
 def _write_through(temporary: Path, pieces: Iterable[bytes | memoryview], mode: int | None) -> None:
-    with temporary.open("xb", buffering=_BUFFER_BYTES) as stream:
+    with new_file(temporary, _BUFFER_BYTES) as stream:
         for piece in pieces:
             stream.write(piece)
         stream.flush()

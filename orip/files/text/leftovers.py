@@ -11,11 +11,12 @@ import os
 import platform
 import re
 import secrets
-import shutil
 import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
+
+from orip.files.text.own_files import remove_file, remove_folder
 
 _NAME = re.compile(r"\.orip-(?P<host>[0-9a-f]{8})-(?P<process>[0-9]{1,18})-(?P<began>[0-9]{1,20})-[0-9a-f]{16}\.tmp")
 _FOREIGN_AGE_SECONDS = 86400.0
@@ -43,7 +44,7 @@ def remove_leftovers(folder: Path) -> list[str]:
             continue
         with suppress(OSError):  # another run may have removed it first
             if _is_leftover(path, match):
-                _remove(path)
+                (remove_folder if path.is_dir() else remove_file)(path)
                 removed.append(path.name)
     return removed
 
@@ -53,13 +54,6 @@ def _is_leftover(path: Path, name: re.Match[str]) -> bool:
         return path.lstat().st_mtime < time.time() - _FOREIGN_AGE_SECONDS
     process = int(name["process"])
     return not _is_running(process) or (_began(process) or 0) != int(name["began"])
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink()
 
 
 def _is_running(process: int) -> bool:

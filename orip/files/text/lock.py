@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from orip.errors import LockedError
+from orip.files.text.regular_file import open_regular
 
 _PAUSE_SECONDS = 0.05
 
@@ -34,9 +35,9 @@ def locked(path: Path, shown: str, *, timeout: float = 10.0) -> Iterator[None]:
     LockedError
         If another process holds the lock after `timeout`.
     OSError
-        If the file cannot be opened.
+        If the file cannot be opened, or is no regular file.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         deadline = time.monotonic() + timeout
         while not _taken(file):
             if time.monotonic() > deadline:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from orip.files.text.atomic import replace_bytes, replace_text
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.own_files import discard, make_folder, make_named_folder, remove_folder, rename
 from orip.files.text.regular_file import file_of, regular_bytes
 
 
@@ -36,15 +35,16 @@ def write_new_folder(folder: Path, texts: Mapping[str, str | bytes]) -> None:
     if folder.exists():
         _fill(folder, texts)
         return
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    make_named_folder(folder.parent)
     remove_leftovers(folder.parent)
     temporary = temporary_beside(folder)
     try:
-        temporary.mkdir()
+        make_folder(temporary)
         _fill(temporary, texts)
-        os.replace(temporary, folder)  # noqa: PTH105  # the tests of crashes count the steps of os
+        rename(temporary, folder)
     except BaseException:  # an interrupt must not leave the temporary folder behind either
-        shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):
+            remove_folder(temporary)
         raise
 
 
@@ -72,5 +72,5 @@ def _fill(folder: Path, texts: Mapping[str, str | bytes]) -> None:
     except BaseException:
         for path in written:
             with suppress(OSError):
-                path.unlink(missing_ok=True)
+                discard(path)
         raise

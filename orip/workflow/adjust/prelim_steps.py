@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from msgspec import Struct
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
@@ -33,9 +34,12 @@ from orip.records.results.preliminary import (
 )
 from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import explained_preliminary_values, not_oriented
+from orip.wording import agreeing, first_names
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
+
+_SHOWN_MODELS = 6
 
 
 class PrelimInput(Struct, frozen=True):
@@ -77,6 +81,39 @@ class PrelimInput(Struct, frozen=True):
             raise InputError.single(message)
         return tuple(in_driving_order(models))
 
+    @property
+    def measured_models(self) -> tuple[StereoModel, ...]:
+        """Return the models of which both photos are measured, in driving order; if there is none, all of them.
+
+        Raises
+        ------
+        InputError
+            If the bundle has none.
+        """
+        measured = self._measured_photos()
+        return tuple(model for model in self.models if {model.left, model.right} <= measured) or self.models
+
+    @property
+    def unmeasured_models(self) -> tuple[ProjectWarning, ...]:
+        """Return a warning that names the models that are left out, as their photos have no points yet."""
+        measured, left_out = self._measured_photos(), len(self.models) - len(self.measured_models)
+        if not left_out:
+            return ()
+        names = [model.name for model in self.models if not {model.left, model.right} <= measured]
+        photos = dict.fromkeys(
+            photo for model in self.models for photo in (model.left, model.right) if photo not in measured
+        )
+        of_models, of_photos = agreeing(left_out, "model", "models"), agreeing(len(photos), "photo", "photos")
+        text = (
+            f"{of_models} {first_names(names, _SHOWN_MODELS)} left out: no point is measured yet in "
+            f"{of_photos} {first_names(list(photos), _SHOWN_MODELS)}"
+        )
+        return (ProjectWarning("unmeasured-models", "", text),)
+
+    def _measured_photos(self) -> set[str]:
+        counts = np.bincount(self.block.photo_points.photo, minlength=len(self.block.photos))
+        return {photo.name for photo, count in zip(self.block.photos, counts.tolist(), strict=True) if count}
+
     def model(self, name: str) -> StereoModel:
         """Return a model by its name.
 
@@ -113,11 +150,11 @@ def prelim_input(bundle: BundleState) -> PrelimInput:
 
 
 def relative_orientations(given: PrelimInput, model: str | None) -> Relative:
-    """Orient one model relatively, or all of them."""
+    """Orient one model relatively, or all that are measured."""
     rays = image_rays(given.block)
     index = photo_index(rays)
     if model is None:
-        oriented, failures = orient_models(rays, given.models, index)
+        oriented, failures = orient_models(rays, given.measured_models, index)
         return Relative(ListedModels(rays, oriented), tuple(failures))
     found = orient_model(rays, given.model(model), index)
     return Relative((), (found,)) if isinstance(found, NotOriented) else Relative(ListedModels(rays, [found]), ())
@@ -202,7 +239,7 @@ def _reasons(failures: Sequence[NotOriented]) -> str:
 
 
 def _bridged(given: PrelimInput, rays: ImageRays) -> JoinedSystems:
-    oriented, failures = orient_models(rays, given.models, photo_index(rays))
+    oriented, failures = orient_models(rays, given.measured_models, photo_index(rays))
     bridged = bridge_rows(oriented, rays)
     return JoinedSystems(bridged.systems, bridged.steps, (*failures, *bridged.failures))
 

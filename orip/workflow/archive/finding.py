@@ -57,7 +57,7 @@ def _stores(folder: Path) -> tuple[str, ...]:
     """Return the stores of cameras and tick marks of a project; none where orip.toml cannot be read."""
     try:
         table = tomllib.loads(regular_bytes(folder / PROJECT_FILE).decode("utf-8")).get("project")
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return ()
     given = table if isinstance(table, dict) else {}
     usual = ProjectTable(name="")

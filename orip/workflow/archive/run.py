@@ -20,6 +20,7 @@ from orip.files.archive.layout import ResultsFolder
 from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lock import locked
+from orip.files.text.own_files import make_file, make_named_folder
 from orip.version import __version__
 from orip.workflow.archive.collecting import Collected, collect
 from orip.workflow.archive.finding import find_projects
@@ -103,8 +104,9 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
     with _alone(results), connected(request.scheduler, workers) as client:
         require_fit_workers(client, results.lock, forking=True)
         names = tuple(project.name for project in projects)
+        dashboard = client.dashboard_link if request.scheduler else ""
         plan = ArchivePlan(
-            str(base), names, request.settings.digest, request.method, __version__, client.dashboard_link, time.time()
+            str(base), names, request.settings.digest, request.method, __version__, dashboard, time.time()
         )
         write_plan(results, plan)
         watcher.began(plan)
@@ -122,8 +124,8 @@ def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
 def _alone(results: ResultsFolder) -> Iterator[None]:
     """Hold the lock of the results."""
     with reporting_failure(results.folder, "remove the cause, or name another folder with --out"):
-        results.folder.mkdir(parents=True, exist_ok=True)
-        results.lock.touch()
+        make_named_folder(results.folder)
+        make_file(results.lock)
     try:
         with locked(results.lock, str(results.folder), timeout=0.0):
             yield

@@ -70,7 +70,7 @@ class _Server:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "orip.workflow.archive.fork_server"],
+            [sys.executable, "-P", "-m", "orip.workflow.archive.fork_server"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

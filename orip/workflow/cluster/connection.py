@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
+import stat
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from orip.errors import OripError, UsageError
 from orip.version import __version__
@@ -22,6 +24,9 @@ _WORKERS_SECONDS = 30
 _CLOSE_SECONDS = 5
 _MOST_DEATHS = 20
 """Workers that may die with a project before it is given up: of a cluster on this machine, where Dask would take 3."""
+
+_MOST_STARTS = 5
+"""Times that a worker of this machine is started which dies before it is there."""
 
 _RESTART_TIME = "1 hour"
 """For a worker that died to be there again. Dask would take 15 seconds and then give it up for good: a busy machine
@@ -38,6 +43,11 @@ _OWN_CLUSTER = {
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.admin.system-monitor.disk": False,
     "distributed.deploy.lost-worker-timeout": _RESTART_TIME,
+    # Dask begins no node without a web server: without pages it tells nobody what is computed here
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    # the working directory may be a folder from elsewhere, with files that are called like modules
+    "distributed.nanny.pre-spawn-environ.PYTHONSAFEPATH": "1",
 }
 """Settings of a cluster on this machine."""
 
@@ -79,8 +89,10 @@ def connected(address: str | None, workers: int | None, memory: int = 0) -> Iter
     LostClusterError
         If nothing answers at the address, or no worker is there.
     UsageError
-        If the address is malformed.
+        If the address is malformed, or what a cluster on this machine needs is not installed.
     """
+    if address is None:
+        require_installed("workers on this machine need", ("cryptography",))
     import dask
     import distributed  # its own settings have to be there before any is changed
 
@@ -96,22 +108,68 @@ def connected(address: str | None, workers: int | None, memory: int = 0) -> Iter
 
 @contextmanager
 def _own_cluster(workers: int | None, memory: int) -> Iterator[Client]:
-    """Start a cluster on this machine, and end it."""
+    """Start a cluster on this machine, and end it.
+
+    Whoever can connect to a scheduler or a worker has it run any code. So they speak TLS with each other alone, by a
+    key that is made for this run and is in no file.
+    """
     import dask
     from distributed import Client, LocalCluster
+    from distributed.security import Security
 
-    with (
-        dask.config.set(_OWN_CLUSTER),
-        LocalCluster(
-            n_workers=workers or cores(),
-            threads_per_worker=1,
-            memory_limit=memory,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster) as client,
-    ):
-        yield client
+    with dask.config.set({**_OWN_CLUSTER, "temporary-directory": str(_own_folder())}):
+        try:
+            cluster = LocalCluster(
+                n_workers=workers or cores(),
+                threads_per_worker=1,
+                memory_limit=memory,
+                security=Security.temporary(),
+                dashboard_address="127.0.0.1:0",  # of the web server without pages
+                scheduler_kwargs={"dashboard": False},
+                worker_class=_starting_again(),
+                silence_logs=logging.CRITICAL,
+            )
+        except RuntimeError as error:
+            message = (
+                f"the workers of Dask ended while they were started, one of them {_MOST_STARTS} times; see whether "
+                "the machine has enough memory, or something ends processes, then repeat the command"
+            )
+            raise LostClusterError(message) from error
+        with cluster, Client(cluster) as client:
+            yield client
+
+
+def _own_folder() -> Path:
+    """Return a folder where nobody else writes, for the files of scheduler and workers.
+
+    Workers write there when memory is full, and unpickle it again, and all look there for modules. It stays, as Dask
+    removes in it what killed workers have left.
+    """
+    import dask
+
+    within = dask.config.get("temporary-directory", None) or tempfile.gettempdir()
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(within, f"orip-dask-{user}")
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    status = folder.lstat()
+    if stat.S_ISDIR(status.st_mode) and (os.name != "posix" or (status.st_uid == user and not status.st_mode & 0o077)):
+        return folder
+    return Path(tempfile.mkdtemp(prefix="orip-dask-", dir=within))
+
+
+def _starting_again() -> type[Any]:
+    """Return what starts a worker: where it dies before it is there, another one is started, as one is later on."""
+    from distributed import Nanny, Status
+
+    class Starting(Nanny):  # type: ignore[misc]  # mypy is told to pass over Dask
+        async def instantiate(self) -> Any:
+            for _ in range(_MOST_STARTS - 1):
+                if (reached := await super().instantiate()) == Status.running or self.status == Status.running:
+                    return reached
+            return await super().instantiate()
+
+    return Starting
 
 
 @contextmanager
@@ -121,7 +179,13 @@ def _scheduler(address: str) -> Iterator[Client]:
 
     try:
         client = Client(address, timeout=_CONNECT_SECONDS)
-    except ValueError as error:
+    except (ValueError, TypeError) as error:
+        if address.startswith("tls:"):
+            message = (
+                f"{address} needs certificates ({error}); name them in Dask's configuration, distributed.comm.tls, for "
+                "example by DASK_DISTRIBUTED__COMM__TLS__CA_FILE"
+            )
+            raise UsageError(message) from None
         message = f"'{address}' is not the address of a scheduler ({error}); it is like tcp://HOST:8786"
         raise UsageError(message) from None
     except (OSError, TimeoutError):
@@ -171,11 +235,14 @@ def require_fit_workers(client: Client, marker: Path, *, forking: bool) -> None:
     OripError
         With everything that is wrong with the workers.
     """
+    from distributed.comm import CommClosedError
+
     found: Mapping[str, object] = client.run(worker_facts, str(marker), on_error="return")
     here = worker_facts(str(marker))
     faults = [
         f"worker {worker}: {fault}"
         for worker, facts in sorted(found.items())
+        if not isinstance(facts, CommClosedError)  # it has died: what comes in its place is started like it
         for fault in _faults(facts, here, marker, forking=forking)
     ]
     if faults:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import cast
 
@@ -22,7 +22,7 @@ from orip.workflow.cluster.facts import UnfitWorkerError
 _MOST_RAYS = 3_000_000
 """Photo points whose loops a worker keeps, some 150 bytes each; it reads the others when it needs them again."""
 
-_loops: OrderedDict[tuple[str, int], PhotoPointLoop] = OrderedDict()
+_loops: OrderedDict[tuple[str, str], PhotoPointLoop] = OrderedDict()
 _alone = threading.Lock()
 
 
@@ -33,12 +33,15 @@ class StoredSubBlock(Struct, frozen=True):
     ----------
     folder : str
     number : int
+    digest : str
+        Of its file.
     version : str
         Of the orip that wrote it.
     """
 
     folder: str
     number: int
+    digest: str
     version: str = __version__
 
     def loop(self) -> PhotoPointLoop:
@@ -49,7 +52,7 @@ class StoredSubBlock(Struct, frozen=True):
         UnfitWorkerError
             If this process has another orip, lacks the compiled loop, or does not see the file.
         """
-        key = (self.folder, self.number)
+        key = (self.folder, self.digest)
         with _alone:  # a worker may have several threads
             found = _loops.pop(key, None) or self._read()
             _loops[key] = found
@@ -65,7 +68,7 @@ class StoredSubBlock(Struct, frozen=True):
             message = "a worker lacks orip's compiled loop; install orip's wheel there, or orip with a C compiler"
             raise UnfitWorkerError(message)
         try:
-            return loop_of(_sub_block(read_sub_block(Path(self.folder), self.number)))
+            return loop_of(_sub_block(read_sub_block(Path(self.folder), self.number, self.digest)))
         except ValueError as error:
             raise UnfitWorkerError(str(error)) from None
         except OSError as error:
@@ -81,16 +84,8 @@ def store_sub_blocks(project: Path, sub_blocks: Iterable[SubBlock]) -> list[Stor
     OripError
         If they cannot be written.
     """
-    count = 0
-
-    def all_arrays() -> Iterator[dict[str, NDArray[np.generic]]]:
-        nonlocal count
-        for sub_block in sub_blocks:
-            count += 1
-            yield _arrays(sub_block)
-
-    folder = write_sub_blocks(project.resolve(), all_arrays())
-    return [StoredSubBlock(str(folder), number) for number in range(count)]
+    written = write_sub_blocks(project.resolve(), map(_arrays, sub_blocks))
+    return [StoredSubBlock(str(written.folder), number, digest) for number, digest in enumerate(written.digests)]
 
 
 def _arrays(sub_block: SubBlock) -> dict[str, NDArray[np.generic]]:

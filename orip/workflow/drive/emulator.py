@@ -6,6 +6,7 @@ import asyncio
 import errno
 import signal
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 from msgspec import Struct
@@ -18,7 +19,7 @@ from orip.files.drive.processor_state import (
     write_processor_state,
 )
 from orip.files.text.atomic import reporting_failure
-from orip.link.access import new_token
+from orip.link.access import new_token, token_kept
 from orip.link.emulator import Emulator
 from orip.link.station import DSR_STAGES, MeasuringMark, Stages, Station, bare_stages
 from orip.link.travel import Pace
@@ -42,7 +43,7 @@ class EmulatorSettings(Struct, frozen=True):
     pace : Pace or None
         None: movements take no time.
     is_remote_allowed : bool
-        Others than programs on this machine may connect, if they have the token.
+        Programs on other machines may connect, if they have the token.
     stages : Stages or None
         How far the stages go; None: as a drive table says.
     """
@@ -54,16 +55,14 @@ class EmulatorSettings(Struct, frozen=True):
     stages: Stages | None = DSR_STAGES
 
 
-def emulate(
-    settings: EmulatorSettings, listening: Callable[[str, str | None], None], trouble: Callable[[str], None]
-) -> str:
+def emulate(settings: EmulatorSettings, listening: Callable[[str, str], None], trouble: Callable[[str], None]) -> str:
     """Serve until SIGINT or SIGTERM, and return the signal's name.
 
     Parameters
     ----------
     settings : EmulatorSettings
     listening : function of ``host:port`` and the token
-        Called when clients may connect; None: none is wanted.
+        Called when clients may connect.
     trouble : function of a sentence
         Called when the state cannot be written; serving goes on.
 
@@ -91,10 +90,16 @@ def emulate(
         except OripError as error:
             trouble(str(error))
 
-    token = new_token() if settings.is_remote_allowed else None
+    token, kept = new_token(), ExitStack()
+
+    def told(address: tuple[str, int]) -> None:
+        kept.enter_context(token_kept(*address, token))
+        listening(_joined(*address), token)
+
     emulator = Emulator(station, load_drive_table, keep if settings.state else None, settings.pace, token=token)
     try:
-        return asyncio.run(_serve_until_signal(emulator, host, port, lambda address: listening(address, token)))
+        with kept:
+            return asyncio.run(_serve_until_signal(emulator, host, port, told))
     except OSError as error:
         message = f"cannot listen on {settings.listen}: {error.strerror or error}; name another address with --listen"
         if error.errno == errno.EADDRINUSE:
@@ -105,7 +110,9 @@ def emulate(
         raise LinkError(message) from error
 
 
-async def _serve_until_signal(emulator: Emulator, host: str, port: int, listening: Callable[[str], None]) -> str:
+async def _serve_until_signal(
+    emulator: Emulator, host: str, port: int, listening: Callable[[tuple[str, int]], None]
+) -> str:
     loop = asyncio.get_running_loop()
     ended: asyncio.Future[str] = loop.create_future()
 
@@ -120,7 +127,7 @@ async def _serve_until_signal(emulator: Emulator, host: str, port: int, listenin
             signal.signal(
                 stop_signal, lambda number, _frame: loop.call_soon_threadsafe(end, signal.Signals(number).name)
             )
-    await emulator.serve(host, port, lambda *address: listening(_joined(*address)), ended)
+    await emulator.serve(host, port, lambda *address: listening(address), ended)
     return await ended
 
 

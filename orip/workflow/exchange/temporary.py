@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from orip.errors import UsageError
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.own_files import make_named_folder, remove_empty_folder, remove_folder, rename
 from orip.files.text.regular_file import file_of
 
 
@@ -32,15 +31,16 @@ def folder_in_the_making(folder: Path) -> Iterator[Path]:
         message = f"{folder} has something in it already; name a new or empty folder"
         raise UsageError(message)
     with reporting_failure(str(folder), "name another folder"):
-        target.parent.mkdir(parents=True, exist_ok=True)
+        make_named_folder(target.parent)
         remove_leftovers(target.parent)
         temporary = temporary_beside(target)
     try:
         yield temporary
         with reporting_failure(str(folder), "name another folder"):
             if target.exists():
-                target.rmdir()
-            os.replace(temporary, target)  # noqa: PTH105  # as new folders are made
+                remove_empty_folder(target)
+            rename(temporary, target)
     except BaseException:  # an interrupt must not leave the temporary folder behind either
-        shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):
+            remove_folder(temporary)
         raise

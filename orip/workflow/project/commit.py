@@ -17,6 +17,7 @@ from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
 from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_link
 from orip.files.text.lock import locked
+from orip.files.text.own_files import remove_file
 from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
 from orip.records.results.solution import Solution
@@ -149,7 +150,7 @@ def commit(change: Change[T]) -> Committed[T]:
                 write_output(project, output)
     for path in change.superseded:
         with suppress(OSError):  # empty stores, copies, results: useless, but harmless
-            path.unlink(missing_ok=True)
+            remove_file(path, project.folder)
     if change.restores_outputs:
         rewrite_stale_outputs(project)
     if change.locks or change.edited_texts or change.outputs:

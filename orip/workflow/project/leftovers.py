@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from orip.errors import OripError
-from orip.files.stores.contents import observations
+from orip.files.stores.contents import exterior, observations
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import reading, remove_empty
 from orip.files.text.leftovers import remove_leftovers
 from orip.records.names import record_key
-from orip.workflow.project.definitions import read_definitions
 from orip.workflow.project.folder import ProjectFolder
 
 
@@ -24,15 +24,14 @@ def remove_leftovers_of_kills(project: ProjectFolder) -> None:
         for folder in {project.folder, project.results}:
             if folder.is_dir() and not folder.is_symlink():
                 remove_leftovers(folder)
-        strange = _stores_of_no_bundle(project, project.bundle_names)
-        if strange:
-            with reading(project.record_stores) as stores:
-                defined = [bundle.record.name for bundle in read_definitions(project, stores).bundles]
-            for path in _stores_of_no_bundle(project, (*project.bundle_names, *defined)):
-                remove_empty(path, _has_nothing)
+        with reading([project.exterior]) as stores:
+            defined = [bundle.record.name for bundle in exterior.read(stores[project.exterior])]
+        # orip.toml may still have the old name of a bundle that was renamed
+        for path in _stores_of_no_bundle(project, defined):
+            remove_empty(path, _has_nothing)
 
 
-def _stores_of_no_bundle(project: ProjectFolder, bundles: tuple[str, ...]) -> list[Path]:
+def _stores_of_no_bundle(project: ProjectFolder, bundles: Sequence[str]) -> list[Path]:
     """Return the stores of photo observations that belong to no bundle by their names."""
     keys = {record_key(name) for name in bundles}
     folder = project.observations("").parent

@@ -12,6 +12,7 @@ from orip.files.result.identification import run_of_result
 from orip.files.stores.provenance import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
+from orip.files.text.own_files import remove_file
 from orip.files.text.regular_file import beginning
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.workflow.project.bundle_state import BundleState
@@ -127,7 +128,7 @@ def _rewrite_solution_outputs(project: ProjectFolder, bundle: str) -> None:
         write_output(project, output)
     for other in superseded_outputs(project, found.solution):
         with suppress(OSError):
-            other.unlink(missing_ok=True)
+            remove_file(other, project.folder)
 
 
 def outputs_of_other_names(project: ProjectFolder) -> Sequence[Path]:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from orip.files.text.atomic import replace_in_pieces, reporting_failure, require_no_link
+from orip.files.text.atomic import replace_in_pieces, reporting_failure
 from orip.files.text.digest import file_digest
+from orip.files.text.own_files import make_folder
 from orip.workflow.project.folder import ProjectFolder
 
 
@@ -71,8 +72,7 @@ def write_output(project: ProjectFolder, output: TextOutput) -> None:
 def _make_folder(project: ProjectFolder) -> None:
     """Make the folder of the outputs where they have one of their own; a link could lead out of the project."""
     if project.results != project.folder:
-        require_no_link(project.results)
-        project.results.mkdir(exist_ok=True)
+        make_folder(project.results)
 
 
 def digest_of_text(path: Path) -> str | None:

@@ -127,9 +127,24 @@ def rename_record(state: ProjectState, record: RecordName, name: str) -> Change[
     """Give a record another name, in all records that name it and in what is measured; raises what `add_record` does.
 
     Text files keep the old name: a warning tells where. What is named after a bundle takes its new name; the state of
-    such a command has the solutions.
+    such a command has the solutions. Where a killed run had renamed a bundle, what it has left is removed.
     """
+    if _is_renamed_already(state, record, name):
+        return Change(
+            state, RecordsOutcome(state.project, (), (), (), dry_run=False), locks=state.project.record_stores
+        )
     return _change(state, record_edits.renaming(record, name))
+
+
+def _is_renamed_already(state: ProjectState, record: RecordName, name: str) -> bool:
+    """Tell whether a bundle has its new name, and its store of the old name is still there."""
+    stored = {record_key(bundle) for bundle in state.bundles}
+    return (
+        record.kind == "bundle"
+        and record_key(record.name) not in stored
+        and record_key(name) in stored
+        and state.project.observations(record.name).is_file()
+    )
 
 
 def delete_record(state: ProjectState, record: RecordName, *, with_referents: bool = False) -> Change[RecordsOutcome]:
@@ -143,6 +158,11 @@ def delete_record(state: ProjectState, record: RecordName, *, with_referents: bo
         If there is no such record.
     """
     return _change(state, record_edits.deleting(record), alone=None if with_referents else record)
+
+
+def delete_models(state: ProjectState, bundle: str | None) -> Change[RecordsOutcome]:
+    """Delete all models of a bundle, None: of the only one; raises what `delete_record` does."""
+    return _change(state, record_edits.deleting_models(bundle))
 
 
 def dry_run(change: Change[RecordsOutcome]) -> Change[RecordsOutcome]:

@@ -13,6 +13,7 @@ from orip.files.project.assignments import with_assignments
 from orip.files.project.record_values import TomlTable
 from orip.files.text.shown import shown_token
 from orip.records.names import name_fault, record_key
+from orip.records.project.camera import RADIAL_PARAMETERS
 from orip.structs import replace
 from orip.wording import listed_names
 from orip.workflow.records.changes import Renaming
@@ -89,6 +90,8 @@ def editing(record: RecordName, words: Sequence[str]) -> Edit:
     def edit(document: TomlTable) -> EditedDocument:
         place = find(document, record)
         table, faults = with_assignments(record.kind, place.table, words)
+        if record.kind == "camera":
+            _keep_one_radial_form(table, words)
         _replace(document, place, table)
         return EditedDocument(document, faults=faults)
 
@@ -116,6 +119,16 @@ def deleting(record: RecordName) -> Edit:
 
     def edit(document: TomlTable) -> EditedDocument:
         delete_with_referents(document, find(document, record))
+        return EditedDocument(document)
+
+    return edit
+
+
+def deleting_models(bundle: str | None) -> Edit:
+    """Return the edit that deletes all models of a bundle; None: of the only one."""
+
+    def edit(document: TomlTable) -> EditedDocument:
+        bundle_of_models(document, bundle)["model"] = []
         return EditedDocument(document)
 
     return edit
@@ -185,6 +198,21 @@ def _put(document: TomlTable, record: RecordName, table: TomlTable, before: str 
 def _index(document: TomlTable, record: RecordName) -> int:
     place = find(document, record)
     return next(index for index, table in enumerate(place.around) if table is place.table)
+
+
+def _keep_one_radial_form(camera: TomlTable, words: Sequence[str]) -> None:
+    """Let the form of radial distortion that is assigned take the place of the one that the camera had."""
+    assigned = {key.strip() for key, _, text in (word.partition("=") for word in words) if text.strip()}
+    forms = {"distortion_isp", "distortion_curve"} & {key.partition(".")[0] for key in assigned}
+    coefficients = {key.removeprefix("distortion.") for key in assigned} & set(RADIAL_PARAMETERS)
+    if len(forms) + bool(coefficients) != 1:
+        return  # none, or several: whoever checks the record says so
+    for other in {"distortion_isp", "distortion_curve"} - forms:
+        camera.pop(other, None)
+    if forms and isinstance(camera.get("distortion"), dict):
+        camera["distortion"] = {
+            name: value for name, value in camera["distortion"].items() if name not in RADIAL_PARAMETERS
+        }
 
 
 def _replace(document: TomlTable, place: DocumentRecord, table: TomlTable) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from msgspec import Struct
@@ -12,6 +12,7 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.table import Column, table_lines
 from orip.records.names import record_key
+from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
 from orip.records.project.definition import RECORD_TYPES
 from orip.records.project.fields import headings_of
 from orip.workflow.project.definitions import StoredDefinitions
@@ -88,9 +89,23 @@ def show_record(state: ProjectState, record: RecordName) -> ShownRecord:
     named_by = tuple(
         f"{referent.kind} {referent.name}" for referent in referents(document, record.kind, place.table["name"])
     )
-    lines = [f"{record.kind} {place.name}", *_value_lines(values), "", f"  from      {row.source}"]
+    lines = [f"{record.kind} {place.name}", *_value_lines(values), ""]
+    if record.kind == "camera":
+        lines += _polynomial_lines(state.definitions.cameras, place.table)
+    lines.append(f"  from      {row.source}")
     lines.append(f"  named by  {', '.join(named_by) or 'no record'}")
     return ShownRecord(row, values, named_by, "\n".join(lines) + "\n")
+
+
+def _polynomial_lines(cameras: Sequence[StoredRecord[Camera]], table: TomlTable) -> list[str]:
+    """Return the coefficients with which a camera computes whose radial distortion is given in another form."""
+    form = next((form for form in ("distortion_isp", "distortion_curve") if form in table), None)
+    if form is None:
+        return []
+    camera = next(stored.record for stored in cameras if record_key(stored.record.name) == record_key(table["name"]))
+    known = dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
+    shown = ", ".join(f"{name} {known[name]:.6g}" for name in RADIAL_PARAMETERS if known[name])
+    return [f"  radial    {shown or 'no distortion'} (from {form})"]
 
 
 def _value_lines(values: Iterable[RecordValue]) -> list[str]:

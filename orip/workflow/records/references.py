@@ -102,8 +102,17 @@ def templates_follow(document: Mapping[str, Any]) -> None:
 
 
 def photos_follow(document: Mapping[str, Any], template: TomlTable) -> None:
-    """Let photos name the template that lists them, and those that it no longer lists name none."""
+    """Let photos name the template that lists them, and those that it no longer lists name none.
+
+    A photo that is not there yet is made, with the camera of the photos beside it on the template, or the only camera;
+    where there are several, whoever checks the document says that the camera is missing.
+    """
     listed = {record_key(str(photo)) for photo in template.get("photos", ())}
+    there = {record_key(photo["name"]) for photo in document["photo"]}
+    cameras = _cameras_of(document, listed)
+    for name in template.get("photos", ()):
+        if isinstance(name, str) and record_key(name) not in there:
+            document["photo"].append({"name": name, **({"camera": cameras[0]} if len(cameras) == 1 else {})})
     for photo in document["photo"]:
         here = record_key(str(photo.get("template", ""))) == record_key(template["name"])
         if record_key(photo["name"]) in listed:
@@ -113,6 +122,16 @@ def photos_follow(document: Mapping[str, Any], template: TomlTable) -> None:
     for other in document["template"]:
         if other is not template and "photos" in other:
             other["photos"] = [photo for photo in other["photos"] if record_key(photo) not in listed]
+
+
+def _cameras_of(document: Mapping[str, Any], photos: set[str]) -> list[str]:
+    """Return the cameras of some photos, each once; where they have none, all cameras."""
+    known = {
+        record_key(photo["camera"]): photo["camera"]
+        for photo in document["photo"]
+        if record_key(photo["name"]) in photos and "camera" in photo
+    }
+    return list(known.values()) or [camera["name"] for camera in document["camera"]]
 
 
 def _names(table: TomlTable, key: str, name: str) -> bool:

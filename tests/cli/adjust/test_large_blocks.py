@@ -28,7 +28,7 @@ def test_residuals_are_arrays_and_the_table_is_written_on_request(
     monkeypatch.setattr(solution, "MOST_AS_TEXT", 10)
     said = orip(project, "solve")
     assert said.code == 0
-    assert "residuals.npz" in said.err
+    assert "residuals.npz" in said.out
     assert not (project / "residuals.csv").exists(), "it would be taken for that of this adjustment"
     assert json.loads((project / "result.json").read_text())["residuals_file"] == "residuals.npz"
     listing = (project / "BUNDLE_RESULT.OUT").read_text()

@@ -608,3 +608,19 @@ def test_measuring_noise_in_the_listing_is_told_from_units(folder: Path) -> None
     listing = (folder / "PRELIM_RESULT.OUT").read_text(encoding="utf-8")
     assert "(ft)" in listing
     assert "(m)" not in listing
+
+
+def test_models_of_photos_that_are_not_measured_are_left_out_of_the_steps(made: StripsProject, tmp_path: Path) -> None:
+    """A strip that has not been at the instrument yet does not end the steps of the others with an error."""
+    made.write(tmp_path)
+    log = tmp_path / "STRIPS.MEA"
+    log.write_text(log.read_text().partition("POINTS MAIN P4\n")[0])
+    for command in ("init", "measure"):
+        assert orip(tmp_path, command, "--quiet").code == 0
+    for step in ("relative", "bridge", "connect"):
+        said = orip(tmp_path, "prelim", step)
+        assert said.code == 0, said.err
+        assert "warning: models 2-1, 2-2 left out: no point is measured yet in photos P4, P5, P6" in said.err
+    assert cells(orip(tmp_path, "prelim", "relative").out, "1-1")
+    alone = orip(tmp_path, "prelim", "relative", "2-1")
+    assert alone.code == 4, "a model that is asked for by its name is an error"

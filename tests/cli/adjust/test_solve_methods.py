@@ -76,8 +76,8 @@ def test_errors_of_the_groups_are_estimated(calibration: Path) -> None:
     assert orip(calibration, "run").code == 0
     said = orip(calibration, "solve", "--variance-components")
     assert said.code == 0, said.err
-    assert "photo points of camera DCS" in said.err
-    assert "1 by definition" in said.err
+    assert "photo points of camera DCS" in said.out
+    assert "1 by definition" in said.out
     document = orip(calibration, "solve", "--variance-components", "--json").document
     photo, *_ = document["variance_components"]
     assert (photo["kind"], photo["of"], photo["component"]) == ("photo", "DCS", "xy")
@@ -109,15 +109,15 @@ def test_gates_of_the_command_line_and_of_the_project(tmp_path: Path) -> None:
     assert orip(folder, "run").code == 0
     passed = orip(folder, "solve", "--check", "sigma0<=1.5", "--check", "singular==0")
     assert passed.code == 0
-    assert "pass sigma0 <= 1.5" in passed.err
+    assert "pass sigma0 <= 1.5" in passed.out
     failed = orip(folder, "solve", "--check", "sigma0<=0.001")
     assert failed.code == 5
-    assert "FAIL sigma0 <= 0.001" in failed.err
+    assert "FAIL sigma0 <= 0.001" in failed.out
     with (folder / "orip.toml").open("a") as text:
         text.write('\n[check]\ngates = ["redundancy>=1000"]\n')
     said = orip(folder, "run")
     assert said.code == 5
-    assert "FAIL redundancy >= 1000" in said.err
+    assert "FAIL redundancy >= 1000" in said.out
     assert (folder / "result.json").is_file(), "solved all the same"
 
 

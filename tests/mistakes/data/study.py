@@ -49,7 +49,7 @@ def main(words: Sequence[str]) -> None:
         seconds = time.process_time() - start
         sys.stdout.write(f"== {name}: {mistake.score(line)} ({seconds:.1f} s, exit {said.code})\n{line}\n")
         if "--all" in words:
-            sys.stdout.write("".join(f"      {line}\n" for line in said.err.splitlines() if line[:1] != " "))
+            sys.stdout.write("".join(f"      {line}\n" for line in said.told.splitlines() if line[:1] != " "))
         sys.stdout.flush()
         rows.append(row(mistake, line))
         scores.append((mistake.before, mistake.score(line)))

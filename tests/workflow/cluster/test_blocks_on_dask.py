@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bundle.blocking.divided_blocks import calibrated, largest_difference, with_blunders
 
@@ -116,7 +117,7 @@ def test_a_damaged_file_is_named(blocks, tmp_path):
     problem = blocks.pose(BLOCK)
     for file in (tmp_path / FOLDER).rglob("*.npz"):
         file.write_bytes(b"PK\x03\x04 and nothing else")
-    with pytest.raises(OripError, match=r"is damaged .*; remove .*, then repeat the command"):
+    with pytest.raises(OripError, match=r"is damaged .*; repeat the command, which writes it again"):
         problem.linearise(starting_state(BLOCK))
 
 
@@ -140,7 +141,7 @@ def test_groups_are_subtrees_and_single_nodes_above_them():
 
 
 def test_sources_are_small_enough_to_be_sent_with_every_task():
-    assert len(repr(StoredSubBlock("/folder", 7))) < 200
+    assert len(repr(StoredSubBlock("/folder", 7, "0" * 64))) < 200
 
 
 @contextmanager
@@ -198,3 +199,35 @@ def test_what_tasks_are_computed_from_is_in_a_file_as_long_as_they_may_be_repeat
     assert len(list((tmp_path / FOLDER).iterdir())) == 3
     del second
     assert list((tmp_path / FOLDER).iterdir()) == [folder]
+
+
+def test_a_sub_block_whose_content_was_changed_is_written_again(blocks, tmp_path):
+    """A folder is not taken by its name: the project may come from anybody."""
+    found = whole_solution(blocks)
+    file = sorted((tmp_path / FOLDER).rglob("*.npz"))[0]
+    arrays = dict(np.load(file))
+    arrays["xy"] = arrays["xy"] + 0.5
+    np.savez(file, **arrays)
+    sub_block_files._loops.clear()  # as of workers that have just started
+    assert largest_difference(found, whole_solution(blocks)) < 1e-9
+
+
+def whole_solution(blocks):
+    return solve_block(BLOCK, lambda _: None, lambda: False, pose=blocks.pose)
+
+
+def test_folders_that_a_link_leads_to_stay(blocks, tmp_path):
+    mine = tmp_path / "home" / "0123456789abcdef0123456789abcdef"
+    mine.mkdir(parents=True)
+    (mine / "thesis.txt").write_text("mine\n")
+    shutil.rmtree(tmp_path / FOLDER, ignore_errors=True)
+    (tmp_path / FOLDER).symlink_to("home")
+    with pytest.raises(OripError, match="is a link to home; put the folder itself in the place of the link"):
+        blocks.pose(BLOCK)
+    assert (mine / "thesis.txt").read_text() == "mine\n"
+
+
+def test_only_folders_of_sub_blocks_are_removed(blocks, tmp_path):
+    (tmp_path / FOLDER / "Documents").mkdir(parents=True)
+    blocks.pose(BLOCK)
+    assert (tmp_path / FOLDER / "Documents").is_dir()

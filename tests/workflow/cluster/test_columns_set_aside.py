@@ -48,13 +48,13 @@ def test_elsewhere_an_array_stays_where_it_is():
     ],
 )
 def test_what_is_set_aside_has_the_same_values_and_cannot_be_changed(tmp_path, values):
-    with columns_in_files(tmp_path / "columns"):
+    with columns_in_files(tmp_path):
         found = set_aside(values)
     assert found.dtype == values.dtype
     assert np.array_equal(found, values, equal_nan=found.dtype == np.float64)
     if found is not values:
         assert not found.flags.writeable
-        assert list((tmp_path / "columns").iterdir()) == []
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_a_column_is_made_part_after_part(tmp_path):

@@ -187,7 +187,7 @@ def test_import_and_run_from_the_command_line(tmp_path: Path) -> None:
     assert ["photo", "Bild_ä", "left side/Bild ä.jpg"] in rows
     said = orip(tmp_path / "castle_orip", "run", "--no-report")
     assert said.code == 0, said.err
-    assert "status   converged" in said.err
+    assert "status   converged" in said.out
     again = orip(tmp_path, "import", str(source), "castle_orip")
     assert again.code == 2
     assert "has something in it already" in again.err
