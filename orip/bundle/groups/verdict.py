@@ -24,8 +24,9 @@ from orip.bundle.groups.figures import (
     held_tests,
     photo_test,
 )
+from orip.bundle.groups.hypotheses import Cause, number_of_further
 from orip.bundle.groups.observation_groups import observation_groups
-from orip.bundle.groups.shifts import Cause, CommonShift, common_shifts, number_of_further
+from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
 from orip.records.results.group_test import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
