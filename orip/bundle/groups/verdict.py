@@ -31,7 +31,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.records.results.group_test import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
-FAMILY = 0.02
+FAMILY = 0.015
 """Probability that any group of a block is doubted although all a-priori errors are right."""
 
 _PHOTO_SIGMA0 = 1.5
