@@ -145,7 +145,7 @@ def _shown_by_itself(
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
-            *contradicting_check_points(solution),
+            *contradicting_check_points(block, solution),
         ]
     return found
 
