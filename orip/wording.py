@@ -26,9 +26,9 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {agreeing(number, noun)}"
 
 
-def joined(words: Sequence[str]) -> str:
-    """Return ``a``, ``a and b`` or ``a, b and c``; nothing if there are no words."""
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Return ``a``, ``a and b`` or ``a, b and c``, or with another word than `last`; nothing if there are no words."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def first_names(names: Sequence[str], most: int, count: int | None = None) -> str:

@@ -27,6 +27,18 @@ _MOST_FOUND = 8
 _ALTERNATIVES = 4
 _LONGEST = 12
 _ROUNDS = 10
+_COMMON = (0.1, 0.2, 0.4)
+"""Coefficients of correlation above which adjusted observations turn the same photo."""
+
+_LIKE, _MOST_ALIKE, _MOST_PAIRS = 1.25, 12, 60
+"""Ratio up to which residuals are alike, one to the next; most of them that are taken back together; and most pairs."""
+
+_HUBER, _CONVEX, _DANISH = 2.0, 20, 15
+"""Residual up to which Huber's weights are 1, iterations with them, and iterations of the Danish method after these."""
+
+_LEAST_WEIGHT, _STEADY = 1e-10, 1e-4
+"""Of an observation; and the part of a weight by which it changes at least."""
+
 _TESTABLE = 0.03
 """Least redundancy number of an observation that may lose its weight."""
 
@@ -179,12 +191,11 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatAr
     """
     at_start = float(_begun(start, 1).costs(limit)[0])
     first = _ends(start, limit)
-    best, ends, least = start, first, at_start
-    for _ in range(_ROUNDS):
-        if not ends or ends[0].cost > least - _LEAST_GAIN * limit**2:
-            break
-        least, best = ends[0].cost, best.with_weights(ends[0].weight)
-        ends = _ends(best, limit)
+    best, least = _lowest_from(start, first, at_start, limit)
+    elsewhere = _after_convex_weights(start, limit)
+    at_first = float(_begun(elsewhere, 1).costs(limit)[0])
+    other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit)
+    best = other if cost < least else best
     doubtful = at_start + _DOUBT * limit**2
     likely = [end.weight for end in first if end.cost < doubtful]
     # what is taken back may be far from linear, and may push out what is not
@@ -193,6 +204,46 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatAr
     distinct = {(weight < 1.0).tobytes(): weight for weight in reversed(tried)}
     distinct.pop((start.weight < 1.0).tobytes(), None)
     return list(distinct.values())[::-1][:_MOST_FOUND]
+
+
+def _lowest_from(
+    start: LinearAdjustment, ends: list[_End], least: float, limit: float
+) -> tuple[LinearAdjustment, float]:
+    """Return where rounds of changes lead to as long as the cost falls, and the cost there."""
+    best = start
+    for _ in range(_ROUNDS):
+        if not ends or ends[0].cost > least - _LEAST_GAIN * limit**2:
+            break
+        least, best = ends[0].cost, best.with_weights(ends[0].weight)
+        ends = _ends(best, limit)
+    return best, least
+
+
+def _after_convex_weights(start: LinearAdjustment, limit: float) -> LinearAdjustment:
+    """Return the adjustment with weights of the Danish method that begins at the minimum with Huber's weights.
+
+    That minimum is the only one, wherever the iterations have ended: several observations that are wrong together, and
+    have turned a photo, hold what changes of one after the other would have to pass. Adjusting to it would take dozens
+    of iterations.
+    """
+    now = start
+    for _ in range(_CONVEX):
+        now = _steadier(now, np.minimum(1.0, _HUBER / _sizes(now)))
+    for _ in range(_DANISH):
+        size = _sizes(now)
+        now = _steadier(now, np.where(size > limit, np.exp(-size / limit), 1.0))
+    return now
+
+
+def _sizes(now: LinearAdjustment) -> FloatArray:
+    return np.asarray(np.maximum(np.abs(now.residual), _LEAST_WEIGHT))
+
+
+def _steadier(now: LinearAdjustment, weights: FloatArray) -> LinearAdjustment:
+    """Return the adjustment with weights (c,) that differ; hardly a change is none."""
+    weights = np.maximum(weights, _LEAST_WEIGHT)
+    weights = np.where(np.abs(weights - now.weight) < _STEADY * now.weight, now.weight, weights)
+    return now if np.array_equal(weights, now.weight) else now.with_weights(weights)
 
 
 def _begun(start: LinearAdjustment, ways: int) -> _Ways:
@@ -240,7 +291,8 @@ def _is_new(weight: FloatArray, passed: set[bytes]) -> bool:
 def _first_changes(start: LinearAdjustment, limit: float) -> tuple[_Ways, IntArray]:
     """Return the beginnings of ways, and the observation (s,) that each of them changes first.
 
-    An observation is taken back by itself, or in exchange for one of those that gain most from it; or one is left out.
+    An observation is taken back by itself, or in exchange for one of those that gain most from it, or together with
+    others of like residuals; or one is left out.
     """
     reduced = np.flatnonzero(start.weight < 1.0)
     nearest = reduced[np.argsort(np.abs(start.residual[reduced]), kind="stable")]
@@ -259,23 +311,57 @@ def _first_changes(start: LinearAdjustment, limit: float) -> tuple[_Ways, IntArr
     number, place = np.nonzero(np.take_along_axis(gains, others, axis=1) < 0.0)
     rows = others[number, place]
     exchanged = taken_back.chosen(number).changed(rows, weights[number, rows])
-    return _joined(ways, exchanged), np.concatenate([first, nearest[number]])
+    begun, held = _joined(ways, exchanged), [first, nearest[number]]
+    for together in _alike(start, nearest):
+        way = alone
+        for row in together:
+            way = way.changed(np.array([row]), np.ones(1))
+        begun = _joined(begun, way)
+        held.append(together[:1])
+    return begun, np.concatenate(held)
+
+
+def _alike(start: LinearAdjustment, nearest: IntArray) -> list[IntArray]:
+    """Return lots of observations that have lost weight, to be taken back together.
+
+    Neighbours that are wrong by the same amount turn their photo, and push out what is right: of these, too, the
+    residuals are alike. One that is taken back alone meets all the others. `nearest` are in the order of their size;
+    pairs are those that have most in common.
+    """
+    size = np.abs(start.residual[nearest])
+    lots = np.split(nearest, np.flatnonzero(size[1:] > _LIKE * size[:-1]) + 1)
+    cofactor = start.cofactor[np.ix_(nearest, nearest)]
+    scale = np.sqrt(np.maximum(np.diag(cofactor), _LEAST_WEIGHT))
+    common = np.abs(cofactor) / np.outer(scale, scale)
+    first, second = np.triu_indices(len(nearest), 1)
+    most = np.argsort(-common[first, second], kind="stable")[:_MOST_PAIRS]
+    pairs = [nearest[[one, other]] for one, other in zip(first[most].tolist(), second[most].tolist(), strict=True)]
+    for least in _COMMON:
+        lots += [nearest[beside] for beside in common > least]
+    distinct = {lot.tobytes(): lot for lot in lots if 2 < len(lot) <= _MOST_ALIKE}
+    return [*distinct.values(), *pairs]
 
 
 def _joined(ways: _Ways, others: _Ways) -> _Ways:
-    """Return two lots of ways as one, of which the second have made one change more."""
-    nothing = np.zeros(len(ways.square_sum))
-    factor = (*ways.factor, nothing)
-    effect = (*ways.effect, np.zeros_like(ways.residual))
+    """Return two lots of ways as one, whatever the numbers of changes they have made."""
+    factor, effect = _padded(ways, len(others.factor))
+    others_factor, others_effect = _padded(others, len(ways.factor))
     return _Ways(
         ways.cofactor,
         np.vstack([ways.residual, others.residual]),
         np.vstack([ways.leverage, others.leverage]),
         np.vstack([ways.weight, others.weight]),
         np.concatenate([ways.square_sum, others.square_sum]),
-        tuple(map(_one_below_the_other, factor, others.factor)),
-        tuple(map(_one_below_the_other, effect, others.effect)),
+        tuple(map(_one_below_the_other, factor, others_factor)),
+        tuple(map(_one_below_the_other, effect, others_effect)),
     )
+
+
+def _padded(ways: _Ways, changes: int) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
+    """Return factors and effects of so many changes at least: those that are missing change nothing."""
+    missing = max(0, changes - len(ways.factor))
+    nothing = np.zeros(len(ways.square_sum))
+    return (*ways.factor, *[nothing] * missing), (*ways.effect, *[np.zeros_like(ways.residual)] * missing)
 
 
 def _one_below_the_other(above: FloatArray, below: FloatArray) -> FloatArray:

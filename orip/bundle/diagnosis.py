@@ -60,6 +60,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
         *calibration_diagnosis(solved),
         *antenna_diagnosis(solved),
         *_behind(solved),
+        *_at_one_of_two_places(solved),
         *_as_a_whole(solved),
         *_correlated(solved),
     )
@@ -294,6 +295,27 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
                 f"point {point} lies behind the camera of photo {photo}; its observation was left out",
                 "check the point's name and the photo's preliminary values",
             )
+
+
+def _at_one_of_two_places(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Name the points of tracks of which as many rays meet elsewhere: the lower cost is no proof of one ray more."""
+    if not solved.weighing.of_tracks or not solved.converged:
+        return
+    problem, factors = solved.problem, solved.weight_factors
+    places = problem.rival_places(solved.state, solved.equations, factors, solved.weighing.final_limit)
+    rays = 2 * len(solved.block.photo_points.photo)
+    elsewhere = [
+        place.columns[0]
+        for place in places
+        if np.sum(place.weights[place.rows < rays] >= 1.0) >= np.sum(factors[place.rows[place.rows < rays]] >= 1.0)
+    ]
+    rows = np.flatnonzero(np.isin(problem.unknowns.points[:, 0], elsewhere))
+    if not len(rows):
+        return
+    names = [solved.block.point_names[row] for row in rows]
+    where = f"{agreeing(len(names), 'point')} {first_names(names, 2 * _NAMED_POINTS)}"
+    text = "as many rays meet in another place, hardly worse: which of them are right cannot be told"
+    yield Diagnosis("two-places", where, text, "measure in another photo, or leave the point out")
 
 
 def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from typing import Literal
 
 from msgspec import Struct
 
-from orip.bundle.groups.words import CODE
+from orip.bundle.groups.words import CODE, group_name
+from orip.bundle.results.misfits import has_suspects
 from orip.records.results.solution import Diagnosis, Solution
 from orip.records.results.status import NOT_DETERMINED
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]
+
+MISTAKE = "mistake"
+"""Code of the diagnoses of what was probably mistaken; a warning says what."""
 
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
@@ -92,7 +97,7 @@ def sigma0_test(solution: Solution) -> GlobalTest | Untested:
 
 
 def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tuple[Level, str]:
-    """Return whether all is well, and what comes first; `failed` gates were not passed."""
+    """Return whether all is well, and what comes first, from all that was found; `failed` gates were not passed."""
     if solution.status in {"not_converged", "stopped"}:
         how = "was stopped before it converged" if solution.status == "stopped" else "did not converge"
         return "bad", f"The adjustment {how}: do not use its values"
@@ -101,22 +106,40 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
         return "bad", f"Not determined: {reason}"
     contradicting = group_findings(solution)
     far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
+    mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
     if solution.singular:
-        unfit = f", and {contradicting[0].text}" if contradicting else f", and {_FAR_ABOVE_TEXT}" if far_above else ""
+        also = [found.text for found in (*contradicting, *mistakes)] + ([_FAR_ABOVE_TEXT] if far_above else [])
+        unfit = f", and {also[0]}" if also else ""
         return "bad", f"Converged, but {_undetermined(solution)} could not be determined{unfit}"
     if failed:
         return "bad", f"Converged, but {counted(failed, 'gate')} failed"
     if contradicting:
         return "caution", f"Converged, but {contradicting[0].text}"
-    if solution.blunders or solution.status == "doubtful":
-        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
-        why = f"{found} found and left out" if solution.blunders else "observations do not fit"
-        return "caution", f"Converged, with doubts: {why}"
+    if why := _doubts(solution, mistakes):
+        return "caution", f"Converged, {why}"
+    if doubted := [group for group in solution.groups if group.doubted]:
+        return "caution", f"Converged, but the {group_name(doubted[0])} contradict the other observations"
     if far_above:
         return "caution", f"Converged, but {_FAR_ABOVE_TEXT}"
+    if has_suspects(solution):
+        return "caution", "Converged; not all observations fit"
+    return "good", _weaknesses(solution)
+
+
+def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
+    """Return what was found wrong with single observations or with what is given; "" if nothing was."""
+    if solution.blunders:
+        found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
+        return f"with doubts: {found} found and left out"
+    if solution.status == "doubtful":
+        return "with doubts: observations do not fit" + (f"; {mistakes[0].text}" if mistakes else "")
+    return f"but {mistakes[0].text}" if mistakes else ""
+
+
+def _weaknesses(solution: Solution) -> str:
     if solution.diagnosis:
-        return "good", f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
-    return "good", "Converged, nothing conspicuous"
+        return f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
+    return "Converged, nothing conspicuous"
 
 
 def _undetermined(solution: Solution) -> str:

@@ -15,6 +15,9 @@ from orip.arrays import FloatArray, Number
 _GIMBAL_LOCK = 1e-9
 """Below this cosine of phi omega and kappa turn about the same axis, and kappa is written as zero."""
 
+_SMALL_ANGLE = 1e-2
+"""Half of an angle below which a series of two terms is exact."""
+
 
 def rotated(
     rotation: Sequence[float] | Sequence[Number], x: Number, y: Number, z: Number
@@ -107,6 +110,49 @@ def rotation_about_axes(delta: FloatArray) -> FloatArray:
     sine = np.sinc(angle / np.pi)
     versine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
     return np.asarray(np.eye(3) + sine * k + versine * (k @ k))
+
+
+def rotation_vectors_with_partials(rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return delta with R = Exp([delta]x), the inverse of `rotation_about_axes`, and how a small rotation changes it.
+
+    Parameters
+    ----------
+    rotations : array (..., 3, 3)
+
+    Returns
+    -------
+    vectors : array (..., 3)
+        Radians, of a length up to pi.
+    partials : array (..., 3, 3)
+        D with delta of Exp([epsilon]x) R = delta + D epsilon.
+    """
+    trace = np.trace(rotations, axis1=-2, axis2=-1)
+    scalar, vector = _unit_quaternions(rotations, trace)
+    sine = np.linalg.norm(vector, axis=-1)
+    half = np.arctan2(sine, scalar)
+    # np.sinc keeps the quotient half / sin(half) exact down to a zero angle
+    vectors = 2.0 * vector / np.sinc(half / np.pi)[..., None]
+    near = half < _SMALL_ANGLE
+    safe = np.where(near, 1.0, half)
+    bend = np.where(near, (1.0 / 12.0) * (1.0 + half**2 / 15.0), (1.0 - safe / np.tan(safe)) / (4.0 * safe**2))
+    k = cross_matrix(vectors)
+    return vectors, np.eye(3) - 0.5 * k + bend[..., None, None] * (k @ k)
+
+
+def _unit_quaternions(rotations: FloatArray, trace: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return scalar (...) and vector (..., 3) of unit quaternions, the scalar not negative."""
+    r = rotations
+    skew = np.stack([r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1)
+    # the columns are 4 q_k (q_0, q_1, q_2, q_3): that of the largest component has no cancellation
+    columns = np.empty((*r.shape[:-2], 4, 4))
+    columns[..., 0, 0] = 1.0 + trace
+    columns[..., 0, 1:] = columns[..., 1:, 0] = skew
+    columns[..., 1:, 1:] = r + np.swapaxes(r, -1, -2) + (1.0 - trace)[..., None, None] * np.eye(3)
+    largest = np.argmax(np.diagonal(columns, axis1=-2, axis2=-1), axis=-1)
+    chosen = np.take_along_axis(columns, largest[..., None, None], axis=-2)[..., 0, :]
+    chosen = chosen / np.linalg.norm(chosen, axis=-1, keepdims=True)
+    chosen = np.where(chosen[..., :1] < 0.0, -chosen, chosen)
+    return chosen[..., 0], chosen[..., 1:]
 
 
 def axes_rotation_from_angle_rates(angles: FloatArray) -> FloatArray:

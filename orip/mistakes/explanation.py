@@ -26,6 +26,7 @@ from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
+from orip.mistakes.before_adjustment.coordinate_units import CODE as COORDINATE_UNIT
 from orip.mistakes.fit_comparison import (
     Fit,
     explains,
@@ -44,6 +45,7 @@ from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.readjuster import Readjuster
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
+from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace
@@ -85,6 +87,8 @@ def explain_misfit(
     given = fit_of_adjustment(solved)
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+    if found := misread_vertical_photos(solution, solved, readjuster):
+        return found
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
         return found
@@ -123,7 +127,11 @@ def _shown_by_itself(
     found = [
         *mirrored_plane(block, solution),
         *angles_in_another_unit(block, solution),
-        *errors_too_large(block, solution),
+        *(
+            ()
+            if any(warning.code == COORDINATE_UNIT for warning in block.warnings)
+            else errors_too_large(block, solution)
+        ),
         *_or_mirrored(moved_photos(block, solved, given), solved, readjuster),
     ]
     control = contradicting_control(block, solution)
@@ -137,7 +145,7 @@ def _shown_by_itself(
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
-            *contradicting_check_points(solution),
+            *contradicting_check_points(block, solution),
         ]
     return found
 

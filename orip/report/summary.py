@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from orip.bundle.groups.words import probability_in_words
-from orip.bundle.verdict import Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
+from orip.bundle.verdict import MISTAKE, Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.gate import GateResult
 from orip.records.results.solution import Solution
@@ -204,7 +204,7 @@ def _misfits(
 def _notes(solution: Solution, error_listing: str, most: int) -> Iterator[SummaryLine]:
     # what the headline says is not repeated
     told = group_findings(solution)[:1]
-    found = [finding for finding in solution.diagnosis if finding not in told]
+    found = [finding for finding in solution.diagnosis if finding not in told and finding.code != MISTAKE]
     for finding in found[:most]:
         yield SummaryLine("note", f"{finding.text}: {finding.remedy}", "bad" if finding.code in _WRONG else "caution")
     if len(found) > most:

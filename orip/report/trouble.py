@@ -8,16 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
 from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.misfits import (
-    FAMILY_ALPHA,
     named_observation,
     observation_of,
     probable_error,
     probable_size,
-    suspect_rows,
     suspects,
     unit_of_residual,
 )

@@ -6,11 +6,11 @@ import numpy as np
 from msgspec import Struct
 
 from orip.bundle.results.figures import figure
+from orip.bundle.results.misfits import number_by_chance
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
 from orip.records.names import places_of_names
 from orip.records.results.gate import GATE_FIGURES
 from orip.records.results.solution import Solution
-from orip.report.misfits import number_by_chance
 from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
 from orip.report.table import PageColumn, PageTable

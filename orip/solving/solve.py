@@ -14,10 +14,12 @@ from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes.before_adjustment import free_datum, ground_systems, reduced_pictures, spelling
+from orip.mistakes.before_adjustment import coordinate_units, free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.vertical_photos import SHORT_TEXTS
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
@@ -30,6 +32,11 @@ from orip.structs import replace
 
 FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
+
+WRONG = {**SHORT_TEXTS, coordinate_units.CODE: "the photo coordinates are in another unit"}
+"""What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
+REPLACED = "given-values"
+"""Code of the warning that the adjustment did not start from the given values."""
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -125,12 +132,48 @@ def solve(
     others = [warning for warning in gathered.warnings if warning not in causes]
     warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    return replace(solution, warnings=rows, diagnosis=_after_causes(solution, mistaken)), adjusted.solved
+    solution = replace(_judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
+    return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
+
+
+def _judged(
+    solution: Solution,
+    mistaken: Sequence[ProjectWarning],
+    gathered: Sequence[ProjectWarning],
+    taken: Sequence[ProjectWarning],
+) -> Solution:
+    """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
+    wrong = [
+        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "mend first what the warning says of it")
+        for found in (*mistaken, *gathered)
+        if found.code in WRONG
+    ]
+    others = [_mistake(found) for found in (*mistaken, *taken) if found.code not in WRONG]
+    status = "doubtful" if wrong and solution.status == "converged" else solution.status
+    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
+    return replace(solution, status=status, diagnosis=diagnosis)
+
+
+def _mistake(warning: ProjectWarning) -> Diagnosis:
+    """Return what the first sentence has of a warning that says what is probably wrong."""
+    if warning.code == REPLACED:
+        text = "not from the given values, see the warning"
+    elif warning.where:
+        text = f"see the warning about {warning.where}"
+    else:
+        text = "see the warning"
+    return Diagnosis(MISTAKE, warning.where, text, "see the warning")
 
 
 def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
-    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set."""
+    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set.
+
+    A wrong control point may have displaced itself or others: what is then said of groups follows from it.
+    """
     causes = {warning.where for warning in mistaken}
+    contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
+        return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
         replace(found, remedy=f"mend first what the warning says of the {found.where}")
         if found.code == CONTRADICTION and found.where in causes
@@ -221,7 +264,7 @@ class _Adjuster(Struct):
             f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
             f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
         )
-        return ProjectWarning("given-values", "", text)
+        return ProjectWarning(REPLACED, "", text)
 
     def _found(self, block: Block) -> PreliminaryValues:
         self.values = explained_preliminary_values(block)

@@ -34,7 +34,14 @@ class Design:
     def sums(self, weight: np.ndarray, others_variance: float = 1.0) -> ResidualSums:
         q, m = self.adjusted(weight)
         residual = (m @ self.observed)[OTHERS:]
-        rows = RowsUnderTest(csr_array(self.tested), residual, weight, lambda right: q @ right, others_variance)
+        rows = RowsUnderTest(
+            csr_array(self.tested),
+            np.arange(self.tested.shape[1]),
+            residual,
+            weight,
+            lambda right: q @ right,
+            others_variance,
+        )
         return residual_sums(rows, self.factors)
 
 
@@ -60,7 +67,9 @@ def test_an_error_changes_the_sums_by_their_response():
     error = np.linspace(-1.0, 2.0, TESTED)
     before = given.sums(given.weight)
     given.observed[OTHERS:] += error
-    assert before.values - given.sums(given.weight).values == pytest.approx(before.response(error), rel=1e-7)
+    assert before.values - given.sums(given.weight).values == pytest.approx(
+        before.responses(error[:, None])[:, 0], rel=1e-7
+    )
 
 
 def test_check_observations_taking_part_are_another_adjustment():

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.bundle.results.misfits import suspect_rows
 from orip.bundle.results.reliability import reliability
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
@@ -26,7 +27,6 @@ from orip.records.results.solution import (
     SingularUnknown,
     Solution,
 )
-from orip.report.misfits import suspect_rows
 from orip.structs import replace
 
 NAN = float("nan")

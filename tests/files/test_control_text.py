@@ -169,3 +169,13 @@ def test_faulty_lines(tmp_path: Path, parser: Parser, text: str, place: str, wor
     (complaint,) = complaints(parser, tmp_path, text)
     assert complaint.startswith(place)
     assert words in complaint
+
+
+def test_names_with_blanks_are_one_complaint_and_not_two_for_each_line() -> None:
+    lines = [f"GCP {number} 563204.977 5933405.006 28.320 0.01 0.01 0.015" for number in range(1, 10)]
+    parsed = parse_points(Parsed(lines), "ELBE.PNT")
+    (complaint,) = parsed.complaints
+    assert "'GCP 1' seems to be one; write GCP_1 or GCP1" in str(complaint)
+    # a single line with a field too many is no name with a blank
+    (other,) = parse_points(Parsed(["1 1.0 2.0 3.0 0.01 0.01 0.01 0.02", "2 1.0 2.0 3.0 1 1 1"]), "ELBE.PNT").complaints
+    assert "one field too many" in str(other)

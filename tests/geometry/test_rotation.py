@@ -15,6 +15,7 @@ from orip.geometry.rotation import (
     cross_matrix,
     rotation_about_axes,
     rotation_from_angles,
+    rotation_vectors_with_partials,
 )
 
 HALF_TURN = np.pi / 2.0
@@ -97,6 +98,15 @@ def test_many_rotations_at_once_are_those_one_by_one():
 @given(TURNS)
 def test_turn_about_axes_is_the_rotation_vector_of_scipy(delta):
     assert np.allclose(rotation_about_axes(delta), Rotation.from_rotvec(delta).as_matrix(), atol=ROUNDING)
+
+
+@given(TURNS)
+def test_vector_of_a_rotation_is_that_of_scipy(delta):
+    rotation = Rotation.from_rotvec(delta)
+    found = rotation_vectors_with_partials(rotation.as_matrix())[0]
+    # at half a turn both directions are right
+    assert np.allclose(rotation_about_axes(found), rotation.as_matrix(), atol=10.0 * ROUNDING)
+    assert np.linalg.norm(found) == pytest.approx(rotation.magnitude(), abs=10.0 * ROUNDING)
 
 
 @given(TURNS)

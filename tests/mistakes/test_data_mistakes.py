@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli.command_line import orip
+from mistakes.catalogue import CLIFF
 from mistakes.data.drone import drone, in_lines, moved
 from mistakes.data.mistakes import DATA_MISTAKES
 from mistakes.data.simulated_projects import scale_bar_project, two_camera_project
 from mistakes.data.study import BEGIN, END, row, said_of
+from mistakes.edits import sample
 from mistakes.first_line import DOCUMENT, first_line
 
 LONG = {"moved_by_one_photo", "half_resolution", "one_portrait_photo", "another_flight", "two_height_systems"}
@@ -74,3 +76,12 @@ def test_positions_that_are_all_shifted_are_named_with_the_shift(tmp_path: Path)
     assert found is not None, said
     x, sd_x, y, sd_y, z, sd_z = map(float, found.groups())
     assert (abs(x - 0.04) < 4.0 * sd_x, abs(y + 0.03) < 4.0 * sd_y, abs(z - 0.25) < 4.0 * sd_z) == (True,) * 3
+
+
+def test_control_of_a_project_that_was_renamed_is_found_beside_it(tmp_path: Path) -> None:
+    folder = sample(CLIFF, tmp_path / "renamed")
+    text = (folder / "orip.toml").read_text(encoding="utf-8")
+    (folder / "orip.toml").write_text(text.replace('name = "CLIFF"', 'name = "CLIFF2"', 1), encoding="utf-8")
+    said = orip(folder, "run", "--no-report").err
+    assert "CLIFF.PNT: this file is not read, but has coordinates of CP1" in said
+    assert 'control_files = "CLIFF" in [project]' in said

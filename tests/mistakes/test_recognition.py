@@ -14,10 +14,13 @@ from workflow.quiet import run_quietly
 
 from orip.errors import ProjectWarning
 from orip.interior.orientation import orient_photo
+from orip.mistakes.after_adjustment.contradicting_control import control_warnings
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
+from orip.records.block import Block
+from orip.records.observations.control import ControlPoint
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.structs import replace
@@ -152,6 +155,50 @@ def test_slips_of_the_pen(given: float, seen: float, what: str | None) -> None:
 def test_a_value_near_zero_is_no_displaced_decimal_point() -> None:
     assert slip_of_pen(-0.0984, 0.0016, 0.003) is None
     assert slip_of_pen(-0.984, -0.0982, 0.003) == "is probably -0.0984: its decimal point is displaced"
+
+
+# ------------------------------------------------------------------------------------------------------------- control
+
+
+def controlled_at(given: dict[str, tuple[float, float, float]], kind: float = 1.0) -> Block:
+    """Return a block with control points at these coordinates."""
+    block = synthetic_block("strip", "control as it is seen").block
+    control = tuple(ControlPoint(name, xyz, (kind * 0.02,) * 3) for name, xyz in given.items())
+    return replace(block, control_points=control)
+
+
+def test_control_in_another_height_system_is_no_wrong_digit_in_each_height() -> None:
+    seen = {
+        "1": (450.0, 600.0, 19.9),
+        "2": (900.0, 650.0, 35.0),
+        "3": (100.0, 100.0, 10.1),
+        "4": (1100.0, 1100.0, 50.0),
+    }
+    block = controlled_at({name: (x, y, round(z + 49.2, 1)) for name, (x, y, z) in seen.items()})
+    deviation = np.full(3, 0.2)
+    assert not control_warnings(block, {name: (np.array(xyz), deviation) for name, xyz in seen.items()})
+    # of one point alone it is a slip
+    (said,) = control_warnings(block, {"4": (np.array([1100.0, 1100.0, 49.3]), deviation)})
+    assert "Z = 99.2 is probably 49.2: one digit is wrong" in said.text
+
+
+def test_a_digit_is_not_offered_where_with_it_the_point_does_not_fit() -> None:
+    block = controlled_at({"1": (450.0, 600.0, 69.2), "2": (0.0, 0.0, 0.0), "3": (1.0, 0.0, 0.0)})
+    (said,) = control_warnings(block, {"1": (np.array([450.0, 600.0, 19.89]), np.full(3, 0.2))})
+    assert "digit" not in said.text
+    assert "off by Z +49.3" in said.text
+
+
+def test_a_control_point_seen_where_a_check_point_is_given_is_exchanged_with_it() -> None:
+    given = {"44": (1400.0, 1500.0, 120.0), "21": (2400.0, 3000.0, 94.0), "5": (0.0, 0.0, 0.0)}
+    block = controlled_at(given)
+    control = tuple(
+        replace(point, errors=(-1.0,) * 3) if point.name == "21" else point for point in block.control_points
+    )
+    seen = {"44": (np.array(given["21"]) + 0.01, np.full(3, 0.05))}
+    (said,) = control_warnings(replace(block, control_points=control), seen)
+    assert "44 and 21 are probably exchanged" in said.text
+    assert "digit" not in said.text
 
 
 # ---------------------------------------------------------------------------------------------- what cannot be seen

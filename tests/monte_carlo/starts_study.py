@@ -2,12 +2,14 @@
 
 Up to 8 % of the photo points are wrong: one coordinate by 10 to 60 a-priori errors; a neighbour measured in place of
 the point; two to four neighbours in a photo wrong by the same amount; both coordinates of a point with the fewest rays.
+Or 8 % of them are, all in points of few rays.
 Nothing is asked of the redundancy numbers.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from bundle.aerial_block import Flight, aerial_block
 from monte_carlo.simulated_blocks import design, random_numbers, solved, started_off, with_noise
 from msgspec import Struct
 
@@ -19,6 +21,13 @@ STARTS = (0.0, 0.0015, 0.0075)
 
 MOST_ITERATIONS = 30
 _SAME_COST = 1e-4
+
+FEW_RAYS, _FEW = "few rays", 3
+"""Aerial blocks with 8 % of the photo points wrong, all of them in points of two and three rays."""
+
+FLIGHTS = tuple(
+    Flight(strips, photos, 0.6, 0.3, 2) for strips, photos in ((1, 5), (2, 3), (2, 4), (3, 4), (2, 8), (4, 5))
+)
 _KINDS = ("size", "size", "misidentified", "clustered", "leverage")
 
 
@@ -52,8 +61,13 @@ class StartsRun(Struct, frozen=True):
 def starts_run(case: tuple[str, int]) -> StartsRun:
     scene, run = case
     random = random_numbers(f"starts {scene}", run)
-    made = design(scene, f"starts {run}", max_iterations=MOST_ITERATIONS, start_down_weight=2)
-    block = with_hidden_blunders(with_noise(made, random), random)
+    settings = {"max_iterations": MOST_ITERATIONS, "start_down_weight": 2}
+    if scene == FEW_RAYS:
+        made = aerial_block(f"starts {run}", 10, FLIGHTS[run % len(FLIGHTS)], **settings)
+        block = with_hidden_blunders(with_noise(made, random), random, 0.08, _FEW)
+    else:
+        made = design(scene, f"starts {run}", **settings)
+        block = with_hidden_blunders(with_noise(made, random), random, random.uniform(0.01, 0.08))
     ends = [solved(started_off(block, made, relative, random)) for relative in STARTS]
     return StartsRun(
         down_weighted=tuple(frozenset(np.flatnonzero(end.weight_factors < 1.0).tolist()) for end in ends),
@@ -63,15 +77,18 @@ def starts_run(case: tuple[str, int]) -> StartsRun:
     )
 
 
-def with_hidden_blunders(block: Block, random: np.random.Generator) -> Block:
-    """Return the block with 1 to 8 % of its photo points wrong."""
+def with_hidden_blunders(
+    block: Block, random: np.random.Generator, share: float, most_rays: int | None = None
+) -> Block:
+    """Return the block with a share of its photo points wrong; `most_rays` are those of the points they are in."""
     points = block.photo_points
     xy, wrong = points.xy.copy(), np.zeros(len(points.photo), dtype=bool)
-    wanted = max(1, round(random.uniform(0.01, 0.08) * len(wrong)))
+    wanted = max(1, round(share * len(wrong)))
     rays = np.bincount(points.point)[points.point]
-    while np.count_nonzero(wrong) < wanted:
+    hidden = np.ones(len(wrong), dtype=bool) if most_rays is None else rays <= most_rays
+    while np.count_nonzero(wrong) < wanted and (hidden & ~wrong).any():
         kind = random.choice(_KINDS)
-        free = np.flatnonzero(~wrong)
+        free = np.flatnonzero(~wrong & hidden)
         row = int(random.choice(free))
         size = random.uniform(10.0, 60.0) * points.error[row]
         neighbours = _neighbours(points.photo, xy, row)

@@ -36,6 +36,7 @@ from orip.geometry.rotation import (
     axes_rotation_from_angle_rates,
     rotation_about_axes,
     rotation_from_angles,
+    rotation_vectors_with_partials,
 )
 from orip.geometry.similarity import Similarities, similarity_with_partials
 from orip.interior import additional_parameters, image_coordinates
@@ -100,7 +101,8 @@ class Case(Struct, frozen=True):
 def all_cases() -> list[Case]:
     return [
         *_perspective(), *_equidistant(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(),
-        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(), *_shown_rotations(),
+        *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
+        *_rotation_vectors(), *_shown_rotations(),
         *_relative_poses(),
         *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
@@ -183,6 +185,17 @@ def _rates() -> Iterator[Case]:
 
     for function, value in ((axes_rotation_from_angle_rates, turn), (angle_rates_from_axes_rotation, change)):
         yield Case(full_name(function), "three angles", np.zeros(3), value, function(angles))
+
+
+def _rotation_vectors() -> Iterator[Case]:
+    for vector in ([0.0, 0.0, 0.0], [1e-3, -2e-3, 5e-4], [0.4, -1.1, 0.3], [1.5, 2.0, -1.2]):
+        rotation = rotation_about_axes(np.array(vector))
+
+        def value(x: np.ndarray, rotation: np.ndarray = rotation) -> np.ndarray:
+            return rotation_vectors_with_partials(rotation_about_axes(x) @ rotation)[0]
+
+        partials = rotation_vectors_with_partials(rotation)[1]
+        yield Case(full_name(rotation_vectors_with_partials), str(vector), np.zeros(3), value, partials)
 
 
 def _shown_rotations() -> Iterator[Case]:
@@ -562,7 +575,6 @@ _START_ERROR = {"strip": 0.01, "convergent": 0.01, "terrestrial": 0.0}
 def _with_everything(block: Block) -> Block:
     a, b, c, d = block.point_names[1], block.point_names[6], block.point_names[11], block.point_names[14]
     codes = ("X", "Y", "Z", "XY", "YZ", "ZX", "XYZ")
-    looking_along_x = bool(np.isclose(np.abs(np.cos(block.photo_orientation[-1, 4])), 0.0))
     elements = [
         ControlElement("CAM", "CAMERA", "C", block.cameras[0].parameters[0], 0.01),
         ControlElement("CAM", "CAMERA", "A3", 0.0, 1e-6),
@@ -570,8 +582,12 @@ def _with_everything(block: Block) -> Block:
         ControlElement(c, "POINT", "Z", 1.0, 0.1),
         ControlElement("S1", "THEODOLITE", "R", 30.0, 0.01),
     ]
-    if not looking_along_x:
-        elements += [ControlElement("P5", "PHOTO", kind, 1.0, 0.01) for kind in ("OMEGA", "PHI", "KAPPA")]
+    # at phi = ±90 an observed rotation; a dozen degrees away, so that its residual bends the partials
+    elements += [
+        ControlElement("P5", "PHOTO", kind, value, 0.01)
+        for kind, value in zip(("OMEGA", "PHI", "KAPPA"), _observed_angles(block, "P5"), strict=True)
+    ]
+    if not _looks_along_x(block):
         # of a photo with a constant angle the other unknowns are angles themselves
         elements += [ControlElement("P1", "PHOTO", "PHI", 1.0, 0.01)]
     return replace(
@@ -588,7 +604,7 @@ def _with_everything(block: Block) -> Block:
             ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
-        stations=_stations(block, with_attitude=not looking_along_x),
+        stations=_stations(block),
         antennas=(_ANTENNA,),
     )
 
@@ -600,12 +616,26 @@ _ANTENNA = Antenna(
 )  # fmt: skip
 
 
-def _stations(block: Block, *, with_attitude: bool) -> tuple[Station, ...]:
+def _looks_along_x(block: Block) -> bool:
+    return bool(np.isclose(np.abs(np.cos(block.photo_orientation[-1, 4])), 0.0))
+
+
+def _observed_angles(block: Block, name: str) -> list[float]:
+    """Return angles (degrees) far enough from those of a photo that the residuals bend the partials."""
+    place = next((row for row, photo in enumerate(block.photos) if photo.name == name), None)
+    if place is None or not _looks_along_x(block):
+        return [1.0, 1.0, 1.0]
+    given = rotation_from_angles(block.photo_orientation[place, 3:])
+    rotation = rotation_about_axes(np.array([0.1, -0.05, 0.02])) @ given
+    return np.degrees(angles_from_rotation(rotation)).tolist()
+
+
+def _stations(block: Block) -> tuple[Station, ...]:
     """Return a station of each photo but the first: one with a covariance, some coordinates and angles constant."""
     covariance = ((0.04, 0.01, -0.02), (0.01, 0.09, 0.015), (-0.02, 0.015, 0.0625))
     errors = {"P3": (0.2, 0.3, 0.25), "P4": (0.1, 0.0, -0.2)}
     nothing = (np.nan, np.nan, np.nan)
-    angle_errors = {"P5": (0.001, 0.0, -0.002)} if with_attitude else {}
+    angle_errors = {"P5": (0.001, 0.0, -0.002)}
     return tuple(
         Station(
             photo.name, tuple(place[:3].tolist()), errors.get(photo.name, (0.1, 0.1, 0.1)),

@@ -88,11 +88,9 @@ def test_a_wrong_partial_is_found_among_variables_that_are_moved_together():
 
 PART_OF = {
     "orip.bundle.kinds.distance.DistanceObservations._coordinates": "linearise_with_partials of distances",
-    "orip.bundle.kinds.element._camera_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.element._centre_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.element._point_values": "linearise_with_partials of elements",
-    "orip.bundle.kinds.element._rotation_values": "linearise_with_partials of elements",
-    "orip.bundle.kinds.element._theodolite_values": "linearise_with_partials of elements",
+    "orip.bundle.kinds.observed_rotation.rotation_residuals_with_partials": "linearise_with_partials of elements",
     "orip.bundle.kinds.photo_point._chained": "linearise_with_partials of photo points",
     "orip.geometry.perspective.chained": "perspective_with_partials and equidistant_with_partials",
     "orip.geometry.ground_frame.GroundFrame._by_place": "project_with_partials of a frame",

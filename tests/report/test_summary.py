@@ -12,10 +12,11 @@ from report.sample_pages import SAMPLES, sample
 from scipy import stats
 
 from orip.bundle.groups.words import CODE
+from orip.bundle.results.misfits import suspect_rows, suspicious_w
 from orip.files.listings.errors import error_listing_lines
 from orip.records.results.gate import Gate, GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
-from orip.report.misfits import suspect_rows, suspects, suspicious_w
+from orip.report.misfits import suspects
 from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
 from orip.structs import replace
@@ -76,7 +77,9 @@ def test_the_blunders_of_the_simulated_block_are_named_with_their_size() -> None
     assert "photo 104 point 1307: probably off by y -0.067" in said
     (level,) = [line.level for line in lines if line.label == "misfit"]
     assert level == "bad"
-    assert lines[0] == SummaryLine("status", "doubtful: observations do not fit", "caution")
+    assert lines[0] == SummaryLine(
+        "status", "doubtful: observations do not fit; see the warning about photo 203", "caution"
+    )
 
 
 def test_precision_is_that_of_result_json() -> None:

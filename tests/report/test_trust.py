@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 from files.hand_built_solutions import awkward
 from scipy.stats import chi2
@@ -19,10 +20,21 @@ from orip.report.report_input import ReportInput
 from orip.report.trust import verdict
 from orip.structs import replace
 
+
+def without_misfits(solution: Solution) -> Solution:
+    rows = solution.residuals
+    return replace(solution, residuals=replace(rows, w=0.0 * rows.w, weight_factor=np.ones_like(rows.weight_factor)))
+
+
 QUIET = replace(
-    awkward(), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,
+    without_misfits(awkward()), status="converged", singular=(), blunders=(), diagnosis=(), check_points=(), sigma0=1.0,
     redundancy_used=400.0,
 )  # fmt: skip
+
+
+def test_a_result_with_observations_that_do_not_fit_is_not_called_inconspicuous() -> None:
+    quiet = replace(QUIET, residuals=awkward().residuals)
+    assert headline(quiet) == ("caution", "Converged; not all observations fit")
 
 
 def headline(solution: Solution, *gates: GateResult) -> tuple[str, str]:

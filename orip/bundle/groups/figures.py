@@ -26,6 +26,7 @@ from orip.adjustment.group_tests import (
 from orip.adjustment.residual_sums import ResidualSums, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.groups.ground_rows import rows_under_test
+from orip.bundle.groups.held_cameras import HeldCameras, held_cameras
 from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
 from orip.bundle.solve import SolvedBlock
@@ -43,6 +44,14 @@ _MOST_CHECKS = 150
 
 TESTABLE = 1e-4
 """Variance of a sum of residuals, as a part of that of as many independent ones, below which it shows no error."""
+
+_MOST_SINGLE = 20
+"""Most distances, and control points, of which each is a hypothesis of its own: scale bars are calibrated, and control
+points surveyed, one by one."""
+
+HELD_TESTABLE = 1e-8
+"""The same of a held parameter: of C the heights of a block absorb all but a part in many thousands, and photo points
+are precise enough to show the rest."""
 
 _SHARE = 0.05
 """Part of the observations that may be down-weighted; more make an adjustment doubtful."""
@@ -146,6 +155,10 @@ class GroundGroups(Struct, frozen=True):
         Of exposure stations; the drifts of one after the other follow the groups in `sums` and `errors`.
     together : tuple of AllStations
         Their errors follow the drifts.
+    singles : tuple of (group, name)
+        Distances and control coordinates that are tested one by one; they follow.
+    held : HeldCameras or None
+        Held parameters of cameras, whose sums are the last ones.
     """
 
     groups: tuple[ObservationGroup, ...]
@@ -155,6 +168,8 @@ class GroundGroups(Struct, frozen=True):
     checks: BoolArray
     strips: tuple[Strip, ...] = ()
     together: tuple[AllStations, ...] = ()
+    singles: tuple[tuple[int, str], ...] = ()
+    held: HeldCameras | None = None
 
     @classmethod
     def of(cls, solved: SolvedBlock, groups: Sequence[ObservationGroup], figures: GroupFigures) -> GroundGroups:
@@ -177,8 +192,13 @@ class GroundGroups(Struct, frozen=True):
         if any(group.kind in STATIONS for group in groups):
             found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
             strips, errors, factors, together = found.strips, found.errors, found.factors, found.together
+        singles, of_singles = _single_observations(groups, places, errors)
+        errors, factors = np.hstack([errors, of_singles]), np.hstack([factors, of_singles])
         tested = rows_under_test(solved, rows, weight, figures.photo_variance)
-        return cls(tuple(groups), places, residual_sums(tested, factors), errors, checks, strips, together)
+        held = held_cameras(solved, figures.weight)
+        sums = residual_sums(tested, factors, None if held is None else held.sums)
+        errors = np.hstack([errors, np.zeros((len(rows), sums.factors.shape[1] - errors.shape[1]))])
+        return cls(tuple(groups), places, sums, errors, checks, strips, together, singles, held)
 
     def unit_sums(self, rows: IntArray) -> ResidualSums:
         """Return single residuals as sums."""
@@ -193,6 +213,44 @@ class GroundGroups(Struct, frozen=True):
         return with_checks_used(self.sums, self.checks, self.unit_sums(np.flatnonzero(self.checks)).smoothed)
 
 
+def _single_observations(
+    groups: Sequence[ObservationGroup], places: Sequence[IntArray], errors: FloatArray
+) -> tuple[tuple[tuple[int, str], ...], FloatArray]:
+    """Return the distances and control coordinates tested one by one, and an error of one unit of each (k, singles)."""
+    found = [
+        (number, row)
+        for number, (group, mine) in enumerate(zip(groups, places, strict=True))
+        if group.kind in ("distance", "control") and 1 < len(mine) <= _MOST_SINGLE
+        for row in mine.tolist()
+    ]
+    units = np.zeros((len(errors), len(found)))
+    for column, (number, row) in enumerate(found):
+        units[row, column] = errors[row, number]
+    names = tuple((number, groups[number].names[row - int(places[number][0])]) for number, row in found)
+    return names, units
+
+
+def held_tests(ground: GroundGroups) -> list[GroupTest]:
+    """Return the held parameters of cameras as groups without observations."""
+    if ground.held is None:
+        return []
+    sums, count = ground.sums, len(ground.held.groups)
+    covariance = sums.covariance()
+    variance = np.diag(covariance)
+    shift, shift_sd = common_errors(sums, ground.errors, covariance)
+    shown = is_testable(sums, variance)
+    empty = np.zeros(0)
+    nothing = GroupFigures(empty, empty, empty, empty, empty, 1.0)
+    found = []
+    for group, column in zip(ground.held.groups, range(len(variance) - count, len(variance)), strict=True):
+        log_p: dict[TestName, float] = {}
+        if shown[column]:
+            log_p["mean"] = float(two_sided_normal(sums.values[column] / np.sqrt(variance[column])))
+        test = _tested(group, nothing, 0.0, np.nan, log_p, worst=group.names[0]).test
+        found.append(replace(test, shift=float(shift[column]), shift_sd=float(shift_sd[column])))
+    return found
+
+
 def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGroup]:
     """Return figures and tests of the groups on the ground."""
     if not ground.groups:
@@ -200,7 +258,7 @@ def ground_tests(ground: GroundGroups, figures: GroupFigures) -> list[JudgedGrou
     sums = ground.sums
     covariance = sums.covariance()
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    shown = is_testable(np.sum(sums.factors**2, axis=0), deviation**2)
+    shown = is_testable(sums, deviation**2)
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
     found = []
     for place, group in enumerate(ground.groups):
@@ -229,17 +287,16 @@ def common_errors(sums: ResidualSums, errors: FloatArray, covariance: FloatArray
     `errors` (k, j) are errors of one unit common to each group, `covariance` (j, j) that of the sums. NaN where an
     error leaves the sum as it is.
     """
-    response = np.array([sums.response(error)[place] for place, error in enumerate(errors.T)])
+    response = np.diag(sums.responses(errors))
     scale = np.where(response > 0.0, response, np.nan)
     return -sums.values / scale, np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale
 
 
-def is_testable(most: FloatArray, variance: FloatArray) -> BoolArray:
-    """Return which sums (j,) of residuals would show an error: not those that the unknowns absorb.
-
-    `most` are the variances of as many independent residuals.
-    """
-    return np.asarray((variance > TESTABLE * most) & (most > 0.0))
+def is_testable(sums: ResidualSums, variance: FloatArray) -> BoolArray:
+    """Return which sums (j,) of residuals with variances (j,) would show an error: not those that unknowns absorb."""
+    most = sums.most
+    least = TESTABLE if sums.outside is None else np.where(np.diag(sums.outside.square) > 0.0, HELD_TESTABLE, TESTABLE)
+    return np.asarray((variance > least * most) & (most > 0.0))
 
 
 def _scatter(group: ObservationGroup, ground: GroundGroups, place: int, figures: GroupFigures) -> JudgedGroup:
@@ -310,7 +367,8 @@ def _tested(
         p_worst=_probability(log_p, "point"),
         doubted=False,
     )
-    return JudgedGroup(test, log_p, float(np.median(figures.error[group.rows], overwrite_input=True)))
+    typical = float(np.median(figures.error[group.rows], overwrite_input=True)) if len(group.rows) else np.nan
+    return JudgedGroup(test, log_p, typical)
 
 
 def _thinned(rows: IntArray, most: int) -> IntArray:

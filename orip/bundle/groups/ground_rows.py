@@ -37,7 +37,7 @@ def rows_under_test(
     design = _ground_design(solved, rows)
     columns = np.unique(design.indices).astype(np.int64)
     residual, inverse = solved.equations.residual[rows], _inverse_of(solved, columns)
-    return RowsUnderTest(csr_array(design[:, columns]), residual, weight, inverse, others_variance)
+    return RowsUnderTest(csr_array(design[:, columns]), columns, residual, weight, inverse, others_variance)
 
 
 def _ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:

@@ -1,7 +1,8 @@
-"""Errors common to a group of observations, or to the stations of a strip: the gravest first.
+"""Errors common to groups of observations, to stations, or due to a held camera: the gravest first.
 
-Those of a strip are tested in all components together (Baarda 1968, the test of several alternative errors), once as a
-shift and once as a shift with a drift. Tests of different freedom compete by their probabilities.
+Those of several components are tested in all of them together (Baarda 1968, the test of several alternative errors),
+and in each alone; those of a strip once as a shift and once as a shift with a drift. Tests of different freedom compete
+by their probabilities.
 """
 
 from __future__ import annotations
@@ -10,17 +11,37 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from msgspec import Struct
 from scipy.special import ndtri_exp
 
 from orip.adjustment.group_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
-from orip.records.results.group_test import CommonError, CommonExtent
+from orip.bundle.groups.hypotheses import Cause, Together, hypotheses
+from orip.records.results.group_test import CommonError
+from orip.structs import replace
 
 _ALIKE = 6.0
 """Two shifts cannot be told apart if their squared statistics differ by less: a likelihood ratio of 20."""
+
+_SAME_MISFIT = 0.5
+"""Part of its squared statistic that another error leaves of one that explains the same misfit, at the most."""
+
+_MOST_ALTERNATIVES = 3
+
+_FURTHER = np.log(0.01)
+"""Logarithm of the probability below which the other components of a shift are off as well."""
+
+_MATERIAL = 0.01
+"""Mean square that a held parameter's error leaves in the photo coordinates, in a-priori variances, from which it
+counts by itself: photo points are so many that immaterial errors are significant."""
+
+_ALONE = np.log(0.1)
+"""Logarithm of the part of the error probability that a single control point has by itself: that it does not fit is
+found by the test of every observation, and here it explains what groups and cameras misfit by."""
+
+_EXPLAINS = 0.25
+"""Part of what photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
 
 _EQUAL = 1e-6
 """Part of a statistic by which equal ones differ at most from rounding."""
@@ -33,49 +54,59 @@ class CommonShift(NamedTuple):
     ----------
     log_p : float
         Logarithm of the probability of so much or more by chance.
-    groups : tuple of int
-        The group that it is named by, then those that it cannot be told apart from.
+    cause : Cause
+    alternatives : tuple of Cause
+        What it cannot be told apart from.
     doubted : tuple of int
-        All groups that it concerns.
+        All groups that it and these concern.
     shift, shift_sd : float
-        Of the first one.
+        Of the first component.
     common : tuple of CommonError
-        Of stations: all components.
-    extent : CommonExtent
-        Whose stations these are.
+        Of stations and of several components: each of them.
     """
 
     log_p: float
-    groups: tuple[int, ...]
+    cause: Cause
+    alternatives: tuple[Cause, ...]
     doubted: tuple[int, ...]
     shift: float
     shift_sd: float
     common: tuple[CommonError, ...] = ()
-    extent: CommonExtent = "strip"
 
 
-class _Together(Struct, frozen=True):
-    """Sums that are tested together.
+class _Sums(NamedTuple):
+    """Values and covariance of all sums once errors have been allowed for, and which of them show an error."""
 
-    Parameters
-    ----------
-    columns : tuple of int
-    components : tuple of (str, bool)
-        Of each column: what it is called, and whether it is a drift; shifts come first.
-    groups : tuple of int
-        Those that it concerns.
-    extent : CommonExtent
-    """
+    values: FloatArray
+    covariance: FloatArray
+    testable: BoolArray
 
-    columns: tuple[int, ...]
-    components: tuple[tuple[str, bool], ...]
-    groups: tuple[int, ...]
-    extent: CommonExtent = "strip"
+    def without(self, test: Together, sums: ResidualSums) -> _Sums:
+        """Return them once the error of a test has been allowed for, as if it were another unknown."""
+        columns = [column for column in test.columns if self.testable[column]]
+        inverse, scale = self._scaled_inverse(columns)
+        gain = self.covariance[:, columns] / scale @ inverse / scale
+        values = self.values - gain @ self.values[columns]
+        covariance = self.covariance - gain @ self.covariance[columns]
+        return _Sums(values, covariance, self.testable & is_testable(sums, np.diag(covariance)))
 
-    @property
-    def group(self) -> int:
-        """Return the group that it is named by."""
-        return self.groups[0]
+    def _scaled_inverse(self, columns: list[int]) -> tuple[FloatArray, FloatArray]:
+        """Return the inverse of the correlations of some sums, and their standard deviations."""
+        scale = np.sqrt(np.diag(self.covariance)[columns])
+        return np.linalg.pinv(self.covariance[np.ix_(columns, columns)] / np.outer(scale, scale)), scale
+
+    def square(self, test: Together) -> float:
+        """Return the square of the normal variable that is as improbable as the sums of a test."""
+        columns = [column for column in test.columns if self.testable[column]]
+        if not columns:
+            return 0.0
+        if len(columns) == 1:
+            (column,) = columns
+            return float(self.values[column] ** 2 / self.covariance[column, column])
+        inverse, scale = self._scaled_inverse(columns)
+        scaled = self.values[columns] / scale
+        log_p = chi_square_tail(float(scaled @ inverse @ scaled), float(len(columns)))
+        return _square_of(log_p) if log_p < 0.0 else 0.0
 
 
 def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Iterator[CommonShift]:
@@ -91,107 +122,130 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
     limit : float
         Logarithm of the probability below which a group is doubted.
     """
-    values, covariance = sums.values.copy(), sums.covariance()
+    covariance = sums.covariance()
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
-    most = np.sum(sums.factors**2, axis=0)
-    tests = _tested_together(ground)
-    testable = is_testable(most, np.diag(covariance))
-    possible = np.array([testable[list(test.columns)].any() for test in tests], dtype=bool)
-    while possible.any():
-        squares = np.array(
-            [
-                _square(test, values, covariance, testable) if fit else 0.0
-                for test, fit in zip(tests, possible, strict=True)
-            ]
-        )
+    tests = hypotheses(ground)
+    left = _Sums(sums.values, covariance, is_testable(sums, np.diag(covariance)))
+    gone = set[tuple[str, ...]]()
+    while True:
+        possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]
+        squares = np.array([left.square(test) for test in possible])
+        squares = _without_single_control(possible, _without_immaterial(possible, squares, ground, limit), limit)
+        if not squares.any():
+            return
         # the first of those that are equal up to rounding, so that the words are the same on all processors
         best = int(np.argmax(squares >= (1.0 - _EQUAL) * squares.max()))
-        best = _rather_shift(tests, squares, best)
-        log_p = float(two_sided_normal(np.sqrt(squares[best])))
+        best = _rather_shift(possible, squares, best)
+        log_p = _log_p(float(squares[best]))
         if log_p >= limit:
             return
-        alike = possible & (squares > squares[best] - _ALIKE)
-        others = [
-            tests[number]
-            for number in np.flatnonzero(alike).tolist()
-            if tests[number].extent == "strip" and tests[number].group not in tests[best].groups
+        others = _alternatives(possible, squares, best, left.without(possible[best], sums), limit)
+        chosen, others = _rather_stations(possible[best], others)
+        chosen = _with_further_components(possible, chosen, left, sums)
+        chosen = _without_drift(possible, chosen, ground, sums, left.testable, limit)
+        common = _common(ground, sums, chosen, left.testable)
+        if chosen.extent == "one" and all(abs(error.size) < error.sd for error in common):
+            chosen, common = possible[best], ()  # its coordinates cannot be told apart
+        column = chosen.columns[0]
+        doubted = tuple(dict.fromkeys(group for test in (chosen, *others) for group in test.groups))
+        yield CommonShift(
+            log_p, chosen.cause, tuple(test.cause for test in others), doubted, float(shift[column]),
+            float(shift_sd[column]), common,
+        )  # fmt: skip
+        gone |= {test.span for test in (chosen, *others)}
+        left = left.without(chosen, sums)
+
+
+def _log_p(square: float) -> float:
+    return float(two_sided_normal(np.sqrt(square)))
+
+
+def _without_single_control(tests: Sequence[Together], squares: FloatArray, limit: float) -> FloatArray:
+    """Return the squares without those of single control points, where nothing else is wrong and they hardly are."""
+    single = np.array([test.extent == "one" and test.span[0] == "control" for test in tests], dtype=bool)
+    if not single.any() or _log_p(float(squares[~single].max(initial=0.0))) < limit:
+        return squares
+    return np.where(single & (squares < _square_of(limit + _ALONE)), 0.0, squares)
+
+
+def _square_of(log_p: float) -> float:
+    return float(ndtri_exp(log_p - np.log(2.0)) ** 2)
+
+
+def _without_immaterial(
+    tests: Sequence[Together], squares: FloatArray, ground: GroundGroups, limit: float
+) -> FloatArray:
+    """Return the squares without those of held parameters that explain little.
+
+    That is little of residuals that blunders have made large, or of those as large as they should be, where nothing
+    else is wrong.
+    """
+    is_held = np.array([test.extent == "held" for test in tests], dtype=bool)
+    if ground.held is None or not is_held.any():
+        return squares
+    number = np.array(
+        [
+            ground.held.number[test.groups[0] - len(ground.groups)] if held else 0
+            for test, held in zip(tests, is_held.tolist(), strict=True)
         ]
-        named = tuple(dict.fromkeys(test.group for test in (tests[best], *others)))
-        doubted = tuple(dict.fromkeys(group for test in (tests[best], *others) for group in test.groups))
-        chosen = _without_drift(tests, tests[best], ground, sums, testable, limit)
-        first, common = chosen.group, _common(ground, sums, chosen, testable)
-        yield CommonShift(log_p, named, doubted, float(shift[first]), float(shift_sd[first]), common, chosen.extent)
-        values, covariance = _without(chosen, values, covariance, testable)
-        testable &= is_testable(most, np.diag(covariance))
-        gone = {test.group for test in (tests[best], *others) if test.extent == "strip"}
-        gone_with = {tests[best].groups} if tests[best].extent != "strip" else set()
-        possible &= np.array(
-            [
-                not (test.extent == "strip" and test.group in gone)
-                and test.groups not in gone_with
-                and bool(testable[list(test.columns)].any())
-                for test in tests
-            ],
-            dtype=bool,
-        )
+    )
+    variance = ground.sums.rows.others_variance
+    little = variance * squares < _EXPLAINS * (variance - 1.0) * number
+    if _log_p(float(squares[~is_held].max(initial=0.0))) >= limit:
+        little |= squares < _MATERIAL * number
+    return np.where(is_held & little, 0.0, squares)
 
 
-def _tested_together(ground: GroundGroups) -> list[_Together]:
-    """Return each group by itself, and strips as a shift and, where times are known, as a shift with a drift."""
-    of_strips = {number for strip in ground.strips for number in strip.groups}
-    tests = [
-        _Together((number,), ((group.component, False),), (number,))
-        for number, group in enumerate(ground.groups)
-        if number not in of_strips
-    ]
-    first = len(ground.groups)
-    for strip in ground.strips:
-        names = [ground.groups[number].component for number in strip.groups]
-        shifts = tuple((name, False) for name in names)
-        tests.append(_Together(strip.groups, shifts, strip.groups))
-        if strip.has_drift:
-            columns = (*strip.groups, *range(first, first + len(names)))
-            tests.append(_Together(columns, (*shifts, *((name, True) for name in names)), strip.groups))
-            first += len(names)
-    for all_stations in ground.together:
-        count = len(all_stations.components)
-        components = tuple((name, False) for name in all_stations.components)
-        columns = tuple(range(first, first + count))
-        tests.append(_Together(columns, components, all_stations.groups, all_stations.extent))
-        first += count
-    return tests
+def _alternatives(
+    tests: Sequence[Together], squares: FloatArray, best: int, left: _Sums, limit: float
+) -> list[Together]:
+    """Return what explains the misfit about as well: once the best is allowed for, nothing is left of it."""
+    found: dict[tuple[str, ...], tuple[float, Together]] = {}
+    for test, square in zip(tests, squares.tolist(), strict=True):
+        if test.span == tests[best].span or square <= squares[best] - _ALIKE:
+            continue
+        rest = left.square(test)
+        if rest > _SAME_MISFIT * square or _log_p(rest) < limit:
+            continue
+        if test.span not in found or square > found[test.span][0]:
+            found[test.span] = square, test
+    ordered = sorted(found.values(), key=lambda pair: -pair[0])
+    return [test for _, test in ordered[:_MOST_ALTERNATIVES]]
 
 
-def _rather_shift(tests: Sequence[_Together], squares: FloatArray, best: int) -> int:
+def _rather_shift(tests: Sequence[Together], squares: FloatArray, best: int) -> int:
     """Return the shift of all stations, or of their only strip, in place of a lever arm that is hardly likelier."""
     if tests[best].extent != "lever arm":
         return best
     alike = [
         number
         for number, test in enumerate(tests)
-        if test.extent != "lever arm" and test.groups == tests[best].groups and squares[number] > squares[best] - _ALIKE
+        if test.extent != "lever arm" and test.span == tests[best].span and squares[number] > squares[best] - _ALIKE
     ]
     return max(alike, key=lambda number: float(squares[number]), default=best)
 
 
-def _square(test: _Together, values: FloatArray, covariance: FloatArray, testable: BoolArray) -> float:
-    """Return the square of the normal variable that is as improbable as the sums of a test."""
-    columns = [column for column in test.columns if testable[column]]
-    if len(columns) == 1:
-        (column,) = columns
-        return float(values[column] ** 2 / covariance[column, column])
-    of_test = covariance[np.ix_(columns, columns)]
-    log_p = chi_square_tail(float(values[columns] @ np.linalg.pinv(of_test) @ values[columns]), float(len(columns)))
-    return float(ndtri_exp(log_p - np.log(2.0)) ** 2) if log_p < 0.0 else 0.0
+def _rather_stations(best: Together, others: list[Together]) -> tuple[Together, list[Together]]:
+    """Return the stations before all of the control, which contradict each other alike: control was surveyed."""
+    of_stations = [
+        test for test in others if test.extent in ("all", "whole") and test.span[0] in ("station", "element")
+    ]
+    if best.extent != "whole" or best.span != ("control",) or not of_stations:
+        return best, others
+    return of_stations[0], [best, *(test for test in others if test is not of_stations[0])]
 
 
-def _without(
-    test: _Together, values: FloatArray, covariance: FloatArray, testable: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return values and covariance of all sums once the error of a test has been allowed for."""
-    columns = [column for column in test.columns if testable[column]]
-    gain = covariance[:, columns] @ np.linalg.pinv(covariance[np.ix_(columns, columns)])
-    return values - gain @ values[columns], covariance - gain @ covariance[columns]
+def _with_further_components(tests: Sequence[Together], best: Together, left: _Sums, sums: ResidualSums) -> Together:
+    """Return the shift in all components in place of that in one, where the others are off as well."""
+    if len(best.columns) > 1:
+        return best
+    rest = left.without(best, sums)
+    for test in tests:
+        if test.span == best.span and best.columns[0] in test.columns and len(test.columns) > 1 and not test.has_drift:
+            others = replace(test, columns=tuple(set(test.columns) - set(best.columns)))
+            if _log_p(rest.square(others)) < _FURTHER:
+                return test
+    return best
 
 
 class _Estimate(NamedTuple):
@@ -202,18 +256,18 @@ class _Estimate(NamedTuple):
     covariance: FloatArray
 
 
-def _estimated(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> _Estimate:
+def _estimated(ground: GroundGroups, sums: ResidualSums, test: Together, testable: BoolArray) -> _Estimate:
     columns = [column for column in test.columns if testable[column]]
-    response = np.array([sums.response(ground.errors[:, column])[columns] for column in columns]).T
+    response = sums.responses(ground.errors)[np.ix_(columns, columns)]
     inverse = np.linalg.pinv(response)
     covariance = inverse @ sums.covariance()[np.ix_(columns, columns)] @ inverse.T
     return _Estimate(columns, np.asarray(-inverse @ sums.values[columns]), np.asarray(covariance))
 
 
 def _without_drift(
-    tests: Sequence[_Together], best: _Together, ground: GroundGroups, sums: ResidualSums, testable: BoolArray,
+    tests: Sequence[Together], best: Together, ground: GroundGroups, sums: ResidualSums, testable: BoolArray,
     limit: float,
-) -> _Together:  # fmt: skip
+) -> Together:  # fmt: skip
     """Return the test of a strip's shift alone in place of one with a drift that is not significant itself.
 
     Where weights are reduced the statistic of both together overrates the drift.
@@ -230,14 +284,18 @@ def _without_drift(
     return next(test for test in tests if test.columns == best.groups)
 
 
-def _common(ground: GroundGroups, sums: ResidualSums, test: _Together, testable: BoolArray) -> tuple[CommonError, ...]:
-    """Return the errors in all components of stations; none of other groups, or where none can be tested."""
-    of_stations = any(test.group in strip.groups for strip in ground.strips)
-    if not of_stations or not testable[list(test.columns)].any():
+def _common(ground: GroundGroups, sums: ResidualSums, test: Together, testable: BoolArray) -> tuple[CommonError, ...]:
+    """Return the errors of stations and of several components; none of others, or where none can be tested."""
+    of_stations = any(test.groups[0] in strip.groups for strip in ground.strips)
+    is_point = test.extent == "one" and len(test.columns) > 1
+    if not (of_stations or is_point or test.extent == "whole") or not testable[list(test.columns)].any():
         return ()
     found = _estimated(ground, sums, test, testable)
     names = dict(zip(test.columns, test.components, strict=True))
     return tuple(
         CommonError(*names[column], float(one), float(deviation))
-        for column, one, deviation in zip(found.columns, found.size, np.sqrt(np.diag(found.covariance)), strict=True)
+        for column, one, deviation in zip(
+            found.columns, found.size, np.sqrt(np.maximum(np.diag(found.covariance), 0.0)), strict=True
+        )
+        if deviation > 0.0
     )

@@ -8,7 +8,6 @@ decide which of them is shifted, and where they cannot, both are named.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -22,15 +21,17 @@ from orip.bundle.groups.figures import (
     JudgedGroup,
     TestName,
     ground_tests,
+    held_tests,
     photo_test,
 )
+from orip.bundle.groups.hypotheses import Cause, number_of_further
 from orip.bundle.groups.observation_groups import observation_groups
-from orip.bundle.groups.shifts import common_shifts
+from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
-from orip.records.results.group_test import CommonError, CommonExtent, Contradiction, ContradictionKind, GroupTest
+from orip.records.results.group_test import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
-FAMILY = 0.03
+FAMILY = 0.015
 """Probability that any group of a block is doubted although all a-priori errors are right."""
 
 _PHOTO_SIGMA0 = 1.5
@@ -56,20 +57,33 @@ class GroupVerdict(Struct, frozen=True):
 
 
 class _Candidate(NamedTuple):
-    """What may be doubted: the logarithm of its probability, what it is, the groups by their number, and a shift."""
+    """What may be doubted: the logarithm of its probability, what it is, the group by its number, and a shift."""
 
     log_p: float
     what: ContradictionKind
-    groups: tuple[int, ...]
-    shift: float = math.nan
-    shift_sd: float = math.nan
-    doubted: tuple[int, ...] = ()
-    common: tuple[CommonError, ...] = ()
-    extent: CommonExtent = "strip"
+    group: int
+    shift: CommonShift | None = None
+
+    @property
+    def doubted(self) -> tuple[int, ...]:
+        """Return all groups that it concerns."""
+        return (self.group,) if self.shift is None else self.shift.doubted
+
+    @property
+    def order(self) -> tuple[float, str, int]:
+        """Return what sorts the gravest first."""
+        return self.log_p, self.what, self.group
+
+    @property
+    def is_of_all_stations(self) -> bool:
+        """Return whether it moves the whole block."""
+        return self.shift is not None and self.shift.cause.extent in ("all", "lever arm")
 
 
 def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collection[str]) -> GroupVerdict:
     """Test all groups of observations of an adjusted block.
+
+    Whatever group is doubted, there is a contradiction that says why.
 
     Parameters
     ----------
@@ -85,41 +99,62 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
     of_photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
     ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
     tested = [*of_photos, *ground_tests(ground, figures)]
-    number = sum(len(group.log_p) for group in tested) + len(ground.together)
+    number = sum(len(group.log_p) for group in tested) + number_of_further(ground)
     limit = float(np.log(FAMILY / max(number, 1)))
     sigma0 = solved.variance.sigma0
-    shifts = [
-        _Candidate(
-            found.log_p,
-            "shift",
-            tuple(len(of_photos) + place for place in found.groups),
-            found.shift,
-            found.shift_sd,
-            tuple(len(of_photos) + place for place in found.doubted),
-            found.common,
-            found.extent,
-        )
-        for found in common_shifts(ground, ground.sums_with_checks(), limit)
-    ]
-    found = _without_consequences([*shifts, *_others(tested, limit, sigma0)], tested)
-    named = {place for candidate in found for place in (*candidate.groups, *candidate.doubted)}
+    shifts = _shifts(ground, limit, len(of_photos))
+    found = _without_consequences([*shifts, *_others(tested, limit, sigma0, with_means=not shifts)], tested)
+    named = {place for candidate in found for place in candidate.doubted}
     results = [
         replace(group.test, doubted=place in named or bool(_doubts(group, limit, sigma0)))
         for place, group in enumerate(tested)
     ]
-    contradictions = tuple(
-        Contradiction(
-            candidate.what,
-            tuple(results[place] for place in candidate.groups),
-            float(np.exp(candidate.log_p)),
-            candidate.shift,
-            candidate.shift_sd,
-            candidate.common,
-            candidate.extent,
-        )
-        for candidate in found
+    held = [replace(test, doubted=True) for test in held_tests(ground)]
+    contradictions = tuple(_contradiction(candidate, [*results, *held], len(of_photos)) for candidate in found)
+    accused = [test for place, test in enumerate(held, len(results)) if place in named]
+    return GroupVerdict((*results, *accused), contradictions)
+
+
+def _shifts(ground: GroundGroups, limit: float, first: int) -> list[_Candidate]:
+    """Return the errors common to groups; where the check points hide what shows without them, that."""
+    for sums in (ground.sums_with_checks(), ground.sums):
+        found = [
+            _Candidate(shift.log_p, "shift", first + shift.cause.group, _numbered(shift, first))
+            for shift in common_shifts(ground, sums, limit)
+        ]
+        if found:
+            return found
+    return []
+
+
+def _numbered(shift: CommonShift, first: int) -> CommonShift:
+    """Return a shift with its groups numbered among all, those of photo points included."""
+    return shift._replace(doubted=tuple(first + place for place in shift.doubted))
+
+
+def _contradiction(candidate: _Candidate, groups: Sequence[GroupTest], first: int) -> Contradiction:
+    shift, p = candidate.shift, float(np.exp(candidate.log_p))
+    if shift is None:
+        group = groups[candidate.group]
+        return Contradiction(candidate.what, (group,), p, group.shift, group.shift_sd)
+    causes = [_cause(cause, groups, first) for cause in (shift.cause, *shift.alternatives)]
+    return Contradiction(
+        candidate.what,
+        tuple(cause.group for cause in causes),
+        p,
+        shift.shift,
+        shift.shift_sd,
+        shift.common,
+        shift.cause.extent,
+        tuple(causes[1:]),
     )
-    return GroupVerdict(tuple(results), contradictions)
+
+
+def _cause(cause: Cause, groups: Sequence[GroupTest], first: int) -> CommonCause:
+    group = groups[first + cause.group]
+    if cause.extent == "one":
+        group = replace(group, number=1, worst=cause.name)
+    return CommonCause(group, cause.extent, cause.components)
 
 
 def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
@@ -133,12 +168,12 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     return [name for name in failed if material[name]]
 
 
-def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float) -> Iterator[_Candidate]:
-    """Yield all other failed tests; the means on the ground are among the common shifts."""
+def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float, *, with_means: bool) -> Iterator[_Candidate]:
+    """Yield all other failed tests; the means on the ground are among the common shifts, if there are any."""
     for place, group in enumerate(tested):
         for name in _doubts(group, limit, sigma0):
-            if name != "mean" or group.test.kind == "photo":
-                yield _Candidate(group.log_p[name], _KIND_OF_TEST[name], (place,))
+            if name != "mean" or with_means or group.test.kind == "photo":
+                yield _Candidate(group.log_p[name], _KIND_OF_TEST[name], place)
 
 
 def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[JudgedGroup]) -> list[_Candidate]:
@@ -148,15 +183,15 @@ def _without_consequences(candidates: Sequence[_Candidate], tested: Sequence[Jud
     the first had been allowed for. An error of all stations moves the whole block: what else is wrong shows once it
     is modelled. Of several failed tests of a kind of observation the gravest is enough.
     """
-    ordered = sorted(candidates)
-    if ordered and ordered[0].extent != "strip":
+    ordered = sorted(candidates, key=lambda candidate: candidate.order)
+    if ordered and ordered[0].is_of_all_stations:
         return ordered[:1]
     if not ordered or ordered[0].what == "shift":
         return [candidate for candidate in ordered if candidate.what == "shift"]
     kinds = set()
     found = []
     for candidate in ordered:
-        kind = tested[candidate.groups[0]].test.kind
+        kind = tested[candidate.group].test.kind if candidate.group < len(tested) else "camera"
         if candidate.what != "shift" and kind not in kinds:
             found.append(candidate)
         kinds.add(kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from orip.number_text import decimals_of_two_digits
@@ -16,7 +17,7 @@ from orip.records.observations.observation_kinds import (
     STATION,
     ObservationKind,
 )
-from orip.records.results.group_test import Contradiction, GroupTest
+from orip.records.results.group_test import CommonCause, Contradiction, GroupTest
 from orip.records.results.solution import Diagnosis
 from orip.wording import joined
 
@@ -50,6 +51,11 @@ _REMEDIES = {
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
 }
 
+_HELD_REMEDY = (
+    "check the calibration of the camera; if it was made at another time, or in another state of the camera, set "
+    'unknown = ["{component}"] in its [[camera]]'
+)
+
 
 def group_diagnosis(contradictions: Sequence[Contradiction], ground_unit: str) -> tuple[Diagnosis, ...]:
     """Return a diagnosis for each contradiction, in their order."""
@@ -57,9 +63,29 @@ def group_diagnosis(contradictions: Sequence[Contradiction], ground_unit: str) -
 
 
 def _where(found: Contradiction) -> str:
-    if found.extent != "strip":
+    if found.extent in ("all", "lever arm"):
         return "exposure stations" if found.groups[0].kind == "station" else "attitudes"
-    return joined([group_name(group) for group in found.groups])
+    if found.extent == "one" and not found.alternatives:
+        return f"{_KINDS[found.groups[0].kind].label} {found.groups[0].worst}"
+    if found.extent == "held" and not found.alternatives:
+        return f"camera {found.groups[0].worst}"
+    return joined(list(dict.fromkeys([_named(found), *map(_named, found.alternatives)])))
+
+
+def _named(found: Contradiction | CommonCause) -> str:
+    """Return what has an error in common, without the component where there are several."""
+    group = found.group if isinstance(found, CommonCause) else found.groups[0]
+    if found.extent == "one":
+        return _single(group)
+    if found.extent in ("all", "whole", "lever arm"):
+        return _stations_of(found).removeprefix("the ")
+    return group_name(group)
+
+
+def _single(group: GroupTest) -> str:
+    """Return what a single observation is called: ``distance BAR1``, ``Z of control point 12``."""
+    of = "" if group.component == _LENGTH else f"{group.component} of "
+    return f"{of}{_KINDS[group.kind].label} {group.worst}"
 
 
 def group_name(group: GroupTest) -> str:
@@ -71,11 +97,8 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the control points"
         case "check":
             return f"{group.component} of the check points"
-        case "element" if group.of == "PHOTO":
-            of = "photos" if group.component in ANGULAR_UNKNOWNS else "exposure stations"
-            return f"{group.component} of the {of}"
         case "element":
-            return f"{group.component} of the {_ELEMENTS[group.of]}"
+            return _name_of_elements(group)
         case "distance":
             return "distances" if group.component == _LENGTH else f"distances in {group.component}"
         case "station":
@@ -84,6 +107,15 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the attitudes{_of_strip(group)}"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
+
+
+def _name_of_elements(group: GroupTest) -> str:
+    if group.of == "PHOTO":
+        of = "photos" if group.component in ANGULAR_UNKNOWNS else "exposure stations"
+        return f"{group.component} of the {of}"
+    if group.of == "CAMERA" and group.worst:
+        return f"{group.component} of camera {group.worst}"
+    return f"{group.component} of the {_ELEMENTS[group.of]}"
 
 
 def unit_of_group(group: GroupTest, ground_unit: str) -> str:
@@ -121,17 +153,20 @@ def _of_strip(group: GroupTest) -> str:
     return f" of strip {group.of}" if group.of else ""
 
 
+def _stations_of(found: Contradiction | CommonCause) -> str:
+    """Return whose positions, attitudes or coordinates are off together."""
+    group = found.group if isinstance(found, CommonCause) else found.groups[0]
+    of = _of_strip(group) if found.extent == "strip" else ""
+    if group.kind in ("station", "element"):
+        return f"the exposure stations{of}"
+    return f"the attitudes{of}" if group.kind == "attitude" else f"the {group.kind} points"
+
+
 def _common(found: Contradiction, unit: str) -> str:
-    """Return by what the stations of a strip are off together."""
-    group = found.groups[0]
+    """Return by what stations or control are off together."""
     if found.extent == "lever arm":
         sizes_of_arm = ", ".join(f"{error.component} {_with_sd(error.size, error.sd, '+')}" for error in found.common)
         return f"the exposure stations are all off by a lever arm of {sizes_of_arm}{unit}"
-    if found.extent == "all":
-        names = "the exposure stations" if group.kind == "station" else "the attitudes"
-    else:
-        names = f"the {_stations(group)}" if group.kind == "station" else f"the attitudes{_of_strip(group)}"
-    others = [f"those{_of_strip(other)}" for other in found.groups[1:]]
     sizes = {
         is_drift: ", ".join(
             f"{error.component} {_with_sd(error.size, error.sd, '+')}"
@@ -140,25 +175,64 @@ def _common(found: Contradiction, unit: str) -> str:
         )
         for is_drift in (False, True)
     }
+    if found.extent == "one":
+        group = found.groups[0]
+        return f"{_KINDS[group.kind].label} {group.worst} is off by {sizes[False]}{unit}"
     drift = f", with a drift of {sizes[True]}{unit} a second" if sizes[True] else ""
-    contradict = f"; it cannot be told whether {joined(others)} are" if others else ""
-    return f"{names} are all off by {sizes[False]}{unit}{drift}{contradict}"
+    return f"{_stations_of(found)} are all off by {sizes[False]}{unit}{drift}"
+
+
+def _alternatives(found: Contradiction) -> str:
+    """Return what else explains the same misfit, to follow what explains it best."""
+    if not found.alternatives:
+        return ""
+    strips = found.extent == "strip" and bool(found.common)
+    if strips and all(other.extent == "strip" and other.group.of for other in found.alternatives):
+        names = joined([f"those{_of_strip(other.group)}" for other in found.alternatives])
+        return f"; it cannot be told whether {names} are"
+    names = joined([_cause(other) for other in found.alternatives], "or")
+    return f"; it cannot be told whether instead it is {names}"
+
+
+def _cause(other: CommonCause) -> str:
+    if other.extent in ("one", "held"):
+        return _named(other)
+    if other.group.kind in ("station", "attitude") or other.extent == "whole":
+        components = joined(list(other.components))
+        return f"a shift of {_stations_of(other)}" + (f" in {components}" if other.extent != "lever arm" else "")
+    return f"a shift of all {group_name(other.group)}" if other.group.kind != "distance" else "all distances"
+
+
+def _are_plain(found: Contradiction) -> bool:
+    """Tell whether the error is that of one group or another, and nothing else: they contradict each other."""
+    return (
+        bool(found.alternatives)
+        and not found.common
+        and found.extent == "strip"
+        and all(
+            other.extent == "strip" and other.group.kind not in ("station", "attitude") for other in found.alternatives
+        )
+    )
 
 
 def _shift(found: Contradiction, unit: str) -> str:
     group = found.groups[0]
     if found.common:
-        return _common(found, unit)
+        return _common(found, unit) + _alternatives(found)
     size, sd = (group.mean, group.mean_sd) if group.kind == "photo" else (found.shift, found.shift_sd)
-    if len(found.groups) > 1:
+    if _are_plain(found):
         names = joined([f"the {group_name(other)}" for other in found.groups])
         return f"{names} contradict each other by about {_with_sd(abs(size), sd)}{unit}"
+    if not (math.isfinite(size) and math.isfinite(sd)):
+        return f"{_named(found)} {'contradicts' if group.number <= 1 else 'contradict'} the other observations"
     about = f"about {_with_sd(size, sd, '+')}{unit}"
     if group.kind == "photo":
         return f"the residuals in {group_name(group)} have a mean of {about}"
+    if found.extent == "held":
+        return f"{group_name(group)} is off by {about}{_alternatives(found)}"
     if group.number == 1:
-        return f"{_KINDS[group.kind].label} {group.worst} is off by {about}"
-    return f"all {group_name(group)} are off by {about}"
+        return f"{_single(group)} is off by {about}{_alternatives(found)}"
+    return f"all {group_name(group)} are off by {about}{_alternatives(found)}"
 
 
 def _with_sd(value: float, sd: float, sign: str = "") -> str:
@@ -170,6 +244,8 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
 
 def _remedy(found: Contradiction) -> str:
     group = found.groups[0]
+    if found.extent == "held":
+        return _HELD_REMEDY.format(component=group.component)
     if found.extent == "lever arm":
         arm = ", ".join(f"{error.size:.3f}" for error in found.common)
         return f"set lever_arm = [{arm}] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
@@ -179,7 +255,7 @@ def _remedy(found: Contradiction) -> str:
         kinds = ['shift = "strip"', *(['drift = "strip"'] if any(error.is_drift for error in found.common) else [])]
         kinds += [f'strips = ["{group.of}"]'] if group.of else []
         return f"set {joined(kinds)} in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
-    if found.common:
+    if found.common and group.kind == "attitude":
         return f'set unknown = ["BX", "BY", "BZ"] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +10,11 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
-from orip.bundle.kinds.gimbal_lock import require_separable_angles
 from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
+from orip.bundle.kinds.observed_rotation import require_separable_angles, rotation_residuals_with_partials
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
-from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
@@ -36,12 +34,16 @@ class _Place(NamedTuple):
 
 
 class ElementObservations(Observations, frozen=True):
-    """n observed unknowns; `quantity`, `row` and `column` (n,) say which. Angles are degrees."""
+    """n observed unknowns; `quantity`, `row` and `column` (n,) say which. Angles are degrees.
+
+    `rotation` (number of photos, 3) has the angles that are observed or constant, degrees; NaN for others.
+    """
 
     rows: Rows
     quantity: NDArray[np.str_]
     row: IntArray
     column: IntArray
+    rotation: FloatArray
     ground: GroundSystem
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
@@ -49,70 +51,63 @@ class ElementObservations(Observations, frozen=True):
 
         An angle depends on all rotation unknowns of its photo, a coordinate of the project on all local coordinates of
         its position. The project's axes turn slightly when a projection centre moves, by the shift over the earth's
-        radius; the partials neglect this.
+        radius; the partials neglect this. Near phi = ±90 degrees the residuals of the three angles of a photo are small
+        rotations about the project's axes.
 
         Raises
         ------
         InputError
-            If phi of a photo with an observed angle is too close to ±90 degrees.
+            If a photo with one or two observed angles has a phi too close to ±90 degrees.
         """
-        value, partials = np.full(len(self.row), np.nan), np.zeros((len(self.row), 3))
+        residual, partials = np.full(len(self.row), np.nan), np.zeros((len(self.row), 3))
         for quantity, evaluate in _EVALUATION.items():
             chosen = self.quantity == quantity
             if chosen.any():
-                found = evaluate(self.ground, state, self.row[chosen], self.column[chosen])
-                if found.phi is not None:
-                    require_separable_angles(found.phi, partial(self._element_of, np.flatnonzero(chosen)))
-                value[chosen], partials[chosen] = found.value, found.partials
-        known = np.isfinite(value)
-        residual = np.where(known, value - self.rows.observed, 0.0)
-        turning = np.isin(self.quantity, ("rotation", "theodolite"))
-        residual[turning] = (residual[turning] + 180.0) % 360.0 - 180.0
-        return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
+                value, partials[chosen] = evaluate(self.ground, state, self.row[chosen], self.column[chosen])
+                residual[chosen] = value - self.rows.observed[chosen]
+        sets = self.quantity == "theodolite"
+        residual[sets] = (residual[sets] + 180.0) % 360.0 - 180.0
+        turning = np.flatnonzero(self.quantity == "rotation")
+        if len(turning):
+            residual[turning], partials[turning] = self._turns(state, turning)
+        known = np.isfinite(residual)
+        return Linearisation(np.where(known, residual, 0.0), np.where(known[:, None], partials, 0.0), known)
 
-    def _element_of(self, rows: IntArray, place: int) -> tuple[str, str]:
-        row = rows[place]
-        what = f"{self.rows.component[row]} of photo {self.rows.photo[row]}"
-        return what, "remove the element from the .ELE file"
+    def _turns(self, state: BlockState, chosen: IntArray) -> tuple[FloatArray, FloatArray]:
+        row, column = self.row[chosen], self.column[chosen]
+        axes = self.ground.axes_at(self.ground.to_project(state.centres[row]))
+        residual, rates, inseparable = rotation_residuals_with_partials(axes @ state.rotations[row], self.rotation[row])
+        places = chosen[inseparable & self.rows.used[chosen]]
+        require_separable_angles([f"{self.rows.component[row]} of photo {self.rows.photo[row]}" for row in places])
+        rows = np.arange(len(row))
+        return residual[rows, column], (rates @ axes @ state.rotation_basis()[row])[rows, column]
 
 
 class ConstantElementObservations(ExactObservations, ElementObservations, frozen=True):
     """Elements that are constant in the project, but depend on unknowns in the local frame."""
 
 
-class _Values(NamedTuple):
-    """Values (n,) of elements, partials (n, 3), and phi (n,) of their photos where they are rotations."""
-
-    value: FloatArray
-    partials: FloatArray
-    phi: FloatArray | None = None
+_Values = tuple[FloatArray, FloatArray]
+"""Values (n,) of elements, and partials (n, 3)."""
 
 
 def _camera_values(_: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
-    return _Values(state.cameras[row, column], np.broadcast_to([1.0, 0.0, 0.0], (len(row), 3)))
+    return state.cameras[row, column], np.broadcast_to([1.0, 0.0, 0.0], (len(row), 3))
 
 
 def _theodolite_values(_: GroundSystem, state: BlockState, row: IntArray, __: IntArray) -> _Values:
     partials = np.broadcast_to([DEGREES_PER_RADIAN, 0.0, 0.0], (len(row), 3))
-    return _Values(state.theodolites[row] * DEGREES_PER_RADIAN, partials)
+    return state.theodolites[row] * DEGREES_PER_RADIAN, partials
 
 
 def _centre_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     found = coordinates_with_partials(ground, state.centres[row], column)
-    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
+    return np.where(found.known, found.value, np.nan), found.by_local
 
 
 def _point_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
     found = coordinates_with_partials(ground, state.points[row], column)
-    return _Values(np.where(found.known, found.value, np.nan), found.by_local)
-
-
-def _rotation_values(ground: GroundSystem, state: BlockState, row: IntArray, column: IntArray) -> _Values:
-    axes = ground.axes_at(ground.to_project(state.centres[row]))
-    angles = angles_from_rotation(axes @ state.rotations[row])
-    rates = angle_rates_from_axes_rotation(angles) @ axes @ state.rotation_basis()[row]
-    rows = np.arange(len(row))
-    return _Values(angles[rows, column] * DEGREES_PER_RADIAN, rates[rows, column] * DEGREES_PER_RADIAN, angles[:, 1])
+    return np.where(found.known, found.value, np.nan), found.by_local
 
 
 _EVALUATION: Mapping[str, Callable[[GroundSystem, BlockState, IntArray, IntArray], _Values]] = {
@@ -120,7 +115,6 @@ _EVALUATION: Mapping[str, Callable[[GroundSystem, BlockState, IntArray, IntArray
     "theodolite": _theodolite_values,
     "centre": _centre_values,
     "point": _point_values,
-    "rotation": _rotation_values,
 }
 
 
@@ -154,7 +148,7 @@ def bound_by_elements(block: Block) -> frozenset[int]:
 def _observed(
     block: Block, unknowns: Unknowns, chosen: Sequence[ControlElement], kind: ObservationKind, error: FloatArray,
     used: NDArray[np.bool_],
-) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, GroundSystem]:  # fmt: skip
+) -> tuple[Rows, NDArray[np.str_], IntArray, IntArray, FloatArray, GroundSystem]:  # fmt: skip
     places = _Places(block)
     found = [places.of(element) for element in chosen]
     columns = [_columns(place, unknowns, block.ground) for place in found]
@@ -173,8 +167,25 @@ def _observed(
         np.array([place.quantity for place in found], dtype=np.str_),
         np.array([place.row for place in found], dtype=np.int64),
         np.array([place.column for place in found], dtype=np.int64),
+        _observed_rotations(block),
         block.ground,
     )
+
+
+def _observed_rotations(block: Block) -> FloatArray:
+    """Return omega, phi and kappa (number of photos, 3) as elements give them, or as they are constant; degrees."""
+    row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
+    angles = np.full((len(block.photos), 3), np.nan)
+    for row, photo in enumerate(block.photos):
+        for axis, kind in enumerate(PHOTO_PARAMETERS[3:]):
+            if kind in photo.constant:
+                angles[row, axis] = photo.orientation[3 + axis]
+    for element in (*block.elements, *block.constant_elements):
+        if element.group == "PHOTO" and element.kind in PHOTO_PARAMETERS[3:]:
+            key = record_key(element.name)
+            if key in row_of:
+                angles[row_of[key], PHOTO_PARAMETERS.index(element.kind) - 3] = element.value
+    return angles
 
 
 def error_allows_use(block: Block, element: ControlElement) -> bool:

@@ -7,16 +7,11 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import StationPlaces, rows_or, station_places
 from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles
-from orip.bundle.kinds.gimbal_lock import require_separable_angles
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
+from orip.bundle.kinds.observed_rotation import rotation_residuals_with_partials
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.geometry.rotation import (
-    angle_rates_from_axes_rotation,
-    angles_from_rotation,
-    axes_rotation_from_angle_rates,
-    rotation_from_angles,
-)
+from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
@@ -26,11 +21,15 @@ from orip.units import DEGREES_PER_RADIAN
 
 
 class AttitudeObservations(Observations, frozen=True):
-    """n observed angles, degrees; `station` and `axis` (n,) say of which station and which of omega, phi, kappa."""
+    """n observed angles, degrees; `station` and `axis` (n,) say of which station and which of omega, phi, kappa.
+
+    `observed` (n, 3) has all angles of their stations, degrees.
+    """
 
     rows: Rows
     station: IntArray
     axis: IntArray
+    observed: FloatArray
     places: StationPlaces
     ground: GroundSystem
 
@@ -42,12 +41,7 @@ class AttitudeObservations(Observations, frozen=True):
         """Return residuals (degrees, wrapped) and partials by the photo's rotation (3) and the boresight (3).
 
         The project's axes turn slightly when a projection centre moves, by the shift over the earth's radius; the
-        partials neglect this.
-
-        Raises
-        ------
-        InputError
-            If phi of an observed attitude is too close to ±90 degrees.
+        partials neglect this. Near phi = ±90 degrees the residuals are small rotations about the project's axes.
         """
         photo, antenna = self.places.photo[self.station], self.places.antenna[self.station]
         boresight = rows_or(state.antennas, antenna, 0.0)[:, BORESIGHT_PLACES]
@@ -55,19 +49,13 @@ class AttitudeObservations(Observations, frozen=True):
         rotation = axes @ state.rotations[photo] @ np.swapaxes(rotation_from_angles(boresight), 1, 2)
         known: BoolArray = np.asarray(np.isfinite(rotation).all(axis=(1, 2)))
         rotation = np.where(known[:, None, None], rotation, np.eye(3))
-        angles = angles_from_rotation(rotation)
-        require_separable_angles(angles[:, 1], self._attitude_of)
-        rates = angle_rates_from_axes_rotation(angles)
+        residual, rates, _ = rotation_residuals_with_partials(rotation, self.observed)
         by_rotation = rates @ np.where(known[:, None, None], axes, 0.0) @ state.rotation_basis()[photo]
         by_boresight = -rates @ rotation @ axes_rotation_from_angle_rates(boresight)
         rows = np.arange(len(self.axis))
-        partials = np.concatenate([by_rotation, by_boresight], axis=2)[rows, self.axis] * DEGREES_PER_RADIAN
-        residual = angles[rows, self.axis] * DEGREES_PER_RADIAN - self.rows.observed
-        residual = np.where(known, (residual + 180.0) % 360.0 - 180.0, 0.0)
+        partials = np.concatenate([by_rotation, by_boresight], axis=2)[rows, self.axis]
+        residual = np.where(known, residual[rows, self.axis], 0.0)
         return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
-
-    def _attitude_of(self, row: int) -> tuple[str, str]:
-        return f"the attitude of photo {self.rows.photo[row]}", "remove its angles from the .STA file"
 
 
 class ConstantAttitudeObservations(ExactObservations, AttitudeObservations, frozen=True):
@@ -101,22 +89,23 @@ def _errors(block: Block) -> FloatArray:
 
 def _observed(
     block: Block, unknowns: Unknowns, kind: ObservationKind, chosen: BoolArray, error: FloatArray, used: BoolArray
-) -> tuple[Rows, IntArray, IntArray, StationPlaces, GroundSystem]:
+) -> tuple[Rows, IntArray, IntArray, FloatArray, StationPlaces, GroundSystem]:
     places = station_places(block)
     station, axis = np.nonzero(chosen)
     angles = np.array([station.angles for station in block.stations], dtype=np.float64).reshape(-1, 3)
+    angles *= DEGREES_PER_RADIAN
     boresight = rows_or(unknowns.antennas[:, BORESIGHT_PLACES], places.antenna[station], CONSTANT)
     rows = Rows(
         kind=kind,
         photo=tuple(block.photos[row].name for row in places.photo[station]),
         point=("",) * len(axis),
         component=tuple(PHOTO_PARAMETERS[3 + index] for index in axis),
-        observed=angles[station, axis] * DEGREES_PER_RADIAN,
+        observed=angles[station, axis],
         error=error,
         used=used,
         columns=np.hstack([unknowns.photos[places.photo[station], 3:], boresight]),
     )
-    return rows, station, axis, places, block.ground
+    return rows, station, axis, angles[station], places, block.ground
 
 
 KINDS = (

@@ -12,6 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from orip.adjustment.equations import Equations, OtherPlace
+from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import PointRays
@@ -22,17 +23,21 @@ from orip.bundle.unknowns import Unknowns
 from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 
-_FEWEST_RAYS, _MOST_RAYS = 3, 6
-"""Rays of a point: of two, neither can be called wrong; many leave no doubt about a wrong one."""
+_FEWEST_RAYS, _MOST_RAYS = 2, 6
+"""Rays of a point: many leave no doubt about a wrong one."""
 
 _FEW_RAYS, _MOST_WRONG = 4, 3
-"""Points of up to so many rays may have three wrong coordinates, those of more two."""
+"""Points of up to so many rays may have three wrong coordinates, those of more two, and those of two rays one: any may
+be that, and the one with the smallest residual costs least."""
 
 _MOST_PLACES = 6
 """Places of a point that are proposed, those with the lowest robust cost as long as the photos are held."""
 
 _MOST_NUMBERS = 4_000_000
 """Partials that are kept: of large blocks the places of so many points only, the first ones."""
+
+_LESS = 0.002
+"""Part of the square of the limit."""
 
 _STEPS = 2
 """Repetitions of where the rays meet by their directions, and then corrections to the place of least squares."""
@@ -80,8 +85,18 @@ def other_places(
     found: list[OtherPlace] = []
     for count in np.intersect1d(counts, np.arange(_FEWEST_RAYS, _MOST_RAYS + 1)):
         of_points = order[starts[counts == count][:, None] + np.arange(count)]
-        found += _places_of_points(unknowns, kind, state, of_points, vectors, weights, limit)
+        places = _places_of_points(unknowns, kind, state, of_points, vectors, weights, limit)
+        found += places if count > _FEWEST_RAYS else [place for place in places if _is_nearer(place, equations, limit)]
     return found
+
+
+def _is_nearer(place: OtherPlace, equations: Equations, limit: float) -> bool:
+    """Return whether the wrong coordinate of a point of two rays costs less at another place: nothing else does."""
+    here, there = (
+        float(danish_costs(np.abs(residual), limit).sum())
+        for residual in (equations.residual[place.rows], place.residual)
+    )
+    return there < here - _LESS * limit**2
 
 
 def _places_of_points(
@@ -128,7 +143,7 @@ def _cheapest(places: IntArray, costs: FloatArray) -> list[int]:
 
 def _kept(rays: int) -> BoolArray:
     """Return which coordinates (c, 2 k) of k rays are kept: all but up to three, or but two of many."""
-    most = _MOST_WRONG if rays <= _FEW_RAYS else _MOST_WRONG - 1
+    most = 1 if rays == _FEWEST_RAYS else _MOST_WRONG if rays <= _FEW_RAYS else _MOST_WRONG - 1
     wrong = [chosen for count in range(most + 1) for chosen in combinations(range(2 * rays), count)]
     kept = np.ones((len(wrong), 2 * rays), dtype=bool)
     for row, chosen in enumerate(wrong):

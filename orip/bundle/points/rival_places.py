@@ -28,8 +28,9 @@ from orip.interior.image_vectors import image_vectors
 from orip.records.block import Block
 from orip.structs import replace
 
-_MEETING, _MOST_RAYS = 3, 10
-"""Rays that have to meet: two do so by chance; and rays of a point: of many the right ones outweigh the others."""
+_FEWEST, _MEETING, _MOST_RAYS = 2, 3, 10
+"""Rays that have to meet, where no more do so now, and else, as two do by chance; and rays of a point: of many the
+right ones outweigh the others."""
 
 _MOST_NUMBERS = 4_000_000
 """Partials that are kept: of large blocks the places of lowest cost."""
@@ -134,7 +135,9 @@ def _of_nearly_the_cost(
 ) -> list[tuple[float, OtherPlace]]:
     """Return the places that cost hardly more, and by how much; `fitting` (p, k) are the rays that fit elsewhere."""
     kept = _lengths(there.residuals) <= limit
-    likely = np.flatnonzero(there.computable & (kept.sum(axis=1) >= _MEETING) & (kept & ~fitting).any(axis=1))
+    # where no more than two rays meet, two others may as well
+    enough = kept.sum(axis=1) >= np.clip(fitting.sum(axis=1), _FEWEST, _MEETING)
+    likely = np.flatnonzero(there.computable & enough & (kept & ~fitting).any(axis=1))
     points = there.state.points.copy()
     of_places = there.kind.point[there.rays[:, 0]]
     points[of_places[likely]] = there.points[likely]

@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.stations_text import parse_stations_and_reference
+from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
@@ -31,6 +32,7 @@ from orip.records.observations.control import (
 )
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.wording import counted
 
 ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
     "CAMERA": CAMERA_PARAMETERS,
@@ -47,6 +49,8 @@ _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
 _CODES: tuple[DistanceCode, ...] = get_args(DistanceCode)
 _SIGNED_CODES = ("X", "Y", "Z")
 _AXES = ("X", "Y", "Z")
+_NUMBERS = 6
+"""Of a control point: three coordinates and their errors."""
 
 Record = TypeVar("Record")
 Content = TypeVar("Content")
@@ -86,10 +90,43 @@ def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoi
 
     A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point.
     """
+    if (blank := _blanks_in_names(text.value, shown)) is not None:
+        return Parsed((), (*text.complaints, blank))
     parsed = _read(text, shown, _read_point)
     lines = {point.name: point.line for point in parsed.value}
     warnings = tuple(_similar_names(names, lines, shown) for names in look_alikes(lines))
     return Parsed(parsed.value, parsed.complaints, warnings)
+
+
+def _blanks_in_names(lines: list[str], shown: str) -> Complaint | None:
+    """Return one complaint for all names that seem to have blanks: words before six numbers on most lines."""
+    readers = [FieldReader(line, shown) for line in field_lines(lines)]
+    found = [reader for reader in readers if _has_blank(reader)]
+    if 2 * len(found) <= len(readers):
+        return None
+    first = found[0]
+    words = [first.shown_text(index) for index in range(first.count - _NUMBERS)]
+    text = (
+        f"names cannot have blanks, and '{' '.join(words)}' seems to be one; write {'_'.join(words)} or "
+        f"{''.join(words)}, here and in the measurements ({counted(len(found), 'line')} of this file)"
+    )
+    return Complaint(text, shown, first.number)
+
+
+def _has_blank(reader: FieldReader) -> bool:
+    """Tell whether a line has six numbers and words before it, the first of which is none."""
+    if reader.count <= 1 + _NUMBERS or _is_number(reader.text(0)):
+        return False
+    last = [reader.text(index) for index in range(reader.count - _NUMBERS, reader.count)]
+    return all(field == "-" or _is_number(field) for field in last)
+
+
+def _is_number(field: str) -> bool:
+    try:
+        parse_number(field)
+    except ValueError:
+        return False
+    return True
 
 
 def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> ProjectWarning:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from orip.files.text.regular_file import beginning
 
-_ENDINGS = frozenset({".csv", ".dat", ".pts", ".tsv", ".txt", ".xyz"})
+_ENDINGS = frozenset({".csv", ".dat", ".pnt", ".pts", ".tsv", ".txt", ".xyz"})
 
 _MOST_FILES, _MOST_CHARACTERS = 50, 200_000
 

@@ -12,6 +12,7 @@ from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
+from orip.records.block import Block
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 
@@ -28,6 +29,9 @@ _FAR_OFF = 8.0
 """Standard deviations, and multiples of the usual difference of the others, from which a single check point is wrong:
 how well it was surveyed is not known."""
 
+_MARK = 1.0
+"""A-priori error, without its sign, that marks a check point and says nothing else."""
+
 _SWAPPED = 0.1
 """Two points are exchanged if exchanging them removes all but this part of both differences."""
 
@@ -38,15 +42,15 @@ _SYSTEMS = {
 }
 
 
-def contradicting_check_points(solution: Solution) -> list[ProjectWarning]:
+def contradicting_check_points(block: Block, solution: Solution) -> list[ProjectWarning]:
     """Return a warning for what is wrong with check points; nothing where they agree with the adjustment."""
-    compared = _compared(solution)
+    compared = _compared(block, solution)
     if compared is None:
         return []
     if any(group.kind == "station" and group.doubted for group in solution.groups):
         return []  # stations that are all off displace the check points
     together = list(_in_another_system(compared, solution.ground_unit))
-    return together or list(_single(compared, solution.ground_unit))
+    return together or list(_single(compared, block, solution.ground_unit))
 
 
 class _Compared(Struct, frozen=True):
@@ -62,15 +66,19 @@ class _Compared(Struct, frozen=True):
         return self.adjusted - self.given
 
 
-def _compared(solution: Solution) -> _Compared | None:
+def _compared(block: Block, solution: Solution) -> _Compared | None:
     points = solution.check_points
     if not points:
         return None
     place = places_of_names(solution.points.names)
     rows = [place[point.name] for point in points]
     differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
-    adjusted = solution.points.values[rows]
-    return _Compared(tuple(point.name for point in points), adjusted - differences, adjusted, solution.points.sd[rows])
+    adjusted, sd = solution.points.values[rows], solution.points.sd[rows]
+    known = {point.name: point.errors for point in block.control_points}
+    errors = np.abs(np.array([known.get(point.name, (None,) * 3) for point in points], dtype=np.float64))
+    if not (errors[np.isfinite(errors)] == _MARK).all():
+        sd = np.hypot(sd, np.nan_to_num(errors))
+    return _Compared(tuple(point.name for point in points), adjusted - differences, adjusted, sd)
 
 
 def _in_another_system(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
@@ -91,7 +99,7 @@ def _in_another_system(compared: _Compared, unit: str) -> Iterator[ProjectWarnin
         yield ProjectWarning("check-point-system", "check points", text)
 
 
-def _single(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
+def _single(compared: _Compared, block: Block, unit: str) -> Iterator[ProjectWarning]:
     """Yield a warning for each pair of check points that are exchanged, else for each that alone is far off."""
     told = [pair for pair in combinations(range(len(compared.names)), 2) if _are_exchanged(compared, *pair)]
     for pair in told:
@@ -101,10 +109,23 @@ def _single(compared: _Compared, unit: str) -> Iterator[ProjectWarning]:
             "exchanged; exchange their names in the control file, or in the photos"
         )
         yield ProjectWarning("contradicting-check-point", f"check points {one} and {other}", text)
-    wrong = _far_off(compared)
+    wrong = _far_off(compared) & ~_at_another(compared, block)[:, None]
     rows = np.flatnonzero(wrong.any(axis=1)).tolist()
     if not told and len(rows) <= max(1, len(compared.names) // 2):
         yield from (_wrong_point(compared, row, wrong[row], unit) for row in rows)
+
+
+def _at_another(compared: _Compared, block: Block) -> BoolArray:
+    """Return which check points (n,) the photos see where a control point is given: that has a warning of its own."""
+    found = np.zeros(len(compared.names), dtype=bool)
+    for point in block.control_points:
+        if point.kind == "control" and None not in point.coordinates:
+            given = np.array(point.coordinates, dtype=np.float64)
+            off = np.linalg.norm(compared.adjusted - given, axis=1)
+            found |= (off < _SWAPPED * np.linalg.norm(compared.differences, axis=1)) & (
+                off < _FAR_OFF * np.linalg.norm(np.nan_to_num(compared.sd, posinf=np.inf), axis=1)
+            )
+    return found
 
 
 def _far_off(compared: _Compared) -> BoolArray:

@@ -25,6 +25,9 @@ _ERRORS = 4.0
 _FEW = 0.2
 """Part of the control up to which contradictions are reported without a reason; more have a cause elsewhere."""
 
+_MOST = 0.5
+"""Part of the control that is off alike from which its system is another one."""
+
 _SWAPPED = 0.1
 """Two points count as exchanged if swapping removes all but this part of the misfit."""
 
@@ -76,17 +79,49 @@ def control_warnings(block: Block, seen: SeenCoordinates) -> list[ProjectWarning
     are_few = len(points) <= max(1.0, _FEW * count)
     small = _SMALL * _extent(block)
     partners = dict(_exchanged(points, seen))
+    together = frozenset(_off_alike(points, seen, count))
     texts: dict[str, str] = {}
     for name, point in points.items():
         if partners.get(name) in texts:
             continue
         if name in partners:
             texts[name] = _exchange_text(name, partners[name])
+        elif (other := _seen_at_another(block, point, *seen[name])) is not None:
+            texts[name] = _elsewhere_text(name, other)
+        elif together & {kind for kind, *_ in _differences(point, *seen[name])}:
+            continue
         elif slips := _slips_text(point, *seen[name], small):
             texts[name] = slips
         elif are_few:
             texts[name] = _contradiction_text(point, *seen[name], block.ground_unit)
     return [ProjectWarning("contradicting-control", f"control point {name}", text) for name, text in texts.items()]
+
+
+def _off_alike(points: Mapping[str, ControlPoint], seen: SeenCoordinates, count: int) -> Iterator[str]:
+    """Yield the coordinates in which most of `count` control points are off alike: another system is no slip."""
+    off: dict[str, list[tuple[float, float]]] = {}
+    for name, point in points.items():
+        for kind, value, coordinate, _, tolerance in _differences(point, *seen[name]):
+            off.setdefault(kind, []).append((value - coordinate, tolerance))
+    for kind, found in off.items():
+        median = float(np.median([difference for difference, _ in found]))
+        alike = sum(abs(difference - median) <= tolerance for difference, tolerance in found)
+        if alike > max(1.0, _MOST * count):
+            yield kind
+
+
+def _seen_at_another(block: Block, point: ControlPoint, seen: FloatArray, sd: FloatArray) -> str | None:
+    """Return the control or check point whose given coordinates are those at which the photos see a point."""
+    for other in block.control_points:
+        if other.name == point.name or None in other.coordinates or None in point.coordinates:
+            continue
+        given, own = (np.array(each.coordinates, dtype=np.float64) for each in (other, point))
+        tolerance = _ERRORS * np.hypot(sd, np.abs(np.array(point.errors, dtype=np.float64)))
+        if (np.abs(given - seen) <= tolerance).all() and np.linalg.norm(given - seen) < _SWAPPED * np.linalg.norm(
+            own - seen
+        ):
+            return other.name
+    return None
 
 
 def _extent(block: Block) -> float:
@@ -123,6 +158,13 @@ def _exchange_text(name: str, other: str) -> str:
     return (
         f"the photos see it where control point {other} is given, and {other} where {name} is: the two are exchanged; "
         "exchange their names in the control file, or in the photos"
+    )
+
+
+def _elsewhere_text(name: str, other: str) -> str:
+    return (
+        f"the photos see it where {other} is given: {name} and {other} are probably exchanged; compare their names in "
+        "the control file and in the photos"
     )
 
 

@@ -30,7 +30,8 @@ def control_in_another_height_system(block: Block, solution: Solution) -> Iterat
         As gathered.
     solution : Solution
     """
-    if not any(station.has_position for station in block.stations) or block.ground_unit != "m":
+    observed = any(element.group == "PHOTO" and element.kind == "Z0" for element in block.elements)
+    if not (observed or any(station.has_position for station in block.stations)) or block.ground_unit != "m":
         return
     rows = solution.residuals
     off = {

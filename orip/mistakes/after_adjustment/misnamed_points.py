@@ -101,6 +101,8 @@ class _DoubtedPhotoPoints:
             Those of its photo points that are doubted.
         """
         own = self._used_rows(rows[0])
+        if self.rays.meeting(own) is not None:  # all of them: its coordinates are wrong, and not its rays
+            return ()
         if len(rows) < len(own):
             return rows if self.rays.meeting(rows) is not None else ()
         if not _LEAST_RAYS <= len(own) <= _MOST_RAYS:

@@ -18,6 +18,13 @@ _TOGETHER = 4.0
 _BY_CHANCE = 0.01
 """Largest expected number of points so near each other by chance; with more of them a match proves nothing."""
 
+_SELDOM, _MARGIN, _FEWEST = 0.05, 0.5, 4
+"""Expected number of rays that meet by chance, anywhere; how far around the other points, as a part of their extent, a
+meeting place may be; and how many of these are needed."""
+
+_MOST_SINGLE = 200
+"""Points of one ray that are compared: where there are more, it is the way they were measured."""
+
 _MOST_POINTS = 5_000
 """In larger blocks points lie near each other by chance."""
 
@@ -38,11 +45,11 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
     pairs = _in_one_place(solved.state.points[tie], variance)
     shown = _shown(solved, tie)
     pairs = pairs[~(shown[pairs[:, 0]] & shown[pairs[:, 1]]).any(axis=1)] if len(pairs) else pairs
-    if not len(pairs):
-        return []
     rays, place = AdjustedRays(block, solution), block.point_index()
+    named = [sorted(solved.block.point_names[row] for row in tie[pair]) for pair in pairs]
+    named += _of_single_rays(solved, rays, [solved.block.point_names[row] for row in tie])
     warnings = []
-    for first, second in (sorted(solved.block.point_names[row] for row in tie[pair]) for pair in pairs):
+    for first, second in named:
         rows = np.flatnonzero(np.isin(block.photo_points.point, [place[first], place[second]]))
         if rays.meeting(rows) is not None:
             text = (
@@ -51,6 +58,48 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
             )
             warnings.append(ProjectWarning("same-point", f"points {first} and {second}", text))
     return warnings
+
+
+def _of_single_rays(solved: SolvedBlock, rays: AdjustedRays, determined: list[str]) -> list[list[str]]:
+    """Return pairs of a point of one ray and a determined one, or another one of one ray, whose rays meet.
+
+    Two rays meet by chance now and then, but seldom among the other points.
+    """
+    block, points, place = rays.block, rays.block.photo_points, rays.block.point_index()
+    with_control = {point.name for point in block.control_points}
+    control = {
+        point.name for point in block.control_points if point.kind == "control" and None not in point.coordinates
+    }
+    used = np.flatnonzero(points.in_use)
+    single = [
+        int(row) for row in used[np.bincount(points.point, minlength=len(place))[points.point[used]] == 1]
+        if block.point_names[points.point[row]] not in with_control
+    ]  # fmt: skip
+    known = {name: row for row, name in enumerate(solved.block.point_names)}
+    determined = [*determined, *sorted(control & known.keys())]
+    places = solved.state.points[[known[name] for name in determined]]
+    if not 0 < len(single) <= _MOST_SINGLE or len(places) < _FEWEST:
+        return []
+    found = []
+    shown = np.zeros((len(place), len(block.photos)), dtype=bool)
+    shown[points.point, points.photo] = True
+    frame = float(np.median(np.ptp(points.xy, axis=0)))
+    by_chance = len(single) ** 2 * max(map(rays.limit, single)) / frame
+    for number, row in enumerate(single):
+        name, photo = block.point_names[points.point[row]], points.photo[row]
+        near = rays.distances(row, block.ground.to_project(places)) <= rays.limit(row)
+        pairs = [other for other, is_near in zip(determined, near, strict=True) if is_near]
+        found += [sorted((name, other)) for other in pairs if not shown[place[other], photo]]
+        for other in single[number + 1 :] if by_chance <= _SELDOM else ():
+            meeting = rays.meeting([row, other]) if points.photo[other] != photo else None
+            if meeting is not None and _is_among(meeting[0], block.ground.to_project(places)):
+                found.append(sorted((name, block.point_names[points.point[other]])))
+    return found
+
+
+def _is_among(position: FloatArray, places: FloatArray) -> bool:
+    margin = _MARGIN * np.ptp(places, axis=0)
+    return bool(((position > places.min(axis=0) - margin) & (position < places.max(axis=0) + margin)).all())
 
 
 def _tie_points(solved: SolvedBlock) -> tuple[IntArray, FloatArray]:

@@ -8,6 +8,10 @@ _NARROW = 0.2
 """Largest tolerance, as a part of the error of a value: with a larger one, some slip explains any value."""
 
 _DISPLACED = "its decimal point is displaced"
+_ONE_DIGIT = "one digit is wrong"
+
+_CLOSE = 0.75
+"""Part of the tolerance within which a value with another digit has to be: there are many digits to be tried."""
 
 
 def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
@@ -34,7 +38,8 @@ def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
     for meant, how in _slips(value):
         # every value is next to zero if its decimal point is displaced far enough
         is_told_from_zero = tolerance <= _NARROW * abs(meant) or how != _DISPLACED
-        if abs(meant - seen) <= tolerance and is_told_from_zero:
+        near = _CLOSE * tolerance if how == _ONE_DIGIT else tolerance
+        if abs(meant - seen) <= near and is_told_from_zero:
             return f"is probably {meant:.10g}: {how}"
     return None
 
@@ -51,7 +56,7 @@ def _slips(value: float) -> Iterator[tuple[float, str]]:
     for place, digit in enumerate(text):
         for other in "0123456789" if digit.isdigit() else "":
             if other != digit:
-                yield float(text[:place] + other + text[place + 1 :]), "one digit is wrong"
+                yield float(text[:place] + other + text[place + 1 :]), _ONE_DIGIT
 
 
 def _with_two_digits_exchanged(text: str) -> Iterator[float]:

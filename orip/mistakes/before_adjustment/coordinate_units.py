@@ -1,6 +1,7 @@
 """Photo coordinates in another unit than millimetres: they do not suit the frame of their camera, or its distance.
 
-Cameras with a sensor are measured in pixels, and those with fiducial marks are scaled by these; here are the others.
+Cameras with a sensor are measured in pixels: millimetres, or parts of the picture, are far smaller. Those with fiducial
+marks are scaled by these.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.observations.measurement import PhotoObservations
-from orip.records.project.camera import Camera
+from orip.records.project.camera import Camera, Sensor
 from orip.records.project.photo import Photo
+
+CODE = "coordinate-unit"
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
 """Names of units by their number in a millimetre."""
@@ -36,8 +39,11 @@ _USUAL = (0.15, 1.5)
 _LARGEST_FRAME = 300.0
 """mm."""
 
-_FEWEST = 4
-"""Least number of photo points with which a camera is judged."""
+_FEWEST, _FEWEST_PIXELS = 4, 10
+"""Least number of photo points with which a camera is judged, and one with a sensor."""
+
+_PIXELS, _EDGE = 5.0, 1.01
+"""Least number of pixels in a unit that is taken for them, and the tolerance at the edge of the picture."""
 
 
 def coordinates_in_other_units(definitions: Definitions, observations: PhotoObservations) -> Iterator[ProjectWarning]:
@@ -50,7 +56,9 @@ def coordinates_in_other_units(definitions: Definitions, observations: PhotoObse
         Of one bundle.
     """
     for camera, rows in points_of_cameras(definitions, observations, _is_measured_directly):
-        if camera.sensor is None and not camera.fiducials and len(rows) >= _FEWEST:
+        if camera.sensor is not None and len(rows) >= _FEWEST_PIXELS:
+            yield from _no_pixels(camera, camera.sensor, observations.measured[rows])
+        elif camera.sensor is None and not camera.fiducials and len(rows) >= _FEWEST:
             yield from _warnings(camera, observations.measured[rows])
 
 
@@ -72,7 +80,31 @@ def _warnings(camera: Camera, xy: FloatArray) -> Iterator[ProjectWarning]:
         else f"with C = {camera.parameters[0]:g} mm"
     )
     text = f"photo coordinates reach {farthest:.6g} {compared}, but they have to be in mm{_meant(camera, xy)}"
-    yield ProjectWarning("coordinate-unit", f"camera {camera.name}", text)
+    yield ProjectWarning(CODE, f"camera {camera.name}", text)
+
+
+def _no_pixels(camera: Camera, sensor: Sensor, xy: FloatArray) -> Iterator[ProjectWarning]:
+    """Yield a warning where coordinates lie within the sensor's millimetres, or within 1, and not in its pixels."""
+    pixels, size = np.array([sensor.columns, sensor.rows]), np.array([sensor.width, sensor.height])
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    centred = bool((low < 0.0).any())
+    extents = {
+        "mm from the upper left corner": (size, not centred, "divide them by the size of a pixel"),
+        "mm from the centre": (
+            0.5 * size, centred, "give the camera a frame = [width, height] in place of the sensor, or write pixels"
+        ),
+        "parts of the picture": (np.ones(2), not centred, "multiply them by the numbers of columns and rows"),
+    }  # fmt: skip
+    farthest = np.maximum(np.abs(low), np.abs(high))
+    for unit, (extent, fits, remedy) in extents.items():
+        parts = farthest / extent
+        if fits and (pixels > _PIXELS * extent).all() and parts.max() <= _EDGE and parts.min() >= _FILLED:
+            text = (
+                f"photo coordinates reach {farthest[0]:.4g} and {farthest[1]:.4g} on a sensor of {sensor.columns} "
+                f"columns and {sensor.rows} rows, but they have to be pixels; they seem to be {unit}: {remedy}"
+            )
+            yield ProjectWarning(CODE, f"camera {camera.name}", text)
+            return
 
 
 def _reached(camera: Camera, xy: FloatArray) -> float:

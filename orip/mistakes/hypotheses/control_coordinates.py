@@ -36,10 +36,16 @@ def control_axes(block: Block) -> Iterator[Hypothesis]:
 
 
 def control_units(block: Block) -> Iterator[Hypothesis]:
-    """Yield control in feet instead of metres and vice versa: all coordinates, then Z alone."""
+    """Yield control in feet instead of metres and vice versa: all coordinates, and Z alone."""
+    for factor in FEET_AND_METRES:
+        yield from _control(block, _UNIT, np.eye(3) * factor, control_unit_text(factor))
+    yield from control_heights(block)
+
+
+def control_heights(block: Block) -> Iterator[Hypothesis]:
+    """Yield control with Z in feet instead of metres and vice versa."""
     for factor in FEET_AND_METRES:
         unit, other = LENGTH_UNITS[factor]
-        yield from _control(block, _UNIT, np.eye(3) * factor, control_unit_text(factor))
         text = (
             f"the control fits the photos when Z is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in "
             f"{other}; use one unit"

@@ -27,7 +27,8 @@ class GroupTest(Struct, frozen=True):
     component : str
         As in residuals.csv: ``x``, ``Z``, ``Z0``, ``XYZ``, ``zenith``.
     number, down_weighted : int
-        Observations, and those with a weight factor below 1.
+        Observations, and those with a weight factor below 1; 0 of a parameter of a camera that is held, which is listed
+        only where it is doubted.
     redundancy : float
         Sum of the redundancy numbers of those with weight factor 1; of check points, their number.
     sigma0, p_sigma0 : float
@@ -39,7 +40,8 @@ class GroupTest(Struct, frozen=True):
     shift, shift_sd : float
         The error common to all observations that explains the mean best: observed minus what all others predict.
     worst : str
-        The check point that differs most for its standard deviation, or the only observation of a group.
+        The check point that differs most for its standard deviation, or the only observation of a group; the camera of
+        a held parameter.
     worst_size, p_worst : float
         Its difference, and the probability that the largest of so many is so large; NaN except for check points.
     doubted : bool
@@ -65,8 +67,9 @@ class GroupTest(Struct, frozen=True):
     doubted: bool
 
 
-CommonExtent = Literal["strip", "all", "lever arm"]
-"""Whose stations have an error in common: those of a strip or all; in the project's axes, or in those of the photos."""
+CommonExtent = Literal["strip", "all", "lever arm", "whole", "one", "held"]
+"""What has an error in common: a group, or the stations of a strip; those of all strips, in the project's axes or in
+those of the photos; all coordinates of control or of observed stations; one observation; a camera that is held."""
 
 
 class CommonError(Struct, frozen=True):
@@ -76,6 +79,14 @@ class CommonError(Struct, frozen=True):
     is_drift: bool
     size: float
     sd: float
+
+
+class CommonCause(Struct, frozen=True):
+    """What may be wrong in place of something else; see `Contradiction`."""
+
+    group: GroupTest
+    extent: CommonExtent
+    components: tuple[str, ...]
 
 
 class Contradiction(Struct, frozen=True):
@@ -92,9 +103,12 @@ class Contradiction(Struct, frozen=True):
         The error common to the first group that all other observations and the check points suggest; NaN unless `what`
         is a shift on the ground.
     common : tuple of CommonError
-        Of stations: their shift in all components, and their drift if they have one.
+        Of stations, or of all coordinates of control: their shift in these components, and their drift if they have
+        one.
     extent : CommonExtent
         Of these.
+    alternatives : tuple of CommonCause
+        Errors in common that explain the same misfit about as well.
     """
 
     what: ContradictionKind
@@ -104,3 +118,4 @@ class Contradiction(Struct, frozen=True):
     shift_sd: float = math.nan
     common: tuple[CommonError, ...] = ()
     extent: CommonExtent = "strip"
+    alternatives: tuple[CommonCause, ...] = ()

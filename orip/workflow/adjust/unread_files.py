@@ -19,6 +19,7 @@ _MOST = 0.5
 """Part of the measured points that a table of control has at most: of all points it is a result."""
 
 _NAMED = 3
+_CONTROL = ".pnt"
 
 
 def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarning]:
@@ -46,13 +47,24 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
         known = [name for name in names if name in known_points]
         placed = [photos[key] for name in names if (key := record_key(name.partition(".")[0])) in photos]
         base = project.definition.control_files
-        if not has_control and _FEWEST <= len(known) <= _MOST * len(measured):
+        if path.suffix.lower() == _CONTROL and not has_control and len(known) >= _FEWEST and path.stem != base:
+            text = _of_another_name(known, path.stem, base)
+        elif path.suffix.lower() == _CONTROL:
+            continue
+        elif not has_control and _FEWEST <= len(known) <= _MOST * len(measured):
             text = _text(known, "control", f"{base}.PNT (name X Y Z and their errors, separated by blanks)")
         elif len(placed) >= _FEWEST:
             text = _text(placed, "projection centres", f"{base}.STA, see 'orip stations import'")
         else:
             continue
         yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
+def _of_another_name(names: Sequence[str], stem: str, base: str) -> str:
+    return (
+        f"this file is not read, but has coordinates of {first_names(names, _NAMED)}: the project's control is in "
+        f'files called {base}; rename it to {base}.PNT, or write control_files = "{stem}" in [project]'
+    )
 
 
 def _text(names: Sequence[str], what: str, where: str) -> str:

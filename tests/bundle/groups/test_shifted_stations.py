@@ -119,6 +119,7 @@ def test_without_control_check_points_tell(shifted: Solution) -> None:
     assert doubted
     assert found.verdict != shifted.verdict
     # only beside the check points do the stations show an error: the sentence has its size all the same
-    (sentence,) = (text.text for text in found.diagnosis if "Z0 of the exposure stations" in text.text)
-    ((size, sd),) = re.findall(r"by about ([0-9.]+) ± ([0-9.]+) m", sentence)
+    (sentence,) = (text.text for text in found.diagnosis if "exposure stations are all off" in text.text)
+    assert "instead it is a shift of the check points" in sentence
+    ((size, sd),) = re.findall(r"Z0 \+([0-9.]+) ± ([0-9.]+)", sentence)
     assert float(size) == pytest.approx(SHIFT[2], abs=4.0 * float(sd))

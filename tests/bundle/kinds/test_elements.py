@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
-from bundle.solving import OFF, directions_from, noisy, redefined, rows, solution
+from bundle.solving import OFF, directions_from, noisy, redefined, rows, solution, solved
+from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 from orip.errors import InputError
@@ -53,10 +54,37 @@ def test_an_angle_beyond_the_turn_is_the_same_angle():
     assert far.residuals.residual[rows(far, "element")] == pytest.approx(near.residuals.residual[rows(near, "element")])
 
 
-def test_an_observed_angle_of_a_photo_at_phi_90_is_refused():
+def test_a_single_angle_of_photos_at_phi_90_is_refused_and_all_photos_are_named():
     made = synthetic_block("terrestrial", "elements")
-    with pytest.raises(InputError, match="within"):
-        solution(observed("P1", "PHOTO", "KAPPA", -90.0, 0.1, made.block))
+    block = replace(made.block, elements=tuple(ControlElement(f"P{n}", "PHOTO", "KAPPA", 0.0, 0.1) for n in (1, 2)))
+    with pytest.raises(InputError, match=r"KAPPA of photo P1 and KAPPA of photo P2 are observed.*all three angles"):
+        solution(block)
+
+
+def test_a_single_angle_at_phi_90_without_weight_is_no_obstacle():
+    made = synthetic_block("terrestrial", "elements")
+    assert solved(observed("P1", "PHOTO", "KAPPA", -90.0, -0.1, made.block)).converged
+
+
+@pytest.mark.parametrize("split", [0.0, 25.0])
+def test_three_angles_at_phi_90_are_one_rotation(split):
+    """Exactly at the pole only the sum of omega and kappa counts; the residuals are turns about the ground axes."""
+    made = synthetic_block("terrestrial", "elements")
+    omega, phi, kappa = np.degrees(made.orientations[0, 3:])
+    turn = np.radians(0.3)
+    angles = (omega + split + 0.3, phi, kappa - np.sign(phi) * split)
+    given = Rotation.from_rotvec([turn, 0.0, 0.0]) * Rotation.from_euler("XYZ", [omega, phi, kappa], degrees=True)
+
+    def found_with(error):
+        elements = (
+            ControlElement("P1", "PHOTO", kind, float(value), error)
+            for kind, value in zip(("OMEGA", "PHI", "KAPPA"), angles, strict=True)
+        )
+        return replace(redefined(made.block, **OFF), elements=tuple(elements))
+
+    assert solved(found_with(1e-6)).state.rotations[0] == pytest.approx(given.as_matrix(), abs=1e-6)
+    loose = solution(found_with(10.0))
+    assert loose.residuals.residual[rows(loose, "element")] == pytest.approx([-0.3, 0.0, 0.0], abs=1e-3)
 
 
 @pytest.mark.parametrize("kind", ["X", "Y", "Z"])

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bundle.solving import noisy, redefined, rows, solution, solved
+from bundle.solving import OFF, noisy, redefined, rows, solution, solved
 from bundle.stations_of_block import ARM, DRIFTS, MADE, OFFSET, SHIFTS, TURN, stations, with_stations
+from scipy.spatial.transform import Rotation
+from support.synthetic_block import synthetic_block
 
-from orip.records.observations.station import NOT_GIVEN
+from orip.geometry.rotation import angles_from_rotation
+from orip.records.observations.station import NOT_GIVEN, Station
 from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
 from orip.structs import replace
 
@@ -161,3 +164,35 @@ def test_parameters_are_in_the_solution() -> None:
         for axis, name in enumerate(SHIFT):
             estimate = by_name[str(strip + 1), name]
             assert abs(estimate.value - SHIFTS[strip, axis]) < 5.0 * estimate.sd + 0.05
+
+
+def stations_along_x(error, turns):
+    """Return a block of photos at phi = ±90 with attitudes turned about the ground axes by planted angles, degrees."""
+    made = synthetic_block("terrestrial", "attitudes")
+    observed = []
+    for row, (photo, orientation) in enumerate(zip(made.block.photos, made.orientations, strict=True)):
+        given = Rotation.from_rotvec(turns[row], degrees=True) * Rotation.from_euler("XYZ", orientation[3:])
+        angles = angles_from_rotation(given.as_matrix())
+        observed.append(
+            Station(photo.name, tuple(orientation[:3].tolist()), (-1.0,) * 3, tuple(angles.tolist()), (error,) * 3)
+        )
+    return made, replace(redefined(made.block, **OFF), stations=tuple(observed))
+
+
+def test_attitudes_of_photos_that_look_along_x_are_turns_about_the_axes() -> None:
+    turns = np.random.default_rng(5).normal(size=(6, 3)) * 0.05
+    _, block = stations_along_x(np.radians(5.0), turns)
+    found = solution(block)
+    residual = found.residuals.residual[rows(found, "attitude")].reshape(-1, 3)
+    # the control orients the photos, and nothing else has errors
+    assert residual == pytest.approx(-turns, abs=1e-3)
+
+
+def test_precise_attitudes_of_photos_that_look_along_x_turn_them() -> None:
+    made, block = stations_along_x(np.radians(1e-6), np.tile([0.01, -0.02, 0.015], (6, 1)))
+    found = solved(block)
+    for row, orientation in enumerate(made.orientations):
+        expected = Rotation.from_rotvec([0.01, -0.02, 0.015], degrees=True) * Rotation.from_euler(
+            "XYZ", orientation[3:]
+        )
+        assert found.state.rotations[row] == pytest.approx(expected.as_matrix(), abs=1e-7)

@@ -68,6 +68,22 @@ def test_rival_place_is_where_the_rays_meet_that_have_no_weight(control_error: f
     assert np.abs(place.residual[place.weights >= 1.0]).max() < 1e-6
 
 
+@pytest.mark.parametrize(("here", "found"), [(2, 1), (3, 0)])
+def test_two_wrong_rays_that_meet_do_not_hold_a_point_without_a_trial(here: int, found: int) -> None:
+    """Two of four rays meet elsewhere; where three meet, two are no rival."""
+    problem, point, _, state = with_rival_place()
+    equations = problem.linearise(state)
+    rays = np.flatnonzero(problem.block.photo_points.point == point)
+    fitting = np.setdiff1d(np.arange(len(rays)), RIVAL)[:here]
+    taking_part = np.concatenate([fitting, RIVAL[:2]])
+    weights, active = np.ones(len(equations.residual)), equations.active.copy()
+    for ray in range(len(rays)):
+        rows = [2 * rays[ray], 2 * rays[ray] + 1]
+        active[rows] = ray in taking_part
+        weights[rows] = 1.0 if ray in fitting else 1e-10
+    assert len(problem.rival_places(state, replace(equations, active=active), weights, LIMIT)) == found
+
+
 def test_no_rival_place_where_all_rays_fit() -> None:
     made = synthetic_block("convergent", "rivals", noise_mm=NOISE_MM)
     problem, state = pose_problem(made.block), starting_state(made.block)

@@ -1,0 +1,107 @@
+"""Parameters of cameras that are held: each is a hypothesis, "C is off by ...", like an error common to a group.
+
+Not adjusting a parameter says that it is known exactly. Where it is not, stations, control and scale bars seem to be
+wrong: the photo points themselves absorb most of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.adjustment.residual_sums import HeldParameters
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.groups.observation_groups import ObservationGroup
+from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.unknowns import CONSTANT
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
+from orip.records.project.shared_lens import first_of_lens
+
+TESTED = ("C", "DX", "DY", "A3")
+"""What differs from one lens or calibration to another; further coefficients of distortion follow A3."""
+
+_MOST_PHOTO_POINTS = 200_000
+"""Most photo points that are linearised once more for this."""
+
+
+class HeldCameras(NamedTuple):
+    """The held parameters as groups without observations, how many photo coordinates each acts on, and their sums."""
+
+    groups: tuple[ObservationGroup, ...]
+    number: IntArray
+    sums: HeldParameters
+
+
+class _Parameter(NamedTuple):
+    """The places of cameras with one lens, and of a parameter."""
+
+    cameras: IntArray
+    place: int
+
+
+def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
+    """Return the tested parameters that are held; None where there are none, or where the block is too large.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    weight : array (n,)
+        Weight factors of all equations, 0 where one is disregarded.
+    """
+    parameters = list(_held(solved))
+    if not parameters or len(solved.block.photo_points.photo) > _MOST_PHOTO_POINTS:
+        return None
+    count, size = len(parameters), solved.problem.layout.size
+    values, square, right, number = np.zeros(count), np.zeros((count,) * 2), np.zeros((size, count)), np.zeros(count)
+    first = 0
+    for part in _photo_points(solved).in_parts():
+        rows = slice(first, first + len(part.rows.error))
+        first = rows.stop
+        found, columns = part.linearise_with_partials(solved.state), part.columns()
+        partials = found.partials / part.rows.error[:, None]
+        camera = np.repeat(part.camera, 2)
+        acts = np.column_stack(
+            # a parameter that is too large acts like photo coordinates that are too small by its partials
+            [np.where(np.isin(camera, one.cameras), -partials[:, one.place], 0.0) for one in parameters]
+        )
+        weighted = weight[rows, None] * acts
+        values += weighted.T @ solved.equations.residual[rows]
+        square += weighted.T @ acts
+        number += np.count_nonzero(weighted, axis=0)
+        touched = columns != CONSTANT
+        for place in range(count):
+            products = (partials * weighted[:, place, None])[touched]
+            right[:, place] += np.bincount(columns[touched], products, minlength=size)
+    acting = np.flatnonzero(np.diag(square) > 0.0)
+    if not len(acting):
+        return None
+    right = right[:, acting]
+    groups = tuple(_group(solved, parameters[row]) for row in acting.tolist())
+    moved = solved.normals.solve(right)
+    sums = HeldParameters(values[acting], square[np.ix_(acting, acting)], right, moved)
+    return HeldCameras(groups, number[acting].astype(np.int64), sums)
+
+
+def _held(solved: SolvedBlock) -> Iterator[_Parameter]:
+    cameras, columns = solved.block.cameras, solved.problem.unknowns.cameras
+    first = np.array(first_of_lens(cameras))
+    for row in range(len(cameras)):
+        for name in TESTED:
+            place = CAMERA_PARAMETERS.index(name)
+            if columns[row, place] == CONSTANT and (first[row] == row or name in OWN_PARAMETERS):
+                same = np.array([row]) if name in OWN_PARAMETERS else np.flatnonzero(first == row)
+                yield _Parameter(same, place)
+
+
+def _group(solved: SolvedBlock, held: _Parameter) -> ObservationGroup:
+    name, nothing = CAMERA_PARAMETERS[held.place], np.zeros(0, dtype=np.int64)
+    return ObservationGroup("element", "CAMERA", name, nothing, (solved.block.cameras[held.cameras[0]].name,))
+
+
+def _photo_points(solved: SolvedBlock) -> PhotoPointObservations:
+    kind = solved.problem.observations[0]
+    assert isinstance(kind, PhotoPointObservations), "photo points are the first kind of observation"
+    return kind
