@@ -200,7 +200,7 @@ def test_stores_are_looked_at_before_they_are_opened(tmp_path: Path) -> None:
 
 
 def test_a_journal_that_is_not_played_back_keeps_no_super_journal(project: Path) -> None:
-    """A run killed before its journals were synchronised leaves them with a head of zeros, which SQLite leaves alone."""
+    """Journals of a run killed before it had synchronised them begin with zeros: SQLite leaves them alone."""
     store, super_journal = project / "FIRST.PHO", project / "FIRST.PHO-mj01234567"
     super_journal.write_bytes(os.fsencode(f"{store}-journal\0"))
     hot_journal(store, super_journal)
