@@ -208,10 +208,10 @@ def _reached(block: Block) -> FloatArray:
     points, count = block.photo_points, len(block.photos)
     sizes = np.array([(np.nan, np.nan) if of.sensor is None else of.sensor.size for of in block.cameras])
     size = sizes[block.photo_camera[points.photo]]
-    parts = np.abs(points.xy - size * [-0.5, 0.5]) / size
+    parts = (np.abs(points.xy - size * [-0.5, 0.5]) / size).max(axis=1)
     reached = np.zeros(count)
-    np.maximum.at(reached, points.photo, parts.max(axis=1))
-    reached[~np.isfinite(reached) | (np.bincount(points.photo, minlength=count) < _FEWEST_POINTS)] = np.inf
+    np.maximum.at(reached, points.photo, np.where(np.isfinite(parts), parts, np.inf))
+    reached[np.bincount(points.photo, minlength=count) < _FEWEST_POINTS] = np.inf
     return reached
 
 
