@@ -262,16 +262,36 @@ def test_a_panorama_is_refused_by_name(tmp_path: Path) -> None:
     said = orip(tmp_path, "import", str(changed_openmvg(tmp_path, spherical)), "new")
     assert said.code == 3
     assert "spherical" in said.err
-    document = alicevision_document(block(READING), alicevision_camera("equirectangular"), (1, 2, 8))
-    said = orip(tmp_path, "import", str(written(tmp_path / "a.sfm", json.dumps(document))), "new")
-    assert said.code == 3
-    assert "equirectangular" in said.err
+    for camera, named in (
+        (alicevision_camera("equirectangular"), "equirectangular"),
+        (alicevision_camera(undistortionType="radialk3"), "undistortion radialk3"),
+    ):
+        document = alicevision_document(block(READING), camera, (1, 2, 8))
+        said = orip(tmp_path, "import", str(written(tmp_path / "a.sfm", json.dumps(document))), "new")
+        assert said.code == 3
+        assert named in said.err
 
 
 def test_photos_that_are_not_oriented_are_counted(tmp_path: Path) -> None:
     project = read_well(read_openmvg, changed_openmvg(tmp_path, lambda document: document["extrinsics"].pop()))
     assert len(project.photos) == 5
     assert project.notes == ("1 photo not oriented, left out.", "60 measurements in photos not oriented, left out.")
+
+
+def test_priors_of_photos_are_said_to_be_left_out(tmp_path: Path) -> None:
+    def prior(document: Any) -> None:
+        data = document["views"][1]["value"]["ptr_wrapper"]["data"]
+        data.update(use_pose_center_prior=True, center_weight=[1.0, 1.0, 1.0], center=[1.0, 2.0, 3.0])
+
+    project = read_well(read_openmvg, changed_openmvg(tmp_path, prior))
+    assert project.notes[0].startswith("1 position of photos (priors of views) left out")
+
+
+def test_a_ratio_of_pixels_whose_meaning_is_not_known_is_refused(tmp_path: Path) -> None:
+    document = alicevision_document(block(READING), alicevision_camera(pixelRatio="1.1"), (1, 2, 10))
+    said = orip(tmp_path, "import", str(written(tmp_path / "a.sfm", json.dumps(document))), "new")
+    assert said.code == 3
+    assert "1.2.9 and 1.2.10 is not known" in " ".join(said.err.split())
 
 
 def test_control_points_of_openmvg_are_control(tmp_path: Path) -> None:

@@ -180,11 +180,10 @@ def _camera(number: str, value: JsonValue, version: tuple[float, float, float]) 
 
 def _kind_of_distortion(value: JsonValue, kind: str) -> str:
     """Return the type of the distortion; that of the camera where it has another projection, or says both in one."""
-    for key in ("undistortionType", "distortionType"):
-        found = value.get(key)
-        if kind == "pinhole" and found is not None and found.value != "none":
-            return str(found.value)
-    return kind
+    distortion, undistortion = (value.get(key) for key in ("distortionType", "undistortionType"))
+    if undistortion is not None and undistortion.value != "none":
+        return f"undistortion {undistortion.value}"
+    return kind if kind != "pinhole" or distortion is None else str(distortion.value)
 
 
 def _focal_lengths(

@@ -1,8 +1,9 @@
 """openMVG's ``sfm_data.json``: views, intrinsics, extrinsics, structure and control points.
 
 A pose takes ground to camera axes (x right, y down, z forward), x = R (X - C), R by rows. Lengths are pixels, and
-measurements are those of the feature detectors, which count from the centre of the upper left pixel. Distortion is that
-of Brown at ideal coordinates; the two decentring terms of ``disto_t2`` are OpenCV's, Agisoft's in reverse order.
+measurements are those of the feature detectors, which count from the centre of the upper left pixel, as openMVG itself
+does where it resamples images. Distortion is that of Brown at ideal coordinates; the two decentring terms of
+``disto_t2`` are OpenCV's, Agisoft's in reverse order.
 """
 
 from __future__ import annotations
@@ -94,7 +95,10 @@ def read_openmvg(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     views = {number: _view(number, value) for number, value in _entries(document, "views")}
     structure = [_landmark(number, value) for number, value in _entries(document, "structure")]
     control = [_landmark(number, value) for number, value in _entries(document, "control_points")]
-    return project_of(document, cameras, poses, views, structure, READING, control=control)
+    priors = sum(view is not None and view.value.value.get("use_pose_center_prior") is True for view in views.values())
+    told = f"{counted(priors, 'position')} of photos (priors of views) left out: the file does not say their system."
+    notes = [told] if priors else []
+    return project_of(document, cameras, poses, views, structure, READING, control=control, notes=notes)
 
 
 def project_of(
