@@ -93,7 +93,7 @@ def read_openmvg(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
     cameras = {number: _camera(number, value) for number, value in _entries(document, "intrinsics")}
     poses = {number: _pose(value) for number, value in _entries(document, "extrinsics")}
     views = {number: _view(number, value) for number, value in _entries(document, "views")}
-    structure = [_landmark(number, value) for number, value in _entries(document, "structure")]
+    structure = (_landmark(number, value) for number, value in _entries(document, "structure"))
     control = [_landmark(number, value) for number, value in _entries(document, "control_points")]
     priors = sum(view is not None and view.value.value.get("use_pose_center_prior") is True for view in views.values())
     told = f"{counted(priors, 'position')} of photos (priors of views) left out: the file does not say their system."
