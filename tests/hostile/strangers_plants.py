@@ -282,7 +282,9 @@ def _named(project: Path, chance: random.Random) -> str:
             f"kind,orip,original\n{rows}".encode("utf-8", "surrogateescape" if name != "\ud800" else "replace"),
         )
     elif kind == "source":
-        form = chance.choice(("colmap", "micmac", "opensfm", "blocks", "nvm", "bundler", "bingo", "patb", "bal", "csv"))
+        form = chance.choice(
+            ("colmap", "micmac", "opensfm", "blocks", "nvm", "bundler", "bingo", "patb", "bal", "openmvg", "csv")
+        )
         place = chance.choice(
             ("../home", "/", "/dev/zero", "../home/pipe", "../home/thesis.txt", "../home/Documents", ".")
         )
