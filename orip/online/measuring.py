@@ -11,7 +11,7 @@ from orip.online.answering import Before, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
-from orip.online.first_photos import COMMON_POINTS, may_start
+from orip.online.first_photos import COMMON_POINTS, control_and_rays, may_join, may_start, waiting_group
 from orip.online.first_values import SOON, THOROUGH, FirstValues
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
@@ -84,6 +84,10 @@ class Measuring:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._next_start = 0
+        self._changes = 0
+        self._tried_thoroughly = 0
+        self._is_control_new = True
+        self._tried_groups: dict[tuple[str, bool], tuple[int, int]] = {}
         self._next_adjustment = 0.0
         self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
@@ -91,7 +95,7 @@ class Measuring:
         self._control = ControlExamination(block, self._snooping, self._scale)
         self._request: _Request | None = None
         if len(block.measurements):
-            self._start(block.measurements.photos, first)
+            self._start(first)
             self._snoop_first()
             self._control.examine_if_doubted()
 
@@ -114,6 +118,7 @@ class Measuring:
         photo, point, xy = measurement
         key = self.block.key(photo, point)
         sigma0 = self.block.sigma0
+        self._note_change(key)
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._snooping.forgive([key])
@@ -130,6 +135,7 @@ class Measuring:
         """
         self.reconsider()
         key, sigma0 = self._measured(photo, point), self.block.sigma0
+        self._note_change(key)
         self.excluded.discard(key)
         self._snooping.forgive([key])
         return self._advanced(key, sigma0)
@@ -147,8 +153,8 @@ class Measuring:
         request, self._request = self._request, None
         if request is None:
             return None
-        if self.block.values.orientations and self.block.values.points:
-            is_moved = self._settle(request)
+        if self._has_values():
+            is_moved = self._settle(request) | self._join(SOON, request.key.photo)
         else:
             is_moved = self._start_soon(request.key)
         examined = self._control.examined
@@ -169,6 +175,7 @@ class Measuring:
         """
         self.reconsider()
         key, before = self._measured(photo, point), self._before(self.block.sigma0)
+        self._note_change(key)
         self.block.take_out(key)
         self.suspects.pop(key, None)
         self.excluded.add(key)
@@ -185,6 +192,7 @@ class Measuring:
         """
         self.reconsider()
         key = self._measured(photo, point)
+        self._note_change(key)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
         self.block.remove(key)
@@ -201,7 +209,7 @@ class Measuring:
 
     def relinearise(self) -> None:
         """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
-        self.reconsider()
+        self.try_waiting()
         for _ in range(3):
             self.block.relinearise()
         self.examine()
@@ -220,6 +228,20 @@ class Measuring:
         if len(self.block.measurements) > self._begun_with:
             self._begin_again()
 
+    def try_waiting(self) -> None:
+        """Try to orient what waits from all that is measured, unless nothing has changed since that was done."""
+        self.reconsider()
+        if self._tried_thoroughly == self._changes:
+            return
+        self._tried_thoroughly = self._changes
+        if self._has_values():
+            self._join(THOROUGH)
+        else:
+            self._is_control_new = True
+            self._start(THOROUGH)
+            self._snoop_first()
+            self._control.examine_if_doubted()
+
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
         return advice(self.block, photos, most) if self.block.values.orientations else ()
@@ -235,6 +257,15 @@ class Measuring:
         points = {f"point {name}": text for name, text in values.points_wait.items() if name not in values.points}
         return {**photos, **points}
 
+    def _has_values(self) -> bool:
+        return bool(self.block.values.orientations and self.block.values.points)
+
+    def _note_change(self, key: ObservationKey) -> None:
+        """Remember that what waits may be oriented now; what is measured of control decides on that."""
+        self._changes += 1
+        measurements = self.block.measurements
+        self._is_control_new |= measurements.control.is_about(key.point) or measurements.has_orientation(key.photo)
+
     def _measured(self, photo: str, point: str) -> ObservationKey:
         key = self.block.key(photo, point)
         if self.block.measurements.at(key.photo, point) is None:
@@ -249,7 +280,7 @@ class Measuring:
     def _advanced(self, key: ObservationKey, sigma0: float | None) -> Answer:
         """Find values that can be found now, take in what has them, test it if that is soon done, and answer."""
         block, before = self.block, self._before(sigma0)
-        if not (block.values.orientations and block.values.points):
+        if not self._has_values():
             block.values.photos_wait.setdefault(key.photo, _no_start(key.photo))
             answer = self._answer(key, before)
             self._request = _Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
@@ -294,9 +325,40 @@ class Measuring:
 
     def _start_soon(self, latest: ObservationKey) -> bool:
         """Orient the first photos if that takes little time; return whether there are any."""
-        self._start([latest.photo], SOON)
+        self._start(SOON)
         self._snoop_first(latest)
         return bool(self.block.values.orientations)
+
+    def _join(self, first: FirstValues, photo: str = "") -> bool:
+        """Orient photos that wait together by their own control, which is not tied to what is oriented.
+
+        Parameters
+        ----------
+        first : FirstValues
+        photo : str
+            The only one that may have got what it waits for; empty: any.
+
+        Returns
+        -------
+        bool
+            Whether the session goes on with more photos.
+        """
+        measurements, oriented = self.block.measurements, self.block.values.orientations
+        waiting = [name for name in ([photo] if photo else measurements.photos) if name not in oriented]
+        seen: set[str] = set()
+        for name in waiting:
+            if name in seen:
+                continue
+            group = waiting_group(measurements, name, oriented)
+            seen |= group
+            control, rays = control_and_rays(measurements, group)
+            keys = [(other, not photo) for other in sorted(group)]
+            before = max(self._tried_groups.get(key, (0, 0)) for key in keys)
+            is_new = control > before[0] or rays >= before[1] * (1.0 + _LATER) or (not photo and rays != before[1])
+            if is_new and may_join(measurements, group):
+                self._tried_groups.update(dict.fromkeys(keys, (control, rays)))
+                return self._begin_again(first)
+        return False
 
     def _begin_again_if_doubted(self) -> bool:
         """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
@@ -314,10 +376,10 @@ class Measuring:
             return False
         return self._begin_again()
 
-    def _begin_again(self) -> bool:
+    def _begin_again(self, first: FirstValues = SOON) -> bool:
         """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
         self._begun_with = len(self.block.measurements)
-        other = Measuring(self.block.begun_again(self.excluded), SOON)
+        other = Measuring(self.block.begun_again(self.excluded), first)
         if len(other.block.equations.included) < len(self.block.equations.included):
             return False
         self.block, self._scale = other.block, other._scale
@@ -337,14 +399,15 @@ class Measuring:
         self.block.lose_unsettled()
         self._scale.estimate_again()
 
-    def _start(self, photos: Iterable[str], first: FirstValues) -> None:
-        """Orient the first photos, if there is enough in some of them for that."""
+    def _start(self, first: FirstValues) -> None:
+        """Orient the first photos if there may be enough for that since it was tried: more control, or a tenth more."""
         block = self.block
-        if len(block.measurements) < self._next_start:
+        if not self._is_control_new and len(block.measurements) < self._next_start:
             return
-        if any(may_start(block.measurements, photo) for photo in photos):
+        if any(may_start(block.measurements, photo) for photo in block.measurements.photos):
             block.start(first)
             self._next_start = int(len(block.measurements) * (1.0 + _LATER))
+            self._is_control_new = False
         else:
             block.values.photos_wait = {photo: _no_start(photo) for photo in block.measurements.photos}
 
