@@ -11,7 +11,7 @@ from orip.online.answering import Before, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
-from orip.online.first_photos import COMMON_POINTS, control_and_rays, may_join, may_start, waiting_group
+from orip.online.first_photos import COMMON_POINTS, StartAttempts, may_start
 from orip.online.first_values import SOON, THOROUGH, FirstValues
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
@@ -33,7 +33,7 @@ _FEW_POINTS = 12
 """Points of a photo up to which a new one is also a check of the others."""
 
 _LATER = 0.1
-"""Part by which the measurements have to increase before it is tried again to orient the first photos."""
+"""Part by which the measurements have to increase before the cameras are adjusted again."""
 
 _MUCH_LATER = 0.25
 """Part by which they have to increase before all values are found again."""
@@ -83,11 +83,7 @@ class Measuring:
     def __init__(self, block: OnlineBlock, first: FirstValues = THOROUGH) -> None:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
-        self._next_start = 0
-        self._changes = 0
-        self._tried_thoroughly = 0
-        self._is_control_new = True
-        self._tried_groups: dict[tuple[str, bool], tuple[int, int]] = {}
+        self._attempts = StartAttempts()
         self._next_adjustment = 0.0
         self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
@@ -118,7 +114,7 @@ class Measuring:
         photo, point, xy = measurement
         key = self.block.key(photo, point)
         sigma0 = self.block.sigma0
-        self._note_change(key)
+        self._attempts.note(self.block.measurements, key)
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._snooping.forgive([key])
@@ -135,7 +131,7 @@ class Measuring:
         """
         self.reconsider()
         key, sigma0 = self._measured(photo, point), self.block.sigma0
-        self._note_change(key)
+        self._attempts.note(self.block.measurements, key)
         self.excluded.discard(key)
         self._snooping.forgive([key])
         return self._advanced(key, sigma0)
@@ -175,7 +171,7 @@ class Measuring:
         """
         self.reconsider()
         key, before = self._measured(photo, point), self._before(self.block.sigma0)
-        self._note_change(key)
+        self._attempts.note(self.block.measurements, key)
         self.block.take_out(key)
         self.suspects.pop(key, None)
         self.excluded.add(key)
@@ -192,7 +188,7 @@ class Measuring:
         """
         self.reconsider()
         key = self._measured(photo, point)
-        self._note_change(key)
+        self._attempts.note(self.block.measurements, key)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
         self.block.remove(key)
@@ -231,13 +227,11 @@ class Measuring:
     def try_waiting(self) -> None:
         """Try to orient what waits from all that is measured, unless nothing has changed since that was done."""
         self.reconsider()
-        if self._tried_thoroughly == self._changes:
+        if not self._attempts.is_due_thoroughly():
             return
-        self._tried_thoroughly = self._changes
         if self._has_values():
             self._join(THOROUGH)
         else:
-            self._is_control_new = True
             self._start(THOROUGH)
             self._snoop_first()
             self._control.examine_if_doubted()
@@ -259,12 +253,6 @@ class Measuring:
 
     def _has_values(self) -> bool:
         return bool(self.block.values.orientations and self.block.values.points)
-
-    def _note_change(self, key: ObservationKey) -> None:
-        """Remember that what waits may be oriented now; what is measured of control decides on that."""
-        self._changes += 1
-        measurements = self.block.measurements
-        self._is_control_new |= measurements.control.is_about(key.point) or measurements.has_orientation(key.photo)
 
     def _measured(self, photo: str, point: str) -> ObservationKey:
         key = self.block.key(photo, point)
@@ -330,35 +318,16 @@ class Measuring:
         return bool(self.block.values.orientations)
 
     def _join(self, first: FirstValues, photo: str = "") -> bool:
-        """Orient photos that wait together by their own control, which is not tied to what is oriented.
+        """Orient photos that wait together by their own control; return whether the session goes on with them.
 
         Parameters
         ----------
         first : FirstValues
         photo : str
             The only one that may have got what it waits for; empty: any.
-
-        Returns
-        -------
-        bool
-            Whether the session goes on with more photos.
         """
-        measurements, oriented = self.block.measurements, self.block.values.orientations
-        waiting = [name for name in ([photo] if photo else measurements.photos) if name not in oriented]
-        seen: set[str] = set()
-        for name in waiting:
-            if name in seen:
-                continue
-            group = waiting_group(measurements, name, oriented)
-            seen |= group
-            control, rays = control_and_rays(measurements, group)
-            keys = [(other, not photo) for other in sorted(group)]
-            before = max(self._tried_groups.get(key, (0, 0)) for key in keys)
-            is_new = control > before[0] or rays >= before[1] * (1.0 + _LATER) or (not photo and rays != before[1])
-            if is_new and may_join(measurements, group):
-                self._tried_groups.update(dict.fromkeys(keys, (control, rays)))
-                return self._begin_again(first)
-        return False
+        may_join = self._attempts.may_join(self.block.measurements, self.block.values.orientations, photo)
+        return may_join and self._begin_again(first)
 
     def _begin_again_if_doubted(self) -> bool:
         """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
@@ -400,14 +369,13 @@ class Measuring:
         self._scale.estimate_again()
 
     def _start(self, first: FirstValues) -> None:
-        """Orient the first photos if there may be enough for that since it was tried: more control, or a tenth more."""
+        """Orient the first photos, if there may be enough for that since it was tried."""
         block = self.block
-        if not self._is_control_new and len(block.measurements) < self._next_start:
+        if not self._attempts.is_due(block.measurements):
             return
         if any(may_start(block.measurements, photo) for photo in block.measurements.photos):
+            self._attempts.started(block.measurements)
             block.start(first)
-            self._next_start = int(len(block.measurements) * (1.0 + _LATER))
-            self._is_control_new = False
         else:
             block.values.photos_wait = {photo: _no_start(photo) for photo in block.measurements.photos}
 

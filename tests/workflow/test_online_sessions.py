@@ -285,6 +285,42 @@ def test_lines_that_others_append_are_answered(project) -> None:
     assert not list(session.appended())
 
 
+def _first_strip(folder: Path) -> tuple[Path, list[Point]]:
+    """Return a sample of which the first strip is measured, with its points in the order of measuring."""
+    folder = sample(folder, "small_frame_block")
+    (folder / "DAY2.MEA").unlink()
+    commit(initialise(read_project(folder, "definitions")))
+    return folder, typed_points(folder)
+
+
+def test_a_strip_typed_in_the_order_of_its_file_is_oriented_by_control_that_comes_late(tmp_path: Path) -> None:
+    """Three full control points in 207 photo points, the last of them within a tenth of all from the end."""
+    folder, points = _first_strip(tmp_path)
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    assert len(session.measuring.block.values.orientations) == 6
+    shown = _reply(session, folder, do="show")["summary"]
+    assert "6 photos oriented" in shown
+    assert _reply(session, folder, do="show", what="waiting") == {"waiting": []}
+    again = OnlineSession(folder, None)
+    assert _reply(again, folder, do="show")["summary"] == shown
+
+
+def test_control_that_is_written_to_its_file_during_a_session_orients_it(tmp_path: Path) -> None:
+    folder, points = _first_strip(tmp_path)
+    control = folder / "CLIFF.PNT"
+    text = control.read_text(encoding="utf-8")
+    control.write_text("! nothing yet\n", encoding="utf-8")
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    assert "0 photos oriented" in _reply(session, folder, do="show")["summary"]
+    control.write_text(text, encoding="utf-8")
+    assert not list(session.appended())
+    assert "6 photos oriented" in _reply(session, folder, do="show")["summary"]
+
+
 @pytest.mark.parametrize(
     ("line", "wrong"),
     [
