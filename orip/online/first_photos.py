@@ -30,17 +30,23 @@ def may_start(measurements: Measurements, photo: str) -> bool:
 
 
 class StartAttempts:
-    """When it is tried again to orient photos that wait, which takes its time."""
+    """When it is tried again to orient photos that wait, which takes its time.
+
+    Attributes
+    ----------
+    changes : int
+        How often what is measured, or what of it counts, has changed.
+    """
 
     def __init__(self) -> None:
-        self._changes = self._tried_thoroughly = 0
+        self.changes = self._tried_thoroughly = 0
         self._is_control_new = True
         self._next_start = 0
         self._tried: dict[tuple[str, bool], tuple[int, int]] = {}
 
     def note(self, measurements: Measurements, key: ObservationKey) -> None:
         """Remember that a photo point has changed; what is measured of control decides on what waits."""
-        self._changes += 1
+        self.changes += 1
         self._is_control_new |= measurements.control.is_about(key.point) or measurements.has_orientation(key.photo)
 
     def is_due(self, measurements: Measurements) -> bool:
@@ -54,8 +60,8 @@ class StartAttempts:
 
     def is_due_thoroughly(self) -> bool:
         """Return whether anything has changed since this was asked the last time; then the first photos are due."""
-        is_due = self._tried_thoroughly != self._changes
-        self._tried_thoroughly = self._changes
+        is_due = self._tried_thoroughly != self.changes
+        self._tried_thoroughly = self.changes
         self._is_control_new |= is_due
         return is_due
 

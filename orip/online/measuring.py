@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from msgspec import Struct
-
 from orip.online.advice import advice
-from orip.online.answering import Before, answer_now, is_news
+from orip.online.answering import Before, Request, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
@@ -42,33 +40,6 @@ _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
 
 
-class _Request(Struct):
-    """A request that has been answered, and what is left of it to be done.
-
-    Parameters
-    ----------
-    key : ObservationKey
-        The photo point that it is about.
-    before : Before
-    answer : Answer
-    points : dict of str
-        Points that may have moved.
-    new : list of ObservationKey
-        Observations that it has taken in.
-    is_tested : bool
-        Whether nothing more is to be found by testing what these concern.
-    has_oriented : bool
-    """
-
-    key: ObservationKey
-    before: Before
-    answer: Answer
-    points: dict[str, None]
-    new: list[ObservationKey]
-    is_tested: bool
-    has_oriented: bool
-
-
 class Measuring:
     """A session of measuring.
 
@@ -84,12 +55,13 @@ class Measuring:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
         self._attempts = StartAttempts()
+        self._adjusted_with = -1
         self._next_adjustment = 0.0
         self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
-        self._request: _Request | None = None
+        self._request: Request | None = None
         if len(block.measurements):
             self._start(first)
             self._snoop_first()
@@ -206,6 +178,7 @@ class Measuring:
     def relinearise(self) -> None:
         """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
         self.try_waiting()
+        self.approach_solution()
         for _ in range(3):
             self.block.relinearise()
         self.examine()
@@ -235,6 +208,15 @@ class Measuring:
             self._start(THOROUGH)
             self._snoop_first()
             self._control.examine_if_doubted()
+
+    def approach_solution(self) -> None:
+        """Linearise at the solution what is far from it, with the cameras that all that is measured determines."""
+        self.reconsider()
+        if self._has_values():
+            if self._has_camera_unknowns() and self._adjusted_with != self._attempts.changes:
+                self._adjusted_with = self._attempts.changes
+                self.block.adjust_included()
+            self.block.approach_solution()
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
@@ -271,7 +253,7 @@ class Measuring:
         if not self._has_values():
             block.values.photos_wait.setdefault(key.photo, _no_start(key.photo))
             answer = self._answer(key, before)
-            self._request = _Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
+            self._request = Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
             return answer
         oriented, placed = block.values.advance(block.measurements, [key.photo], [key.point])
         control = self._snooping.disagreeing
@@ -286,12 +268,12 @@ class Measuring:
         if not is_settled and answer.state in ("included", "unchecked"):
             text = f"{words_of(key)} is being tested: it moves photos, whose equations are computed again first"
             answer = replace(answer, state="unchecked", text=text, w=None, limit=None, is_pending=True)
-        self._request = _Request(
+        self._request = Request(
             key, before, answer, points, new, is_tested=is_settled and not found, has_oriented=bool(oriented)
         )
         return answer
 
-    def _settle(self, request: _Request) -> bool:
+    def _settle(self, request: Request) -> bool:
         """Linearise at the solution with a new measurement, and test all that it concerns there.
 
         Returns
@@ -382,13 +364,15 @@ class Measuring:
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
         block = self.block
-        records = block.measurements.inputs.records
-        has_unknowns = any(
-            records.camera_of(records.photos[record_key(photo)]).unknown for photo in block.values.orientations
-        )
-        if has_unknowns and len(block.measurements) >= self._next_adjustment:
+        if self._has_camera_unknowns() and len(block.measurements) >= self._next_adjustment:
             block.adjust()
             self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
+
+    def _has_camera_unknowns(self) -> bool:
+        records = self.block.measurements.inputs.records
+        return any(
+            records.camera_of(records.photos[record_key(photo)]).unknown for photo in self.block.values.orientations
+        )
 
     def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> list[ObservationKey]:
         """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
