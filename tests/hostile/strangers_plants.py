@@ -58,7 +58,10 @@ Plant = Callable[[Path, random.Random], str]
 
 def plant(project: Path, chance: random.Random) -> str:
     """Put one thing into a project, and say what."""
-    return chance.choice(PLANTS)(project, chance)
+    try:
+        return chance.choice(PLANTS)(project, chance)
+    except PermissionError as error:  # another plant has taken the permission away
+        return f"nothing: {error.filename} may not be written"
 
 
 def _name_taken(project: Path, chance: random.Random) -> str:

@@ -18,7 +18,6 @@ from exchange import (
     test_gubaio,
     test_images,
     test_metashape,
-    test_metashape_references,
     test_metric,
     test_micmac,
     test_opensfm,
@@ -26,6 +25,7 @@ from exchange import (
     test_vision,
 )
 from exchange.imported import written
+from exchange.metashape import test_metashape_references
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
