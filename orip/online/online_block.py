@@ -196,11 +196,7 @@ class OnlineBlock:
 
         Where the result is doubtful nothing changes, and the answer is False.
         """
-        part = self._valued()
-        if part is None or self.values.adjust(part):
-            return False
-        self.linearise_again()
-        return True
+        return self._adjusted(self._valued(), robust=True)
 
     def adjust_included(self) -> bool:
         """Do so with what is in alone and as the definition of the bundle says: nothing is down-weighted besides."""
@@ -221,7 +217,10 @@ class OnlineBlock:
                 point for point in part.control_points if ObservationKey("control", "", point.name) not in self.left_out
             ),
         )
-        if self.values.adjust(part, robust=any(key.kind not in ("photo", "control") for key in self.left_out)):
+        return self._adjusted(part, robust=any(key.kind not in ("photo", "control") for key in self.left_out))
+
+    def _adjusted(self, part: Block | None, *, robust: bool) -> bool:
+        if part is None or self.values.adjust(part, robust=robust):
             return False
         self.linearise_again()
         return True
