@@ -24,6 +24,7 @@ from orip.mistakes.after_adjustment.errors_too_large import errors_too_large
 from orip.mistakes.after_adjustment.height_systems import control_in_another_height_system
 from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
+from orip.mistakes.after_adjustment.misread_stations import misread_stations
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
 from orip.mistakes.before_adjustment.coordinate_units import CODE as COORDINATE_UNIT
@@ -85,6 +86,8 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
+    if found := misread_stations(readjuster.block, solved):
+        return found
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     if found := misread_vertical_photos(solution, solved, readjuster):

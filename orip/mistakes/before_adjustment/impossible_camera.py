@@ -64,8 +64,8 @@ def _tiny_sensor(camera: Camera) -> str:
         return ""
     text = (
         f"a sensor of {sensor.width:g} x {sensor.height:g} mm with {sensor.columns} columns and {sensor.rows} rows "
-        f"would have pixels of {pixel[0] * 1e3:.2g} x {pixel[1] * 1e3:.2g} µm, which no camera has; width and height are those of the whole "
-        "sensor in mm"
+        f"would have pixels of {pixel[0] * 1e3:.2g} x {pixel[1] * 1e3:.2g} µm, which no camera has; width and height "
+        "are those of the whole sensor in mm"
     )
     meant = [
         f"{what}: write width = {size[0]:.5g}, height = {size[1]:.5g}"
