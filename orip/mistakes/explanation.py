@@ -93,7 +93,7 @@ def explain_misfit(
     if found := misread_vertical_photos(solution, solved, readjuster):
         return found
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
-    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
+    if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
@@ -114,6 +114,11 @@ def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None =
         return None
     solved = readjuster.adjust(released) if known is None else known
     return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
+
+
+def _misgiven(elsewhere: SolvedBlock, block: Block) -> list[ProjectWarning]:
+    """Return what is wrong with given positions or orientations, from where the photos are without them."""
+    return misread_stations(block, elsewhere) or misgiven(elsewhere, block)
 
 
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -231,7 +236,7 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     if not readjuster.is_worthwhile:
         return []
     elsewhere = _with_found_orientations(readjuster)
-    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
+    if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:

@@ -13,6 +13,8 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
+from orip.mistakes.after_adjustment import height_systems
+from orip.mistakes.before_adjustment import ground_systems
 from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.names import record_key
@@ -21,7 +23,7 @@ ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes",
 
 SHORT_TEXTS = {
     ORDER: "positions of photos stand under the names of others",
-    HEIGHTS: "the heights of the stations are in another height system than the control",
+    HEIGHTS: height_systems.SHORT_TEXT,
     AXES: "the axes of the stations are not those of the control",
     UNIT: "the stations are in another unit than the control",
 }
@@ -69,6 +71,8 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
         As gathered.
     solved : SolvedBlock
     """
+    if any(warning.code in ground_systems.SHORT_TEXTS for warning in block.warnings):
+        return []  # said already
     observed = _observed(block, solved)
     if observed is None or len(observed.photo) < _FEWEST:
         return []

@@ -75,7 +75,9 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
             ProjectWarning(DEGREES, where if text.endswith("of these") else f"positions of the photos in {file}", text)
         ]
     other = "exposure stations" if of_stations else "photos"
-    readings = chain(_feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other))
+    readings = chain(
+        _feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other, file)
+    )
     texts = (text for read, photos, text in readings if _apart(read, photos) < _NEAR)
     return [ProjectWarning(CODE, where, text) for text in list(texts)[:1]]
 
@@ -147,9 +149,13 @@ def _zones(points: FloatArray, places: FloatArray, other: str) -> Iterator[Readi
             yield (without, places, text) if is_control else (points, without, text)
 
 
-def _exchanged(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:
+def _exchanged(points: FloatArray, places: FloatArray, other: str, file: str) -> Iterator[Reading]:
+    easting, northing = np.median(points, axis=0).tolist()
+    control, photos = "the control file", "orip.toml" if file == "orip.toml" else f"the {file} file"
+    # what has six digits before the decimal point is the easting, where the other one has seven
+    wrong = photos if 0.0 < easting < _ZONE <= northing else control if northing < _ZONE <= easting else ""
     text = (
         f"they are near the {other} when X and Y are exchanged: X is the easting, Y the northing; exchange the columns "
-        "X and Y of the control file"
+        f"X and Y of {wrong or f'{control}, or those of {photos}'}"
     )
     yield points[:, ::-1], places, text
