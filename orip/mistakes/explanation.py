@@ -45,6 +45,7 @@ from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_
 from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.two_lenses import two_lenses
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
@@ -86,7 +87,7 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    if found := misread_stations(readjuster.block, solved):
+    if found := misread_stations(readjuster.block, solved) or two_lenses(solution, readjuster):
         return found
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]

@@ -16,6 +16,7 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
+from orip.mistakes import two_lenses
 from orip.mistakes.after_adjustment import height_systems, misread_stations
 from orip.mistakes.before_adjustment import coordinate_units, free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
@@ -38,6 +39,7 @@ FIRST_CAUSES = {
 
 OF_STATIONS = {
     **ground_systems.SHORT_TEXTS, **misread_stations.SHORT_TEXTS, height_systems.CODE: height_systems.SHORT_TEXT,
+    two_lenses.CODE: two_lenses.SHORT_TEXT,
 }  # fmt: skip
 """The same of positions of photos that are not in the system of the control: what is said of single photos, or of
 groups of the two, follows from it."""

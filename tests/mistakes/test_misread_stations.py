@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cli.command_line import Said, orip
 from mistakes.first_line import first_line
-from mistakes.small_folders import aerial, known
+from mistakes.small_folders import aerial, images, known
 
 from orip.structs import replace
 
@@ -20,6 +20,7 @@ PHOTOS = {
     for row in range(3)
     for column in range(4)
 }
+LAST = ("P9", "P10", "P11", "P12")
 FOOT = 0.3048
 
 ORIGIN = np.array([563000.0, 5933000.0, 0.0])
@@ -59,11 +60,13 @@ MISREAD: dict[str, tuple[Change, str, str]] = {
 """How positions are changed, words of the first line that is said of it, and of the status."""
 
 
-def told(folder: Path, ending: str, places: np.ndarray) -> Said:
+def told(folder: Path, ending: str, places: np.ndarray, c_of_last: float = 150.0) -> Said:
     """Write a project with positions of its photos, and return what an adjustment says."""
     made = aerial(photos=PHOTOS)
+    others = images(PHOTOS, made.points, c_of_last, 115.0, 0.004)
+    measured = {photo: (others if photo in LAST else made.measured)[photo] for photo in PHOTOS}
     points = {name: xyz + ORIGIN for name, xyz in made.points.items()}
-    replace(made, control=known(points, 0.02, SPREAD)).write(folder)
+    replace(made, measured=measured, control=known(points, 0.02, SPREAD)).write(folder)
     noise = np.random.default_rng(5).normal(scale=0.03, size=places.shape)
     lines = []
     for name, place in zip(PHOTOS, places + (noise if np.abs(places[:, :2]).max() > 180.0 else 0.0), strict=True):
@@ -111,3 +114,17 @@ def test_no_lever_arm_or_shift_of_hundreds_of_metres_is_advised(tmp_path: Path) 
 def test_a_shift_that_gnss_can_be_off_by_is_still_to_be_set(tmp_path: Path) -> None:
     said = told(tmp_path / "folder", "STA", PLACES + np.array([3.0, -1.5, 2.0]))
     assert "set shift" in said.told
+
+
+@pytest.mark.parametrize("ending", ["STA", "ELE"])
+def test_photos_of_two_lenses_under_one_camera_are_named_instead_of_their_stations(tmp_path: Path, ending: str) -> None:
+    said = told(tmp_path / "folder", ending, PLACES, c_of_last=153.0)
+    line = first_line([said])
+    assert "photos P9, P10, P11 and 1 more: they fit with C = 153" in line, said.told
+    # with constant weights of the stations the adjustment as given need not converge
+    assert "converged, but photos of one camera were taken with two lenses" in status(said) or said.code == 4
+
+
+def test_a_strip_whose_heights_are_off_is_not_taken_for_another_lens(tmp_path: Path) -> None:
+    said = told(tmp_path / "folder", "STA", PLACES + 30.0 * np.outer(np.arange(12) >= 8, [0.0, 0.0, 1.0]))
+    assert "another lens" not in said.told
