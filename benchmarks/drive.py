@@ -61,7 +61,7 @@ def block(distortion_at: str) -> Loaded:
             )
     limits = StageLimits(-20.0, 260.0, -20.0, 260.0, 0.001)
     table = DriveTable(
-        "MAIN", "BENCHMARK", "mm", "m", limits, limits, (camera,), (), tuple(photos), tuple(models), (1.0, 0.0, 0.0)
+        "MAIN", "BENCHMARK", "", "mm", "m", limits, limits, (camera,), (), tuple(photos), tuple(models), (1.0, 0.0, 0.0)
     )
     loaded = load(table)
     assert isinstance(loaded, Loaded)

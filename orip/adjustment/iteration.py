@@ -136,7 +136,7 @@ def adjust(
         if reason is None:
             # the normal equations of the next iteration need their memory
             del step
-    final = _final_weights(now)
+    final = _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
     equations, normals = now.current.equations, None
     # damped normal equations are not those of the solution
     is_near = now.records[-1].enp >= _SAME_PLACE_ENP and now.current is step.moved and not step.damped
@@ -390,11 +390,6 @@ def _with_all_blocks(problem: Problem[StateT], now: IterationState[StateT]) -> I
     if state is now.current.state:
         return now
     return replace(now, current=_linearised(problem, state), acceleration=Acceleration())
-
-
-def _final_weights(now: IterationState[StateT]) -> FloatArray:
-    """Return the weight factors (n,) at the final state."""
-    return _effective(now.current.equations, now.weighing.factors(now.current.equations, len(now.records)))
 
 
 def _effective(equations: Equations, weights: FloatArray) -> FloatArray:

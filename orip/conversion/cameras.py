@@ -39,16 +39,13 @@ FAITHFUL_PX = 0.01
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
 
-_FOCAL_LENGTHS = (1e-3, 1e9)
-"""Pixels or millimetres; beyond, powers of the focal length are no numbers any more."""
+_FOCAL_LENGTHS = (1e-3, 1e9)  # pixels or mm; beyond, powers of the focal length are no numbers any more
 
 _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
 
-_LARGEST_ASPECT = 2.0
-"""Of pixels that are not square; more is a damaged file."""
+_LARGEST_ASPECT = 2.0  # of pixels that are not square; more is a damaged file
 
-_GRID = 41
-"""Places along each side of the frame at which a camera is fitted."""
+_GRID = 41  # places along each side of the frame at which a camera is fitted
 
 
 class UnsuitableCameraError(OripError):
@@ -82,9 +79,13 @@ class ConvertedCamera(Struct, frozen=True):
         """Return whether orip's camera is the other program's."""
         return self.worst_px == 0.0
 
+    @property
+    def _size(self) -> tuple[float, float] | None:
+        return None if self.camera.sensor is None else self.camera.sensor.size
+
     def pixels(self, image: FloatArray) -> FloatArray:
         """Return orip's columns and rows (n, 2) of image coordinates (n, 2) in the axes of the source's rays."""
-        return pixels_from_axes(image, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
+        return pixels_from_axes(image, self.source.ray_axes, self.source.frame, self._size)
 
     def pixel_errors(self, deviations: FloatArray) -> FloatArray:
         """Return standard deviations (n,) in the unit of the source's rays as pixels."""
@@ -95,7 +96,7 @@ class ConvertedCamera(Struct, frozen=True):
 
     def rays_of_pixels(self, pixels: FloatArray) -> FloatArray:
         """Return image coordinates (n, 2) in the axes of the source's rays of orip's columns and rows (n, 2)."""
-        return axes_from_pixels(pixels, self.source.ray_axes, _frame(self.source), _size(self.camera.sensor))
+        return axes_from_pixels(pixels, self.source.ray_axes, self.source.frame, self._size)
 
     def corrected_pixels(self, pixels: FloatArray) -> FloatArray:
         """Return pixels (n, 2) that orip's camera has where the source's camera has the given ones.
@@ -104,7 +105,7 @@ class ConvertedCamera(Struct, frozen=True):
         """
         if self.is_exact:
             return pixels
-        in_lens = axes_from_pixels(pixels, self.source.lens_axes, _frame(self.source), _size(self.camera.sensor))
+        in_lens = axes_from_pixels(pixels, self.source.lens_axes, self.source.frame, self._size)
         return pixels_of_directions(self.camera, _y_up(directions_of_image(self.source, in_lens), self.source))
 
 
@@ -136,7 +137,7 @@ class ExportedCamera(Struct, frozen=True):
         size = (sensor.width, sensor.height)
         if corrects_distortion and self.worst_px > 0.0:
             pixels = lens_pixels(self.camera, size, directions_of_pixels(self.source, pixels))
-        return axes_from_pixels(pixels, self.camera.ray_axes, _frame(self.camera), size)
+        return axes_from_pixels(pixels, self.camera.ray_axes, self.camera.frame, size)
 
     @property
     def principal_point(self) -> FloatArray:
@@ -187,7 +188,7 @@ def convert_camera(
         raise UnsuitableCameraError(message)
     camera = Camera(
         name=name,
-        parameters=parameters_from_polynomial(polynomial, source.lens_axes, _frame(source), pixel_mm),
+        parameters=parameters_from_polynomial(polynomial, source.lens_axes, source.frame, pixel_mm),
         distortion_at="measured" if polynomial.at_measured else "ideal",
         projection=projection,
         sensor=sensor,
@@ -351,13 +352,13 @@ def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
     aspect = pixel_aspect(source.lens, parameters)
     if not 1.0 / _LARGEST_ASPECT < aspect < _LARGEST_ASPECT:
         return None, 1.0
-    middle, _ = middle_of_frame(source.lens_axes, _frame(source))
+    middle, _ = middle_of_frame(source.lens_axes, source.frame)
     return lens.polynomial(in_square_pixels(source.lens, parameters, middle)), aspect
 
 
 def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
     """Return the sensor, with pixels of that aspect where the lens is in pixels, and whether its size is assumed."""
-    columns, rows = _frame(source)
+    columns, rows = source.frame
     if source.sensor_mm is not None and source.lens_axes.unit == "mm":
         return Sensor(columns, rows, *source.sensor_mm), False
     width = ASSUMED_WIDTH_MM * columns / max(columns, rows) if source.sensor_mm is None else source.sensor_mm[0]
@@ -366,9 +367,9 @@ def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
 
 def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray, Projection]:
     """Return the polynomial that comes nearest, its residuals over the frame, and its projection."""
-    columns, rows = _frame(source)
+    columns, rows = source.frame
     places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
-    image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), _size(sensor))
+    image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), sensor.size)
     directions = directions_of_image(source, image)
     if not np.isfinite(directions).all():
         message = f"{_named(source)}: its formula has no inverse over the whole frame, so that it cannot be fitted"
@@ -390,17 +391,9 @@ def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directi
     Directions are tangents x right and y up; NaN where there are none.
     """
     image = image_of_directions(source, _y_up(directions, source))
-    return pixels_from_axes(image, source.lens_axes, _frame(source), sensor_mm)
+    return pixels_from_axes(image, source.lens_axes, source.frame, sensor_mm)
 
 
 def _y_up(directions: FloatArray, source: ExchangedCamera) -> FloatArray:
     """Return directions of the lens' axes with y up, or the other way."""
     return directions if source.lens_axes.y == "up" else directions * np.array([1.0, -1.0])
-
-
-def _frame(source: ExchangedCamera) -> tuple[int, int]:
-    return source.columns, source.rows
-
-
-def _size(sensor: Sensor | None) -> tuple[float, float] | None:
-    return None if sensor is None else (sensor.width, sensor.height)

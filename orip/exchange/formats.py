@@ -51,6 +51,14 @@ from orip.exchange.patb_writer import PATB_TERMS, write_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
 from orip.exchange.tables.project import is_tables, read_tables
+from orip.exchange.vision.alicevision import (
+    ALICEVISION_FISHEYE_TERMS,
+    ALICEVISION_TERMS,
+    is_alicevision,
+    read_alicevision,
+    write_alicevision,
+)
+from orip.exchange.vision.alicevision import READING as ALICEVISION
 from orip.exchange.vision.bundler import AXES as BUNDLER_AXES
 from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler
 from orip.exchange.vision.bundler_writer import BUNDLER_TERMS, write_bal, write_bundler
@@ -58,6 +66,15 @@ from orip.exchange.vision.nvm import CENTRE as NVM_AXES
 from orip.exchange.vision.nvm import READING as NVM
 from orip.exchange.vision.nvm import is_nvm, read_nvm
 from orip.exchange.vision.nvm_writer import NVM_TERMS, write_nvm
+from orip.exchange.vision.openmvg import AXES as OPENMVG_AXES
+from orip.exchange.vision.openmvg import (
+    OPENMVG_FISHEYE_TERMS,
+    OPENMVG_TERMS,
+    is_openmvg,
+    read_openmvg,
+    write_openmvg,
+)
+from orip.exchange.vision.openmvg import READING as OPENMVG
 
 
 def _never(_original: Path) -> bool:
@@ -177,6 +194,44 @@ FORMATS: tuple[Format, ...] = (
             NVM_AXES,
             terms=NVM_TERMS,
             counts_from_principal_point=True,
+            is_copied=_never,
+            lacks=_WITHOUT_GROUND,
+        ),
+        is_file=True,
+    ),
+    Format(
+        "openmvg",
+        "openMVG: sfm_data.json",
+        read_openmvg,
+        is_openmvg,
+        write_openmvg,
+        Conventions(
+            "agisoft",
+            OPENMVG,
+            OPENMVG_AXES,
+            OPENMVG_AXES,
+            fisheye_lens="agisoft_fisheye",
+            terms=OPENMVG_TERMS,
+            fisheye_terms=OPENMVG_FISHEYE_TERMS,
+            is_copied=_never,
+            lacks=_WITHOUT_GROUND,
+        ),
+        is_file=True,
+    ),
+    Format(
+        "alicevision",
+        "AliceVision, Meshroom: scene as JSON (.sfm)",
+        read_alicevision,
+        is_alicevision,
+        write_alicevision,
+        Conventions(
+            "opencv",
+            ALICEVISION,
+            OPENMVG_AXES,
+            OPENMVG_AXES,
+            fisheye_lens="equidistant",
+            terms=ALICEVISION_TERMS,
+            fisheye_terms=ALICEVISION_FISHEYE_TERMS,
             is_copied=_never,
             lacks=_WITHOUT_GROUND,
         ),

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
@@ -126,10 +126,12 @@ class _Trials(Struct, frozen=True):
     def of_reduced_photos(self) -> list[ProjectWarning]:
         """Return which photos were measured in reduced pictures: higher than the others, with points in one corner."""
         block = self.solved.block
+        reached = _reached(block)
+        if not (reached < _EDGE / min(_FACTORS)).any():
+            return []
         heights = _heights(self.solved)
         for row in range(len(block.cameras)):
             of_camera = block.photo_camera == row
-            reached = _reached(block, np.flatnonzero(of_camera))
             for factor in _FACTORS:
                 reduced = of_camera & (reached < _EDGE / factor)
                 others = of_camera & ~reduced & np.isfinite(heights)
@@ -190,24 +192,26 @@ class _Trials(Struct, frozen=True):
 def _heights(solved: SolvedBlock) -> FloatArray:
     """Return the heights (number of photos,) of the cameras above the middle of their points; NaN without points."""
     points, state = solved.block.photo_points, solved.state
-    heights = np.full(len(solved.block.photos), np.nan)
-    for photo in range(len(heights)):
-        mine = points.point[(points.photo == photo) & points.in_use]
+    heights, in_use = np.full(len(solved.block.photos), np.nan), points.in_use
+    for photo, rows in enumerate(rows_of_groups(points.photo, len(heights))):
+        mine = points.point[rows[in_use[rows]]]
         if len(mine):
             heights[photo] = state.centres[photo, 2] - np.median(state.points[mine, 2])
     return heights
 
 
-def _reached(block: Block, photos: IntArray) -> FloatArray:
-    """Return the farthest column or row (number of photos,) of the points, as a part of those of the sensor."""
-    reached = np.full(len(block.photos), np.inf)
-    points = block.photo_points
-    for photo in photos.tolist():
-        sensor = block.cameras[block.photo_camera[photo]].sensor
-        mine = points.xy[points.photo == photo]
-        if sensor is not None and len(mine) >= _FEWEST_POINTS:
-            corner, size = np.array([-sensor.width, sensor.height]) / 2.0, np.array([sensor.width, sensor.height])
-            reached[photo] = float((np.abs(mine - corner) / size).max())
+def _reached(block: Block) -> FloatArray:
+    """Return the farthest column or row (number of photos,) of the points, as a part of those of the sensor.
+
+    Infinite without a sensor, or with fewer points than tell it.
+    """
+    points, count = block.photo_points, len(block.photos)
+    sizes = np.array([(np.nan, np.nan) if of.sensor is None else of.sensor.size for of in block.cameras])
+    size = sizes[block.photo_camera[points.photo]]
+    parts = (np.abs(points.xy - size * [-0.5, 0.5]) / size).max(axis=1)
+    reached = np.zeros(count)
+    np.maximum.at(reached, points.photo, np.where(np.isfinite(parts), parts, np.inf))
+    reached[np.bincount(points.photo, minlength=count) < _FEWEST_POINTS] = np.inf
     return reached
 
 

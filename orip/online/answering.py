@@ -23,6 +23,33 @@ class Before(Struct, frozen=True):
     placed: frozenset[str]
 
 
+class Request(Struct):
+    """A request that has been answered, and what is left of it to be done.
+
+    Parameters
+    ----------
+    key : ObservationKey
+        The photo point that it is about.
+    before : Before
+    answer : Answer
+    points : dict of str
+        Points that may have moved.
+    new : list of ObservationKey
+        Observations that it has taken in.
+    is_tested : bool
+        Whether nothing more is to be found by testing what these concern.
+    has_oriented : bool
+    """
+
+    key: ObservationKey
+    before: Before
+    answer: Answer
+    points: dict[str, None]
+    new: list[ObservationKey]
+    is_tested: bool
+    has_oriented: bool
+
+
 def answer_now(
     key: ObservationKey,
     before: Before,

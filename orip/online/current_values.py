@@ -111,17 +111,17 @@ class CurrentValues(Struct):
             doubt = doubt and self.adjust(attempt)
         return doubt
 
-    def adjust(self, started: Block) -> str:
+    def adjust(self, started: Block, *, robust: bool = True) -> str:
         """Adjust a block with all its unknowns, and take the values; return why not if the result is doubtful."""
         definition = started.definition
         # the first photos have blunders that nobody has seen, whatever the bundle is to do with them in the end
-        robust = replace(
-            definition, start_down_weight=_ROBUST_FROM, max_iterations=max(definition.max_iterations, _ITERATIONS)
-        )
+        if robust:
+            iterations = max(definition.max_iterations, _ITERATIONS)
+            definition = replace(definition, start_down_weight=_ROBUST_FROM, max_iterations=iterations)
         try:
             # what is wrong may lead anywhere: such a result is refused
             with np.errstate(all="ignore"):
-                solved = solve_block(replace(started, definition=robust), lambda _: None, lambda: False)
+                solved = solve_block(replace(started, definition=definition), lambda _: None, lambda: False)
         except (NotSolvableError, InputError) as error:
             return f"failed ({str(error).splitlines()[0]})"
         if doubt := doubt_about(solved):

@@ -126,6 +126,10 @@ class _ControlByName:
         }
         return len(given | constant) == 3
 
+    def is_about(self, name: str) -> bool:
+        """Return whether anything is known of a point: coordinates, or a distance to another one."""
+        return name in self.points or name in self.distances or f"POINT {name}" in self._elements
+
     def elements_of(self, photo: str) -> frozenset[str]:
         """Return which elements of the orientation of a photo are observed."""
         return frozenset(element.kind for element in self._elements.get(f"PHOTO {record_key(photo)}", ()))

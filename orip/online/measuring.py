@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from msgspec import Struct
-
 from orip.online.advice import advice
-from orip.online.answering import Before, answer_now, is_news
+from orip.online.answering import Before, Request, answer_now, is_news
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
-from orip.online.first_photos import COMMON_POINTS, may_start
+from orip.online.first_photos import COMMON_POINTS, StartAttempts, may_start
 from orip.online.first_values import SOON, THOROUGH, FirstValues
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
@@ -33,40 +31,13 @@ _FEW_POINTS = 12
 """Points of a photo up to which a new one is also a check of the others."""
 
 _LATER = 0.1
-"""Part by which the measurements have to increase before it is tried again to orient the first photos."""
+"""Part by which the measurements have to increase before the cameras are adjusted again."""
 
 _MUCH_LATER = 0.25
 """Part by which they have to increase before all values are found again."""
 
 _TOO_MANY, _MORE_THAN_A_FEW = 0.03, 5
 """Part of the photo points, and how many of them, that are suspect where the values may be wrong, and not they."""
-
-
-class _Request(Struct):
-    """A request that has been answered, and what is left of it to be done.
-
-    Parameters
-    ----------
-    key : ObservationKey
-        The photo point that it is about.
-    before : Before
-    answer : Answer
-    points : dict of str
-        Points that may have moved.
-    new : list of ObservationKey
-        Observations that it has taken in.
-    is_tested : bool
-        Whether nothing more is to be found by testing what these concern.
-    has_oriented : bool
-    """
-
-    key: ObservationKey
-    before: Before
-    answer: Answer
-    points: dict[str, None]
-    new: list[ObservationKey]
-    is_tested: bool
-    has_oriented: bool
 
 
 class Measuring:
@@ -83,15 +54,16 @@ class Measuring:
     def __init__(self, block: OnlineBlock, first: FirstValues = THOROUGH) -> None:
         self.block = block
         self.excluded: set[ObservationKey] = set(block.left_out)
-        self._next_start = 0
+        self._attempts = StartAttempts()
+        self._adjusted_with = -1
         self._next_adjustment = 0.0
         self._begun_with = len(block.measurements)
         self._scale = ErrorScale(block, ALPHA)
         self._snooping = Snooping(block, self._scale)
         self._control = ControlExamination(block, self._snooping, self._scale)
-        self._request: _Request | None = None
+        self._request: Request | None = None
         if len(block.measurements):
-            self._start(block.measurements.photos, first)
+            self._start(first)
             self._snoop_first()
             self._control.examine_if_doubted()
 
@@ -114,6 +86,7 @@ class Measuring:
         photo, point, xy = measurement
         key = self.block.key(photo, point)
         sigma0 = self.block.sigma0
+        self._attempts.note(self.block.measurements, key)
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._snooping.forgive([key])
@@ -130,6 +103,7 @@ class Measuring:
         """
         self.reconsider()
         key, sigma0 = self._measured(photo, point), self.block.sigma0
+        self._attempts.note(self.block.measurements, key)
         self.excluded.discard(key)
         self._snooping.forgive([key])
         return self._advanced(key, sigma0)
@@ -147,8 +121,8 @@ class Measuring:
         request, self._request = self._request, None
         if request is None:
             return None
-        if self.block.values.orientations and self.block.values.points:
-            is_moved = self._settle(request)
+        if self._has_values():
+            is_moved = self._settle(request) | self._join(SOON, request.key.photo)
         else:
             is_moved = self._start_soon(request.key)
         examined = self._control.examined
@@ -169,6 +143,7 @@ class Measuring:
         """
         self.reconsider()
         key, before = self._measured(photo, point), self._before(self.block.sigma0)
+        self._attempts.note(self.block.measurements, key)
         self.block.take_out(key)
         self.suspects.pop(key, None)
         self.excluded.add(key)
@@ -185,6 +160,7 @@ class Measuring:
         """
         self.reconsider()
         key = self._measured(photo, point)
+        self._attempts.note(self.block.measurements, key)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
         self.block.remove(key)
@@ -201,7 +177,8 @@ class Measuring:
 
     def relinearise(self) -> None:
         """Linearise all equations at the solution, until nothing moves any more, and test the suspects again."""
-        self.reconsider()
+        self.try_waiting()
+        self.approach_solution()
         for _ in range(3):
             self.block.relinearise()
         self.examine()
@@ -220,6 +197,27 @@ class Measuring:
         if len(self.block.measurements) > self._begun_with:
             self._begin_again()
 
+    def try_waiting(self) -> None:
+        """Try to orient what waits from all that is measured, unless nothing has changed since that was done."""
+        self.reconsider()
+        if not self._attempts.is_due_thoroughly():
+            return
+        if self._has_values():
+            self._join(THOROUGH)
+        else:
+            self._start(THOROUGH)
+            self._snoop_first()
+            self._control.examine_if_doubted()
+
+    def approach_solution(self) -> None:
+        """Linearise at the solution what is far from it, with the cameras that all that is measured determines."""
+        self.reconsider()
+        if self._has_values():
+            if self._has_camera_unknowns() and self._adjusted_with != self._attempts.changes:
+                self._adjusted_with = self._attempts.changes
+                self.block.adjust_included()
+            self.block.approach_solution()
+
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:
         """Return what to measure next in some photos, the most profitable first."""
         return advice(self.block, photos, most) if self.block.values.orientations else ()
@@ -235,6 +233,9 @@ class Measuring:
         points = {f"point {name}": text for name, text in values.points_wait.items() if name not in values.points}
         return {**photos, **points}
 
+    def _has_values(self) -> bool:
+        return bool(self.block.values.orientations and self.block.values.points)
+
     def _measured(self, photo: str, point: str) -> ObservationKey:
         key = self.block.key(photo, point)
         if self.block.measurements.at(key.photo, point) is None:
@@ -249,10 +250,10 @@ class Measuring:
     def _advanced(self, key: ObservationKey, sigma0: float | None) -> Answer:
         """Find values that can be found now, take in what has them, test it if that is soon done, and answer."""
         block, before = self.block, self._before(sigma0)
-        if not (block.values.orientations and block.values.points):
+        if not self._has_values():
             block.values.photos_wait.setdefault(key.photo, _no_start(key.photo))
             answer = self._answer(key, before)
-            self._request = _Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
+            self._request = Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
             return answer
         oriented, placed = block.values.advance(block.measurements, [key.photo], [key.point])
         control = self._snooping.disagreeing
@@ -267,12 +268,12 @@ class Measuring:
         if not is_settled and answer.state in ("included", "unchecked"):
             text = f"{words_of(key)} is being tested: it moves photos, whose equations are computed again first"
             answer = replace(answer, state="unchecked", text=text, w=None, limit=None, is_pending=True)
-        self._request = _Request(
+        self._request = Request(
             key, before, answer, points, new, is_tested=is_settled and not found, has_oriented=bool(oriented)
         )
         return answer
 
-    def _settle(self, request: _Request) -> bool:
+    def _settle(self, request: Request) -> bool:
         """Linearise at the solution with a new measurement, and test all that it concerns there.
 
         Returns
@@ -294,9 +295,21 @@ class Measuring:
 
     def _start_soon(self, latest: ObservationKey) -> bool:
         """Orient the first photos if that takes little time; return whether there are any."""
-        self._start([latest.photo], SOON)
+        self._start(SOON)
         self._snoop_first(latest)
         return bool(self.block.values.orientations)
+
+    def _join(self, first: FirstValues, photo: str = "") -> bool:
+        """Orient photos that wait together by their own control; return whether the session goes on with them.
+
+        Parameters
+        ----------
+        first : FirstValues
+        photo : str
+            The only one that may have got what it waits for; empty: any.
+        """
+        may_join = self._attempts.may_join(self.block.measurements, self.block.values.orientations, photo)
+        return may_join and self._begin_again(first)
 
     def _begin_again_if_doubted(self) -> bool:
         """Start again from all measurements where too many are suspect, and go on from there if more of them fit.
@@ -314,10 +327,10 @@ class Measuring:
             return False
         return self._begin_again()
 
-    def _begin_again(self) -> bool:
+    def _begin_again(self, first: FirstValues = SOON) -> bool:
         """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
         self._begun_with = len(self.block.measurements)
-        other = Measuring(self.block.begun_again(self.excluded), SOON)
+        other = Measuring(self.block.begun_again(self.excluded), first)
         if len(other.block.equations.included) < len(self.block.equations.included):
             return False
         self.block, self._scale = other.block, other._scale
@@ -337,27 +350,29 @@ class Measuring:
         self.block.lose_unsettled()
         self._scale.estimate_again()
 
-    def _start(self, photos: Iterable[str], first: FirstValues) -> None:
-        """Orient the first photos, if there is enough in some of them for that."""
+    def _start(self, first: FirstValues) -> None:
+        """Orient the first photos, if there may be enough for that since it was tried."""
         block = self.block
-        if len(block.measurements) < self._next_start:
+        if not self._attempts.is_due(block.measurements):
             return
-        if any(may_start(block.measurements, photo) for photo in photos):
+        if any(may_start(block.measurements, photo) for photo in block.measurements.photos):
+            self._attempts.started(block.measurements)
             block.start(first)
-            self._next_start = int(len(block.measurements) * (1.0 + _LATER))
         else:
             block.values.photos_wait = {photo: _no_start(photo) for photo in block.measurements.photos}
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
         block = self.block
-        records = block.measurements.inputs.records
-        has_unknowns = any(
-            records.camera_of(records.photos[record_key(photo)]).unknown for photo in block.values.orientations
-        )
-        if has_unknowns and len(block.measurements) >= self._next_adjustment:
+        if self._has_camera_unknowns() and len(block.measurements) >= self._next_adjustment:
             block.adjust()
             self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
+
+    def _has_camera_unknowns(self) -> bool:
+        records = self.block.measurements.inputs.records
+        return any(
+            records.camera_of(records.photos[record_key(photo)]).unknown for photo in self.block.values.orientations
+        )
 
     def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> list[ObservationKey]:
         """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""

@@ -28,6 +28,9 @@ _LINEAR = 1e-3
 """Corrections of a photo or point, in radians and parts of its distance, up to which the equations stay as they are:
 what they neglect is the square of it, a tenth of a micrometre in the photo."""
 
+_SHOWN = 1e-4
+"""Corrections, in the same measure, up to which a solution is shown: it is off by the square, 0.01 micrometres."""
+
 _LOST = 0.5
 """Corrections, in the same measure, from which the solution of the linear equations means nothing."""
 
@@ -193,8 +196,31 @@ class OnlineBlock:
 
         Where the result is doubtful nothing changes, and the answer is False.
         """
+        return self._adjusted(self._valued(), robust=True)
+
+    def adjust_included(self) -> bool:
+        """Do so with what is in alone and as the definition of the bundle says: nothing is down-weighted besides."""
         part = self._valued()
-        if part is None or self.values.adjust(part):
+        if part is None:
+            return False
+        rays, included = part.photo_points, self.equations.included
+        keys = [
+            ObservationKey("photo", part.photos[photo].name, part.point_names[point])
+            for photo, point in zip(rays.photo.tolist(), rays.point.tolist(), strict=True)
+        ]
+        part = replace(
+            part,
+            photo_points=replace(
+                rays, used=rays.used & np.array([key in included for key in keys], dtype=bool)[:, None]
+            ),
+            control_points=tuple(
+                point for point in part.control_points if ObservationKey("control", "", point.name) not in self.left_out
+            ),
+        )
+        return self._adjusted(part, robust=any(key.kind not in ("photo", "control") for key in self.left_out))
+
+    def _adjusted(self, part: Block | None, *, robust: bool) -> bool:
+        if part is None or self.values.adjust(part, robust=robust):
             return False
         self.linearise_again()
         return True
@@ -270,12 +296,14 @@ class OnlineBlock:
         order = np.argsort(-sizes, kind="stable")
         return [names[row] for row in order.tolist() if sizes[row] > limit and names[row] in self.values.orientations]
 
-    def _far_points(self, points: Collection[str], reduced: FloatArray) -> dict[str, FloatArray]:
+    def _far_points(
+        self, points: Collection[str], reduced: FloatArray, linear: float = _LINEAR
+    ) -> dict[str, FloatArray]:
         """Return the corrections of points that are too large for the linearisation."""
         moved = {
             name: self.equations.point_correction(name, reduced) for name in points if self.equations.has_point(name)
         }
-        limit = _LINEAR * self._distance()
+        limit = linear * self._distance()
         return {name: move for name, move in moved.items() if np.abs(move).max() > limit}
 
     def _distance(self) -> float:
@@ -305,9 +333,15 @@ class OnlineBlock:
 
     def relinearise(self) -> None:
         """Move all values to the solution, and linearise all equations there."""
+        self.values.orientations, self.values.points = self.at_solution()
+        self.linearise_again()
+
+    def at_solution(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """Return the orientations (6,) and points (3,) of the solution: the values with their corrections."""
+        orientations, places = dict(self.values.orientations), dict(self.values.points)
         part = self._valued()
         if part is None:
-            return
+            return orientations, places
         part = with_cameras_held(part)
         reduced, points = self.equations.solution()
         unknowns = number_unknowns(part, self._tied_rows(part))
@@ -318,10 +352,18 @@ class OnlineBlock:
         correction[unknowns.layout.fixed] = 0.0
         state = starting_state(part).moved(correction, unknowns)
         for row, photo in enumerate(part.photos):
-            self.values.orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
+            orientations[photo.name] = np.concatenate([state.centres[row], state.angles()[row]])
         for row, name in enumerate(part.point_names):
-            self.values.points[name] = state.points[row].copy()
-        self.linearise_again()
+            places[name] = state.points[row].copy()
+        return orientations, places
+
+    def approach_solution(self) -> None:
+        """Linearise everything at the solution until what corrections neglect is far below any standard deviation."""
+        for _ in range(_RELINEARISATIONS):
+            reduced = self.equations.triangle.solution()
+            if not (self._far_photos(reduced, _SHOWN) or self._far_points(self.values.points, reduced, _SHOWN)):
+                break
+            self.relinearise()
 
     def _of_block(self, part: Block, reduced: FloatArray) -> FloatArray:
         """Return the corrections of a block's reduced unknowns, in its order, and zero for its points."""

@@ -82,6 +82,11 @@ class ExchangedCamera(Struct, frozen=True):
     sensor_mm: tuple[float, float] | None = None
     free: tuple[str, ...] = ()
 
+    @property
+    def frame(self) -> tuple[int, int]:
+        """Return columns and rows."""
+        return self.columns, self.rows
+
 
 class PoseReading(Struct, frozen=True):
     """What the numbers of poses mean; where a format does not say, there are several readings to be tried.

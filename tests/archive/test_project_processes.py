@@ -52,7 +52,7 @@ def server(lifeline: int) -> Iterator[ProjectServer]:
     gc.unfreeze()
 
 
-TIMES = re.compile(rb'"(ended|finished|seconds|cpu_seconds|peak_mb)":[^,}]*')
+TIMES = re.compile(rb'"(ended|head|rows|finished|seconds|cpu_seconds|peak_mb)":[^,}]*')
 
 
 def files_after(top: Path, order: str, server: ProjectServer) -> dict[str, bytes]:

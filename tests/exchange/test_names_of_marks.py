@@ -148,6 +148,8 @@ LOST = {
     "bundler": "17 control points, 1 check point, 1 distance",
     "bal": "17 control points, 1 check point, 1 distance",
     "nvm": "17 control points, 1 check point, 1 distance",
+    "openmvg": "17 control points, 1 check point, 1 distance",
+    "alicevision": "17 control points, 1 check point, 1 distance",
     "bingo": "1 distance",
     "patb": "1 check point, 1 distance",
 }

@@ -17,10 +17,12 @@ from exchange.imported import written
 from exchange.test_aerial import bingo_files, patb_files
 from exchange.test_gubaio import film
 from exchange.test_metric import PIXEL_MM, aicon_files, ign_files, photomodeler_text, pix4d_files
+from exchange.test_scenes import alicevision_text, openmvg_text
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
 from orip.exchange.formats import FORMATS_READ
 from orip.exchange.tables.project import READING as TABLES
+from orip.exchange.vision import openmvg
 from orip.geometry.rotation import rotation_from_angles
 from orip.workflow.exchange.block import ExchangeSettings
 from orip.workflow.exchange.imported import ImportedProject, read_source
@@ -121,6 +123,8 @@ IGN: Files = lambda folder: ign_files(folder, block(ign.READING))  # noqa: E731
 BLOCKS = text_file("b.xml", lambda: test_blocks_exchange.text(block(test_blocks_exchange.MATRIX_DOWN)))
 BLOCKS_ANGLES = text_file("b.xml", lambda: test_blocks_exchange.text(block(test_blocks_exchange.ANGLES_DOWN)))
 METASHAPE = text_file("cameras.xml", lambda: test_metashape.document(block(test_metashape.READING)))
+OPENMVG = text_file("sfm_data.json", lambda: openmvg_text(block(openmvg.READING)))
+ALICEVISION = text_file("cameras.sfm", lambda: alicevision_text(block(openmvg.READING)))
 PHOTOMODELER = text_file("a.txt", lambda: photomodeler_text(block(photomodeler.READING)))
 
 FIRST = float(block(aicon.READING).rays.image[0, 0])
@@ -157,6 +161,12 @@ TABLE = [
     Row("opensfm", "geo.txt horizontal accuracy", "m", opensfm, station(0), 0.02),
     Row("opensfm", "geo.txt vertical accuracy", "m", opensfm, station(2), 0.05),
     Row("opensfm", "rotation", "rad", opensfm, turned, 0.0),
+    Row("openmvg", "focal_length", "px", OPENMVG, principal_distance, 3000.0),
+    Row("openmvg", "x", "px from the centre of the first pixel", OPENMVG, column, FIRST),
+    Row("openmvg", "rotation", "1", OPENMVG, turned, 0.0),
+    Row("alicevision", "focalLength, sensorWidth", "mm", ALICEVISION, principal_distance, 3000.0),
+    Row("alicevision", "x", "px from the centre of the first pixel", ALICEVISION, column, FIRST),
+    Row("alicevision", "rotation", "1", ALICEVISION, turned, 0.0),
     Row("csv", "s beside x_mm", "mm", tables, ray, 0.003 / PIXEL_MM),
     Row("csv", "control sY", "m", tables, control("A", 1), 0.02),
     Row("csv", "OMEGA PHI KAPPA", "degree", tables, turned, 0.0),

@@ -270,7 +270,7 @@ FISHEYE = ExchangedCamera(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ["opensfm", "metashape"])
+@pytest.mark.parametrize("name", ["opensfm", "metashape", "alicevision"])
 def test_a_fisheye_is_written_and_read_again(tmp_path: Path, name: str) -> None:
     found = format_named(name)
     assert found.write is not None
@@ -282,9 +282,11 @@ def test_a_fisheye_is_written_and_read_again(tmp_path: Path, name: str) -> None:
     exported = export_camera(camera, "Fish 1", conventions.fisheye_lens, conventions.lens_axes, conventions.ray_axes)
     assert exported.worst_px == 0.0
     given = replace(in_conventions(conventions), cameras=(exported.camera,))
-    for file, data in found.write(given, None).items():
+    files = found.write(given, None)
+    for file, data in files.items():
         (tmp_path / file).write_bytes(data)
-    again = convert_camera(read_well(found.read, tmp_path).cameras[0], "C")
+    source = tmp_path / next(iter(files)) if found.is_file else tmp_path
+    again = convert_camera(read_well(found.read, source).cameras[0], "C")
     assert again.is_exact
     wide = np.array([[3.0, 1.0], [-1.0, 2.5], [0.0, 0.0], [0.2, -0.1]])
     assert pixels_of_directions(again.camera, wide) == pytest.approx(pixels_of_directions(camera, wide), abs=1e-8)

@@ -58,7 +58,10 @@ Plant = Callable[[Path, random.Random], str]
 
 def plant(project: Path, chance: random.Random) -> str:
     """Put one thing into a project, and say what."""
-    return chance.choice(PLANTS)(project, chance)
+    try:
+        return chance.choice(PLANTS)(project, chance)
+    except PermissionError as error:  # another plant has taken the permission away
+        return f"nothing: {error.filename} may not be written"
 
 
 def _name_taken(project: Path, chance: random.Random) -> str:
@@ -96,7 +99,7 @@ def _hot_journal(project: Path, chance: random.Random) -> str:
     if chance.random() < 0.6:
         number = chance.randint(1, max(pages, 1))
         content = bytes(chance.choice((b"\0", b"\x0d", b"S"))) * page
-        content = (content + bytes(page))[:page] if chance.random() < 0.5 else _page_of(store, chance.randint(1, pages))
+        content = (content + bytes(page))[:page] if chance.random() < 0.5 else _page_of(store, chance.randint(1, max(pages, 1)))
         total = (0x12345678 + sum(content[at] for at in range(page - 200, 0, -200))) & 0xFFFFFFFF
         data, count, said = struct.pack(">I", number) + content + struct.pack(">I", total), 1, f"page {number}"
     before = chance.choice((pages, 1, max(pages - 1, 1)))
@@ -279,7 +282,9 @@ def _named(project: Path, chance: random.Random) -> str:
             f"kind,orip,original\n{rows}".encode("utf-8", "surrogateescape" if name != "\ud800" else "replace"),
         )
     elif kind == "source":
-        form = chance.choice(("colmap", "micmac", "opensfm", "blocks", "nvm", "bundler", "bingo", "patb", "bal", "csv"))
+        form = chance.choice(
+            ("colmap", "micmac", "opensfm", "blocks", "nvm", "bundler", "bingo", "patb", "bal", "openmvg", "csv")
+        )
         place = chance.choice(
             ("../home", "/", "/dev/zero", "../home/pipe", "../home/thesis.txt", "../home/Documents", ".")
         )

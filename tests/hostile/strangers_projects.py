@@ -65,6 +65,7 @@ ADJUSTING = (
     "archive report results", "export colmap out", "export micmac out", "export opensfm out", "export blocks out.xml",
     "export csv out", "export geojson out.json", "export dxf out.dxf", "export geopackage out.gpkg", "export bingo out",
     "export patb out", "export metashape out.xml", "export bundler out", "export nvm out.nvm", "export bal out.txt",
+    "export openmvg out.json", "export alicevision out.sfm",
     "export", "export out", "export geojson FIRST.PNT", "export dxf orip.toml", "export bal FIRST.MEA",
 )  # fmt: skip
 CHANGING = (

@@ -16,6 +16,8 @@ FILES = {
     "dxf": "orip.dxf",
     "bal": "problem.txt",
     "nvm": "orip.nvm",
+    "openmvg": "sfm_data.json",
+    "alicevision": "orip.sfm",
     "geopackage": "orip.gpkg",
 }
 FOLDERS = ("colmap", "opensfm", "metashape", "micmac", "bundler", "bingo", "csv")

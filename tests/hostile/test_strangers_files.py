@@ -197,7 +197,9 @@ def test_photos_with_a_zero_character_in_their_original_name_are_exported_or_ref
         opened.orip(f"export {form} out-{form}")
 
 
-@pytest.mark.parametrize("form", ["geojson", "dxf", "bal", "nvm", "geopackage", "blocks", "metashape"])
+@pytest.mark.parametrize(
+    "form", ["geojson", "dxf", "bal", "nvm", "openmvg", "alicevision", "geopackage", "blocks", "metashape"]
+)
 @pytest.mark.parametrize("text", ["orip.toml", "FIRST.PNT", "FIRST.MEA", "FIRST.PHO", "result.json"])
 def test_an_export_does_not_take_the_place_of_a_text_of_the_project(opened: Opened, form: str, text: str) -> None:
     before = (opened.project / text).read_bytes()

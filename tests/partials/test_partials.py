@@ -112,6 +112,7 @@ GIVES_NONE = {
     "orip.bundle.points.rays_at_places.RaysAtPlaces.other_place": "places, with rows of linearise_with_partials",
     "orip.bundle.points.rival_places._ControlThere.at": "linearise_with_partials of control points, over their errors",
     "orip.bundle.points.rival_places._adjusted": "places of points",
+    "orip.bundle.groups.held_cameras.held_cameras": "sums of linearise_with_partials of photo points",
     "orip.bundle.results.covariance._joined": "partials of several records, side by side",
     "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
     "orip.bundle.results.covariance.covariance": "covariances",

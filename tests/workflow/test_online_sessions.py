@@ -285,6 +285,71 @@ def test_lines_that_others_append_are_answered(project) -> None:
     assert not list(session.appended())
 
 
+def _first_strip(folder: Path) -> tuple[Path, list[Point]]:
+    """Return a sample of which the first strip is measured, with its points in the order of measuring."""
+    folder = sample(folder, "small_frame_block")
+    (folder / "DAY2.MEA").unlink()
+    commit(initialise(read_project(folder, "definitions")))
+    return folder, typed_points(folder)
+
+
+def test_a_strip_typed_in_the_order_of_its_file_is_oriented_by_control_that_comes_late(tmp_path: Path) -> None:
+    """Three full control points in 207 photo points, the last of them within a tenth of all from the end."""
+    folder, points = _first_strip(tmp_path)
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    assert len(session.measuring.block.values.orientations) == 6
+    shown = _reply(session, folder, do="show")["summary"]
+    assert "6 photos oriented" in shown
+    assert _reply(session, folder, do="show", what="waiting") == {"waiting": []}
+    again = OnlineSession(folder, None)
+    assert _reply(again, folder, do="show")["summary"] == shown
+
+
+def test_what_is_shown_after_a_measurement_is_the_solution_of_what_is_measured(tmp_path: Path) -> None:
+    """Photos and points were up to two standard deviations from the adjustment of the same measurements."""
+    folder = sample(tmp_path, "small_frame_block")
+    commit(initialise(read_project(folder, "definitions")))
+    points = typed_points(folder)
+    random.Random(3).shuffle(points)
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    suspects = list(session.measuring.suspects)
+    assert {key.kind for key in suspects} <= {"photo"}
+    shown = {
+        what: {one[what[:-1]]: one for one in _reply(session, folder, do="show", what=what)[what]}
+        for what in ("photos", "points")
+    }
+    for key in suspects:
+        _reply(session, folder, do="exclude", photo=key.photo, point=key.point)
+    assert _reply(session, folder, do="solve")["status"] == "converged"
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    compared = 0
+    for what, of_kind in shown.items():
+        for name, found in of_kind.items():
+            for element, of_solve in result[what][name].items():
+                if isinstance(of_solve, dict) and of_solve.get("sd"):
+                    assert abs(found[element] - of_solve["value"]) < 0.05 * of_solve["sd"], (name, element)
+                    compared += 1
+    assert compared >= 6 * 12 + 3 * 140
+
+
+def test_control_that_is_written_to_its_file_during_a_session_orients_it(tmp_path: Path) -> None:
+    folder, points = _first_strip(tmp_path)
+    control = folder / "CLIFF.PNT"
+    text = control.read_text(encoding="utf-8")
+    control.write_text("! nothing yet\n", encoding="utf-8")
+    session = OnlineSession(folder, None)
+    for point in points:
+        _measure(session, folder, point)
+    assert "0 photos oriented" in _reply(session, folder, do="show")["summary"]
+    control.write_text(text, encoding="utf-8")
+    assert not list(session.appended())
+    assert "6 photos oriented" in _reply(session, folder, do="show")["summary"]
+
+
 @pytest.mark.parametrize(
     ("line", "wrong"),
     [

@@ -1,1 +1,1 @@
-"""Models of early structure-from-motion programs: Bundler, BAL, and VisualSFM's NVM."""
+"""Models of structure-from-motion programs: Bundler, BAL, VisualSFM's NVM, openMVG and AliceVision."""

@@ -164,8 +164,11 @@ def _journals_in(path: Path) -> list[Path]:
 
 
 def _may_name(journal: Path, name: str) -> bool:
+    """Tell whether a journal that SQLite would play back has a name; one that begins with 0 it leaves alone."""
     try:
-        return name.encode() in _end_of(journal)
+        with open_regular(journal) as file:
+            is_played_back = file.read(1) not in {b"", b"\0"}
+        return is_played_back and name.encode() in _end_of(journal)
     except FileNotFoundError:
         return False
     except (OSError, ValueError):

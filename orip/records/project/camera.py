@@ -81,6 +81,11 @@ class Sensor(Struct, frozen=True):
     width: Annotated[float, Field(above=0, example="8.245", units=("mm",))]
     height: Annotated[float, Field(above=0, example="6.6", units=("mm",))]
 
+    @property
+    def size(self) -> tuple[float, float]:
+        """Return width and height."""
+        return self.width, self.height
+
 
 class Camera(Struct, frozen=True):
     """One camera record.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 from msgspec import Struct
@@ -13,6 +14,7 @@ from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.files.text.exported_names import is_one_file_name
+from orip.files.text.leftovers import remove_leftovers
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject
 from orip.wording import counted
@@ -171,6 +173,8 @@ def write_export(exported: ExportedResult, *, force: bool = False) -> None:
             data = next(iter(exported.files.values()))
             usual = (target,) if exported.is_usual else ()
             require_replaceable(exported.source, target, force=force, usual=usual, begins=data)
+            with suppress(OSError):
+                remove_leftovers(target.parent)
             replace_bytes(target, data)
             return
         rule = "a result is exported into a new or empty folder: name another"

@@ -82,6 +82,8 @@ def _solved(session: OnlineSession, folder: Path, *, prune: bool) -> Reply:
 def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:
     """Return what a session has, and is asked to show."""
     measuring = session.measuring
+    if len(measuring.block.measurements):
+        measuring.try_waiting()
     match request.what:
         case "waiting":
             return {"waiting": list(measuring.waiting().values())}

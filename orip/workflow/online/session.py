@@ -8,7 +8,7 @@ An answer is waited for as long as agreed; what takes longer, or follows from it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import UsageError
+from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
 from orip.interior.log_coordinates import stored_to_log
@@ -89,7 +90,7 @@ class OnlineSession:
         self._blocks: dict[str, dict[str, str]] = {}
         self._undo: list[_Undo] = []
         self._wake: Callable[[], None] = lambda: None
-        self._seen = self._files_now()
+        self._seen, self._seen_control = self._files_now(), self._control_now()
         self._begin()
 
     @property
@@ -196,19 +197,20 @@ class OnlineSession:
         return found
 
     def appended(self) -> Iterator[Answer]:
-        """Yield answers to what others have written to measurement files since.
+        """Yield answers to what others have written to measurement files since; with other control all begins again.
 
         Raises
         ------
         InputError
             If a file holds faults; it is read again when it has changed.
         """
-        now = self._files_now()
-        if now == self._seen:
+        now, control = self._files_now(), self._control_now()
+        if (now, control) == (self._seen, self._seen_control):
             return
-        self._seen = now
+        is_control_new = control != self._seen_control
+        self._seen, self._seen_control = now, control
         films = mounted_films(self._folder, LOG, "heads")
-        if films.state.records != self._films.state.records:
+        if is_control_new or films.state.records != self._films.state.records:
             self._films = films
             self._begin()
             return
@@ -258,12 +260,12 @@ class OnlineSession:
 
     def _files_now(self) -> tuple[tuple[str, int, int], ...]:
         """Return name, time and size of the measurement files."""
-        found = []
-        for path in sorted({*self._films.project.folder.glob("*.MEA"), self._films.log}):
-            if path.exists():
-                status = path.stat()
-                found.append((path.name, status.st_mtime_ns, status.st_size))
-        return tuple(found)
+        return _states_of({*self._films.project.folder.glob("*.MEA"), self._films.log})
+
+    def _control_now(self) -> tuple[tuple[str, int, int], ...]:
+        """Return name, time and size of the control files."""
+        folder, base = self._films.project.folder, self._films.project.definition.control_files
+        return _states_of({folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS})
 
     def _measured(self, photo: str, point: str) -> tuple[float, float] | None:
         return self._places.get((photo, point))
@@ -318,6 +320,12 @@ class OnlineSession:
         self._file.edit(edit_line(record))
         self._blocks.clear()
         self._seen = self._files_now()
+
+
+def _states_of(paths: Collection[Path]) -> tuple[tuple[str, int, int], ...]:
+    """Return name, time and size of the files that exist."""
+    states = [(path.name, path.stat()) for path in sorted(paths) if path.exists()]
+    return tuple((name, state.st_mtime_ns, state.st_size) for name, state in states)
 
 
 def _places(observations: PhotoObservations) -> dict[tuple[str, str], tuple[tuple[float, float], bool]]:

@@ -17,8 +17,10 @@ Shown = dict[str, Any]
 
 def photos_of(measuring: Measuring) -> list[Shown]:
     """Return all photos in which something is measured: elements in project units and degrees, or what is missing."""
+    measuring.approach_solution()
     block, values = measuring.block, measuring.block.values
-    oriented = {name: values.orientations[name] for name in block.measurements.photos if name in values.orientations}
+    orientations, _ = block.at_solution()
+    oriented = {name: orientations[name] for name in block.measurements.photos if name in orientations}
     elements = {}
     if oriented:
         local = np.array(list(oriented.values()))
@@ -40,8 +42,10 @@ def photos_of(measuring: Measuring) -> list[Shown]:
 
 def points_of(measuring: Measuring) -> list[Shown]:
     """Return all points that are measured: coordinates in the project, or what is missing, and numbers of rays."""
+    measuring.approach_solution()
     block, values = measuring.block, measuring.block.values
-    placed = {name: found for name in block.measurements.points if (found := values.points.get(name)) is not None}
+    _, points = block.at_solution()
+    placed = {name: found for name in block.measurements.points if (found := points.get(name)) is not None}
     places = block.ground.to_project(np.array(list(placed.values())).reshape(-1, 3)).tolist()
     coordinates = dict(zip(placed, places, strict=True))
     return [
@@ -58,6 +62,7 @@ def points_of(measuring: Measuring) -> list[Shown]:
 
 def cameras_of(measuring: Measuring) -> list[Shown]:
     """Return all cameras with the parameters that measuring goes on with, mm, and which are unknown to `solve`."""
+    measuring.approach_solution()
     block = measuring.block
     return [
         {

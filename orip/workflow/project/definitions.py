@@ -44,8 +44,18 @@ class StoredDefinitions(Struct, frozen=True):
         )
 
     def bundle(self, name: str) -> BundleDefinition:
-        """Return the definition of an existing bundle."""
-        return next(stored.record for stored in self.bundles if record_key(stored.record.name) == record_key(name))
+        """Return the definition of a bundle.
+
+        Raises
+        ------
+        InputError
+            If it is not in the stores.
+        """
+        for stored in self.bundles:
+            if record_key(stored.record.name) == record_key(name):
+                return stored.record
+        message = f"bundle {name} is not in the record stores; run 'orip init' first"
+        raise InputError.single(message)
 
     @property
     def are_empty(self) -> bool:

@@ -24,7 +24,7 @@ from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.named_output import require_replaceable
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.text_output import TextOutput
+from orip.workflow.project.text_output import TextOutput, digest_of_text
 from orip.workflow.records.apply_text import apply_text
 from orip.workflow.records.document import checked, stored_definition
 
@@ -171,6 +171,11 @@ def _bytes_of(project: ProjectFolder, path: Path) -> bytes | None:
 
 
 def _free_name(path: Path) -> Path:
-    """Return a free name for a backup: FILE.bak, FILE.bak2, ..."""
+    """Return a free name for a backup: FILE.bak, FILE.bak2, ...; that of one with the same content, if there is one."""
     names = (path.with_name(f"{path.name}.bak{number if number > 1 else ''}") for number in range(1, 10_000))
-    return next(name for name in names if not (name.exists() or name.is_symlink()))
+    digest = digest_of_text(path)
+    return next(
+        name
+        for name in names
+        if not (name.exists() or name.is_symlink()) or (not name.is_symlink() and digest_of_text(name) == digest)
+    )

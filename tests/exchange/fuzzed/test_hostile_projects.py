@@ -18,14 +18,15 @@ from exchange import (
     test_gubaio,
     test_images,
     test_metashape,
-    test_metashape_references,
     test_metric,
     test_micmac,
     test_opensfm,
+    test_scenes,
     test_tables,
     test_vision,
 )
 from exchange.imported import written
+from exchange.metashape import test_metashape_references
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
@@ -34,7 +35,7 @@ from orip.exchange.formats import format_named
 from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
 from orip.exchange.tables import project as tables
-from orip.exchange.vision import bundler, nvm
+from orip.exchange.vision import bundler, nvm, openmvg
 from orip.files.project.reader import parse_project
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.workflow.exchange.block import ExchangeSettings, imported_block
@@ -122,6 +123,8 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     "bundler": _file("bundle.out", test_vision.bundler, bundler.BUNDLER),
     "bal": _file("a.txt", test_vision.bal, bundler.BAL),
     "nvm": _file("a.nvm", test_vision.nvm, nvm.READING),
+    "openmvg": _file("sfm_data.json", test_scenes.openmvg_text, openmvg.READING),
+    "alicevision": _file("cameras.sfm", test_scenes.alicevision_text, openmvg.READING),
     "photomodeler": _file("a.txt", test_metric.photomodeler_text, photomodeler.READING),
     "aicon": _folder(test_metric.aicon_files, aicon.READING),
     "pix4d": _folder(test_metric.pix4d_files, pix4d.READING),

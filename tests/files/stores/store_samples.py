@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from msgspec import Struct
 from msgspec.structs import astuple
 
+from orip.files.project.file_names import file_name_fault
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.records.coded_names import CodedNames
@@ -194,7 +195,9 @@ def bundle(name):
 
 @st.composite
 def stored_records(draw, of_name):
-    records = [draw(of_name(name)) for name in draw(record_name_lists)]
+    # files are named after bundles
+    named = [name for name in draw(record_name_lists) if of_name is not bundle or file_name_fault(name) is None]
+    records = [draw(of_name(name)) for name in named]
     return tuple(StoredRecord(record, draw(some(texts)), draw(some(texts))) for record in records)
 
 

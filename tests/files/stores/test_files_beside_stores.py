@@ -197,3 +197,14 @@ def test_stores_are_looked_at_before_they_are_opened(tmp_path: Path) -> None:
     for transaction in (reading, writing):
         with pytest.raises(InputError, match="this is a link to"), transaction([tmp_path / "A.TIK"]):
             pass
+
+
+def test_a_journal_that_is_not_played_back_keeps_no_super_journal(project: Path) -> None:
+    """Journals of a run killed before it had synchronised them begin with zeros: SQLite leaves them alone."""
+    store, super_journal = project / "FIRST.PHO", project / "FIRST.PHO-mj01234567"
+    super_journal.write_bytes(os.fsencode(f"{store}-journal\0"))
+    hot_journal(store, super_journal)
+    journal = project / "FIRST.PHO-journal"
+    journal.write_bytes(b"\0" * 8 + journal.read_bytes()[8:])
+    assert orip(project, "status").code == 0
+    assert not super_journal.exists()

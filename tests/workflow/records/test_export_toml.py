@@ -209,3 +209,15 @@ def test_before_init_there_is_nothing_to_export(tmp_path: Path) -> None:
     said = orip(film_project(tmp_path / "film"), "export-toml")
     assert said.code == 3
     assert "no record stores yet; run 'orip init' first" in said.err
+
+
+def test_the_same_text_is_kept_once(tmp_path: Path) -> None:
+    """As after a run that was killed between the copy and the new text."""
+    folder = first_project(tmp_path / "first")
+    assert orip(folder, "run", "--no-report").code == 0
+    before = (folder / "orip.toml").read_bytes()
+    (folder / "orip.toml.bak").write_bytes(before)
+    assert orip(folder, "photo", "edit", "left", "X0=1071").code == 0
+    assert orip(folder, "export-toml", "--output", "orip.toml", "--force").code == 0
+    assert (folder / "orip.toml.bak").read_bytes() == before
+    assert not (folder / "orip.toml.bak2").exists()
