@@ -24,6 +24,7 @@ from orip.mistakes.after_adjustment.errors_too_large import errors_too_large
 from orip.mistakes.after_adjustment.height_systems import control_in_another_height_system
 from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
 from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
+from orip.mistakes.after_adjustment.misread_stations import misread_stations
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
 from orip.mistakes.before_adjustment.coordinate_units import CODE as COORDINATE_UNIT
@@ -44,6 +45,7 @@ from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_
 from orip.mistakes.hypotheses.released_control import without_control
 from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.two_lenses import two_lenses
 from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
@@ -85,12 +87,14 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
+    if found := misread_stations(readjuster.block, solved) or two_lenses(solution, readjuster):
+        return found
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     if found := misread_vertical_photos(solution, solved, readjuster):
         return found
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
-    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
+    if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
@@ -111,6 +115,11 @@ def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None =
         return None
     solved = readjuster.adjust(released) if known is None else known
     return solved if solved is not None and is_good(fit_of_adjustment(solved)) else None
+
+
+def _misgiven(elsewhere: SolvedBlock, block: Block) -> list[ProjectWarning]:
+    """Return what is wrong with given positions or orientations, from where the photos are without them."""
+    return misread_stations(block, elsewhere) or misgiven(elsewhere, block)
 
 
 def _shown_elsewhere(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -228,7 +237,7 @@ def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list
     if not readjuster.is_worthwhile:
         return []
     elsewhere = _with_found_orientations(readjuster)
-    if elsewhere is not None and (found := misgiven(elsewhere, readjuster.block)):
+    if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return found
     for tried in _adjusted(hypotheses_of_failure(readjuster, not_oriented), readjuster):
         if is_good(tried.fit) and tried.solved.variance.sigma0 > _LEAST_SIGMA0:

@@ -19,7 +19,7 @@ _MOST_PHOTO_POINTS = 20_000
 
 EXPLAINING_WARNINGS = {
     "misnamed-marks", "outside-frame", "senseless-camera", "coordinate-unit", "same-photo", "other-spelling",
-    "ground-system", "resolution",
+    "ground-system", "degrees", "resolution",
 }  # fmt: skip
 """Codes of warnings that already explain a misfit."""
 
@@ -44,10 +44,14 @@ class Readjuster(Struct, frozen=True):
         return bool(np.isfinite(self.block.photo_orientation).all())
 
     @property
+    def is_small(self) -> bool:
+        """Return whether the block is not too large to be adjusted again."""
+        return len(self.block.photo_points.photo) <= _MOST_PHOTO_POINTS
+
+    @property
     def is_worthwhile(self) -> bool:
         """Return whether to adjust again: the block is not too large, and no warning explains its misfit already."""
-        small = len(self.block.photo_points.photo) <= _MOST_PHOTO_POINTS
-        return small and not any(warning.code in EXPLAINING_WARNINGS for warning in self.block.warnings)
+        return self.is_small and not any(warning.code in EXPLAINING_WARNINGS for warning in self.block.warnings)
 
     def adjust(self, block: Block) -> SolvedBlock | None:
         """Return the adjustment of a block, None where there is none.

@@ -8,8 +8,10 @@ from orip.bundle.assemble import BlockInput, gather
 from orip.errors import Complaint, InputError
 from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
 from orip.mistakes.before_adjustment.ground_systems import contradicting_ground_systems
+from orip.mistakes.before_adjustment.impossible_camera import raise_if_impossible
 from orip.progress import stage
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.structs import replace
 
 
@@ -27,6 +29,8 @@ def gather_bundle(inputs: BlockInput) -> Block:
     InputError
         With everything that prevents an adjustment.
     """
+    used = {record_key(photo.camera) for photo in inputs.records.photos.values()}
+    raise_if_impossible(camera for key, camera in inputs.records.cameras.items() if key in used)
     orientations = [photo.orientation[:2] for photo in inputs.records.photos.values()]
     systems = contradicting_ground_systems(inputs.control, np.array(orientations, dtype=np.float64).reshape(-1, 2))
     try:

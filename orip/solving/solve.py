@@ -16,6 +16,8 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
+from orip.mistakes import two_lenses
+from orip.mistakes.after_adjustment import height_systems, misread_stations
 from orip.mistakes.before_adjustment import coordinate_units, free_datum, ground_systems, reduced_pictures, spelling
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
@@ -30,10 +32,19 @@ from orip.solving.gathering import gather_bundle
 from orip.solving.starting_values import StartedBlock, explained_preliminary_values, own_start, started_block
 from orip.structs import replace
 
-FIRST_CAUSES = {spelling.CODE, ground_systems.CODE, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE}
+FIRST_CAUSES = {
+    spelling.CODE, ground_systems.CODE, ground_systems.DEGREES, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE,
+}  # fmt: skip
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
 
-WRONG = {**SHORT_TEXTS, coordinate_units.CODE: "the photo coordinates are in another unit"}
+OF_STATIONS = {
+    **ground_systems.SHORT_TEXTS, **misread_stations.SHORT_TEXTS, height_systems.CODE: height_systems.SHORT_TEXT,
+    two_lenses.CODE: two_lenses.SHORT_TEXT,
+}  # fmt: skip
+"""The same of positions of photos that are not in the system of the control: what is said of single photos, or of
+groups of the two, follows from it."""
+
+WRONG = {**SHORT_TEXTS, **OF_STATIONS, coordinate_units.CODE: "the photo coordinates are in another unit"}
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
@@ -171,6 +182,10 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
     A wrong control point may have displaced itself or others: what is then said of groups follows from it.
     """
     causes = {warning.where for warning in mistaken}
+    if any(warning.code in OF_STATIONS for warning in mistaken):
+        solution = replace(
+            solution, diagnosis=tuple(found for found in solution.diagnosis if not _is_of_systems(found))
+        )
     contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
     if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
@@ -180,6 +195,10 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         else found
         for found in solution.diagnosis
     )
+
+
+def _is_of_systems(found: Diagnosis) -> bool:
+    return found.code == CONTRADICTION and ("exposure station" in found.where or "control point" in found.where)
 
 
 def _with_mistakes_of_the_block(
@@ -196,6 +215,8 @@ def _with_mistakes_of_the_block(
         explained = explain_misfit(
             adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered), own.solved if own else None
         )
+    if any(found.code in OF_STATIONS for found in explained):
+        of_start = ()
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)

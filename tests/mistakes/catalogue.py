@@ -606,11 +606,20 @@ def no_control(folder: Path) -> None:
 
 
 @mistake(
-    "Principal distance in metres", CLIFF, "camera REFLEX35", "angle of view of 180°", "in metres: C = 35 mm",
+    "Principal distance in metres", CLIFF, "error: camera REFLEX35", "is that of no lens", "write c = 35",
     mend="Write mm.",
 )  # fmt: skip
 def principal_distance_in_metres(folder: Path) -> None:
     in_toml(folder, ("c = 35.0 ", "c = 0.035 "))
+
+
+@mistake(
+    "Size of a pixel in place of the sensor's", ZURICH, "error: camera OLYMPUS", "the size of a pixel in mm",
+    "width = 8.24",
+    mend="Write width and height of the whole sensor, mm.",
+)  # fmt: skip
+def pixel_as_sensor(folder: Path) -> None:
+    in_toml(folder, ("width = 8.245, height = 6.6", "width = 0.00644, height = 0.00644"))
 
 
 @mistake(

@@ -12,11 +12,11 @@ from mistakes.simulated import explained, with_camera
 from support.synthetic_block import DISTORTED, synthetic_block
 from workflow.quiet import run_quietly
 
-from orip.errors import ProjectWarning
+from orip.errors import InputError, ProjectWarning
 from orip.interior.orientation import orient_photo
 from orip.mistakes.after_adjustment.contradicting_control import control_warnings
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
-from orip.mistakes.before_adjustment.impossible_camera import camera_warnings
+from orip.mistakes.before_adjustment.impossible_camera import camera_warnings, raise_if_impossible
 from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
 from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
 from orip.records.block import Block
@@ -65,8 +65,38 @@ def test_a_camera_that_makes_sense() -> None:
     assert not list(camera_warnings(fisheye))
     (said,) = camera_warnings(replace(fisheye, parameters=(0.4, *[0.0] * 11)))
     assert "angle of view of 972°" in str(said)
+    raise_if_impossible([fisheye, *map(_phone, (0.56, 1.12))])
     (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 11), sensor=Sensor(6000, 4000, 35.9, 23.9)))
     assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
+
+
+def _phone(pixel: float) -> Camera:
+    """Return the camera of a phone with pixels of a size in µm."""
+    sensor = Sensor(16320, 12240, 16.320 * pixel, 12.240 * pixel)
+    return Camera("PHONE", (1.2 * sensor.height, *[0.0] * 11), sensor=sensor)
+
+
+@pytest.mark.parametrize(
+    ("c", "sides", "words"),
+    [
+        (0.0088, (13.2, 8.8), "in metres, but C is in mm: write c = 8.8"),
+        (8.8, (0.00241, 0.00241), "the size of a pixel in mm: write width = 13.188, height = 8.7917"),
+        (8.8, (2.41, 2.41), "the size of a pixel in µm: write width = 13.188, height = 8.7917"),
+        (8.8, (0.0132, 0.0088), "in metres: write width = 13.2, height = 8.8"),
+        (0.0088, (0.0132, 0.0088), "in metres: write width = 13.2, height = 8.8"),
+    ],
+)
+def test_a_camera_in_another_unit_ends_with_the_value_to_write(
+    c: float, sides: tuple[float, float], words: str
+) -> None:
+    with pytest.raises(InputError, match="camera DRONE") as raised:
+        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 11), sensor=Sensor(5472, 3648, *sides))])
+    assert words in str(raised.value)
+
+
+def test_a_frame_in_metres_ends_with_the_value_to_write() -> None:
+    with pytest.raises(InputError, match=r"write frame = \[230, 230\]"):
+        raise_if_impossible([Camera("RC30", (153.0, *[0.0] * 11), frame=(0.23, 0.23))])
 
 
 # --------------------------------------------------------------------------------------------------------------- marks

@@ -51,6 +51,9 @@ _REMEDIES = {
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
 }
 
+_LONGEST_ARM, _LARGEST_SHIFT = 10.0, 20.0
+"""Metres: from the antenna to a camera on board of an aircraft, and what single-point GNSS is off by."""
+
 _HELD_REMEDY = (
     "check the calibration of the camera; if it was made at another time, or in another state of the camera, set "
     'unknown = ["{component}"] in its [[camera]]'
@@ -59,7 +62,10 @@ _HELD_REMEDY = (
 
 def group_diagnosis(contradictions: Sequence[Contradiction], ground_unit: str) -> tuple[Diagnosis, ...]:
     """Return a diagnosis for each contradiction, in their order."""
-    return tuple(Diagnosis(CODE, _where(found), _text(found, ground_unit), _remedy(found)) for found in contradictions)
+    return tuple(
+        Diagnosis(CODE, _where(found), _text(found, ground_unit), _remedy(found, ground_unit))
+        for found in contradictions
+    )
 
 
 def _where(found: Contradiction) -> str:
@@ -242,8 +248,10 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
     return f"{value:{sign}.{decimals}f} ± {sd:.{decimals}f}"
 
 
-def _remedy(found: Contradiction) -> str:
+def _remedy(found: Contradiction, ground_unit: str) -> str:
     group = found.groups[0]
+    if group.kind == "station" and ground_unit == "m" and _is_beyond_gnss(found):
+        return f"no lever arm or shift is so large: {_REMEDIES[group.kind].removesuffix(', and the lever arm')}"
     if found.extent == "held":
         return _HELD_REMEDY.format(component=group.component)
     if found.extent == "lever arm":
@@ -258,6 +266,12 @@ def _remedy(found: Contradiction) -> str:
     if found.common and group.kind == "attitude":
         return f'set unknown = ["BX", "BY", "BZ"] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
+
+
+def _is_beyond_gnss(found: Contradiction) -> bool:
+    """Tell whether stations are off by more than an antenna from its camera, or GNSS from the truth."""
+    farthest = max((abs(error.size) for error in found.common if not error.is_drift), default=0.0)
+    return farthest > (_LONGEST_ARM if found.extent == "lever arm" else _LARGEST_SHIFT)
 
 
 def probability_in_words(p: float) -> str:

@@ -11,6 +11,11 @@ from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
+CODE = "height-system"
+
+SHORT_TEXT = "the heights of the control and of the stations are in different height systems"
+"""What the status says."""
+
 _FEWEST = 3
 """Points that do not agree by chance."""
 
@@ -34,13 +39,16 @@ def control_in_another_height_system(block: Block, solution: Solution) -> Iterat
     if not (observed or any(station.has_position for station in block.stations)) or block.ground_unit != "m":
         return
     rows = solution.residuals
-    off = {
-        point: residual
+    of_control = {
+        point: (residual, weight)
         for kind, point, component, residual, weight in zip(
             rows.kind, rows.point, rows.component, rows.residual.tolist(), rows.weight_factor.tolist(), strict=True
         )
-        if kind == "control" and component == "Z" and weight > 0.0
+        if kind == "control" and component == "Z" and weight >= 0.0
     }
+    # single ones without weight may be wrong by themselves; all of them contradict the stations
+    single = any(weight > 0.0 for _, weight in of_control.values())
+    off = {point: residual for point, (residual, weight) in of_control.items() if weight > 0.0 or not single}
     control = list(off)
     off |= {point.name: point.dZ for point in solution.check_points if np.isfinite(point.dZ)}
     differences = np.array(list(off.values()))
@@ -55,4 +63,4 @@ def control_in_another_height_system(block: Block, solution: Solution) -> Iterat
         f"{spread:.2g}){also}, compared with the exposure stations: their heights and those of the stations are "
         "probably in different height systems (above the ellipsoid, above the geoid); use one for both"
     )
-    yield ProjectWarning("height-system", counted_names("control point", control), text)
+    yield ProjectWarning(CODE, counted_names("control point", control), text)

@@ -1,4 +1,4 @@
-"""Control far from where the photos were taken: in feet, with the number of the zone before the easting, exchanged."""
+"""Control far from where the photos were taken: in feet, in degrees, with the number of the zone, exchanged."""
 
 from __future__ import annotations
 
@@ -9,11 +9,18 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
+from orip.records.names import record_key
 from orip.records.observations.control import Control
 from orip.units import METRES_PER_FOOT
 from orip.wording import counted_names
 
-CODE = "ground-system"
+CODE, DEGREES = "ground-system", "degrees"
+
+SHORT_TEXTS = {
+    CODE: "control and positions of the photos are in different systems",
+    DEGREES: "longitude and latitude in degrees stand beside coordinates in units of length",
+}
+"""What the status says, by the code of the warning."""
 
 _FAR, _NEAR = 20.0, 3.0
 """Distances of control and photos, as parts of the larger extent of the two: what cannot be, and what is usual."""
@@ -24,6 +31,16 @@ _ZONE = 1e6
 """Eastings have six digits before the decimal point; what precedes them is the zone."""
 
 _ZONES = (1, 60)
+
+_METRES_PER_DEGREE = 1.1e5
+
+_LARGEST_AREA = 5.0
+"""Degrees from one end of a block to the other."""
+
+_OF_ONE_BLOCK = 30.0
+"""Ratio of the extents of control and photos up to which they are those of one block."""
+
+_ANGLES = np.array([180.0, 90.0])
 
 Reading = tuple[FloatArray, FloatArray, str]
 """Control and photos (n, 2) as they were probably meant, and what is wrong then."""
@@ -41,6 +58,8 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
     """
     in_project = not control.station_reference.crs
     observed = [station.position[:2] for station in control.stations if station.has_position and in_project]
+    in_elements = _centres_of_elements(control)
+    of_stations, observed = bool(observed), [*observed, *in_elements]
     places = np.vstack([np.array(observed, dtype=np.float64).reshape(-1, 2), given])
     places = places[np.isfinite(places).all(axis=1)]
     known = [point for point in control.points if None not in point.coordinates[:2]]
@@ -50,10 +69,55 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
     if _apart(points, places) < _FAR:
         return []
     where = counted_names("control point", [point.name for point in known])
-    other = "exposure stations" if observed else "photos"
-    readings = chain(_feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other))
+    file = ".STA" if of_stations else ".ELE" if in_elements else "orip.toml"
+    if text := _degrees(points, places, file):
+        return [
+            ProjectWarning(DEGREES, where if text.endswith("of these") else f"positions of the photos in {file}", text)
+        ]
+    other = "exposure stations" if of_stations else "photos"
+    readings = chain(
+        _feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other, file)
+    )
     texts = (text for read, photos, text in readings if _apart(read, photos) < _NEAR)
     return [ProjectWarning(CODE, where, text) for text in list(texts)[:1]]
+
+
+def _centres_of_elements(control: Control) -> list[tuple[float, float]]:
+    """Return X0 and Y0 of the photos of which both are observed."""
+    values: dict[str, dict[str, float]] = {}
+    for element in control.elements:
+        if element.group == "PHOTO":
+            values.setdefault(record_key(element.name), {})[element.kind] = element.value
+    return [(found["X0"], found["Y0"]) for found in values.values() if {"X0", "Y0"} <= set(found)]
+
+
+def _degrees(points: FloatArray, places: FloatArray, file: str) -> str:
+    """Return that positions of the photos, or the control, are in degrees; "" where neither is."""
+    for concerned, others in ((places, points), (points, places)):
+        extent, other = (float(np.ptp(which, axis=0).max()) for which in (concerned, others))
+        # latitude may come first
+        are_angles = any((np.abs(concerned[:, order]) <= _ANGLES).all() for order in ([0, 1], [1, 0]))
+        is_length = bool((np.abs(np.median(others, axis=0)) > _ANGLES.max()).any())
+        if not (are_angles and is_length and 0.0 < extent < _LARGEST_AREA and other > 0.0):
+            continue
+        if abs(np.log(extent * _METRES_PER_DEGREE / other)) > np.log(_OF_ONE_BLOCK):
+            continue
+        x, y = np.median(concerned, axis=0)
+        if concerned is points:
+            return (
+                f"X and Y, about {x:.6g} and {y:.6g}, are longitude and latitude in degrees, unlike the positions of "
+                f"the photos in {file}: convert the control to easting and northing in the system of these"
+            )
+        text = (
+            f"X and Y, about {x:.6g} and {y:.6g}, are longitude and latitude in degrees, and the control is in units "
+            "of length: convert them to easting and northing in the system of the control"
+        )
+        by_heading = (
+            "; or write 'CRS EPSG:4326' as the first line of the .STA file, and the system of the control as crs in "
+            "[project]"
+        )
+        return f"{text}{by_heading if file == '.STA' else ''}"
+    return ""
 
 
 def _apart(points: FloatArray, places: FloatArray) -> float:
@@ -85,9 +149,13 @@ def _zones(points: FloatArray, places: FloatArray, other: str) -> Iterator[Readi
             yield (without, places, text) if is_control else (points, without, text)
 
 
-def _exchanged(points: FloatArray, places: FloatArray, other: str) -> Iterator[Reading]:
+def _exchanged(points: FloatArray, places: FloatArray, other: str, file: str) -> Iterator[Reading]:
+    easting, northing = np.median(points, axis=0).tolist()
+    control, photos = "the control file", "orip.toml" if file == "orip.toml" else f"the {file} file"
+    # what has six digits before the decimal point is the easting, where the other one has seven
+    wrong = photos if 0.0 < easting < _ZONE <= northing else control if northing < _ZONE <= easting else ""
     text = (
         f"they are near the {other} when X and Y are exchanged: X is the easting, Y the northing; exchange the columns "
-        "X and Y of the control file"
+        f"X and Y of {wrong or f'{control}, or those of {photos}'}"
     )
     yield points[:, ::-1], places, text

@@ -13,6 +13,7 @@ from orip.files.text.regular_file import file_of
 from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings
+from orip.mistakes.before_adjustment.impossible_camera import raise_if_impossible
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
@@ -101,6 +102,7 @@ def _replayed(
     """Replay a log; a log that the stores hold already does not touch them."""
     raise_complaints(log.complaints)
     state.require_initialised()
+    raise_if_impossible(state.records.cameras.values())
     project = state.project
     outcome = replay(log.value.records, state.records, before)
     raise_complaints(outcome.complaints)
