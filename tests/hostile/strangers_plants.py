@@ -99,7 +99,9 @@ def _hot_journal(project: Path, chance: random.Random) -> str:
     if chance.random() < 0.6:
         number = chance.randint(1, max(pages, 1))
         content = bytes(chance.choice((b"\0", b"\x0d", b"S"))) * page
-        content = (content + bytes(page))[:page] if chance.random() < 0.5 else _page_of(store, chance.randint(1, number))
+        content = (
+            (content + bytes(page))[:page] if chance.random() < 0.5 else _page_of(store, chance.randint(1, number))
+        )
         total = (0x12345678 + sum(content[at] for at in range(page - 200, 0, -200))) & 0xFFFFFFFF
         data, count, said = struct.pack(">I", number) + content + struct.pack(">I", total), 1, f"page {number}"
     before = chance.choice((pages, 1, max(pages - 1, 1)))
