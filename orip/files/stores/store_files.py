@@ -65,6 +65,9 @@ def require_own_store(path: Path, *, writes: bool) -> None:
         if kind is not None:
             message = f"this is {kind}, not a file; a record store is one file"
             raise InputError.single(message, f"{path}{beside}")
+        if writes and os.name == "posix" and status.st_mode & (stat.S_ISUID | stat.S_ISGID):
+            message = "whoever runs this file does so as its owner (a set-ID bit); take that away with 'chmod ug-s'"
+            raise InputError.single(message, f"{path}{beside}")
         if status.st_nlink > 1 and (writes or beside):
             message = "this file has a second name (a hard link) and would change there too; put a copy in its place"
             raise InputError.single(message, f"{path}{beside}")

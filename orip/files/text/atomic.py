@@ -118,13 +118,16 @@ def _replace(path: Path, pieces: Iterable[bytes | memoryview]) -> None:
 
 
 def _mode_of(path: Path) -> int | None:
-    """Return the permissions of an existing file, None of a new one; refuse what is not a file."""
+    """Return the permissions of an existing file, None of a new one; refuse what is not a file.
+
+    Bits that let others run it as its owner are no permissions: a stranger may have set them.
+    """
     try:
         kind = kind_of_no_file(path.stat())
         if kind is not None:
             raise NoRegularFileError(kind)
         status = path.lstat()
-        return None if stat.S_ISLNK(status.st_mode) else stat.S_IMODE(status.st_mode)
+        return None if stat.S_ISLNK(status.st_mode) else stat.S_IMODE(status.st_mode) & 0o777
     except FileNotFoundError:
         return None
 

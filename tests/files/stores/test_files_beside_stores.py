@@ -208,3 +208,16 @@ def test_a_journal_that_is_not_played_back_keeps_no_super_journal(project: Path)
     journal.write_bytes(b"\0" * 8 + journal.read_bytes()[8:])
     assert orip(project, "status").code == 0
     assert not super_journal.exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the bits are those of POSIX")
+def test_no_file_that_runs_as_its_owner_is_written(project: Path) -> None:
+    (project / "BUNDLE_RESULT.OUT").chmod(0o4755)
+    (project / "FIRST.PHO").chmod(0o6755)
+    said = orip(project, "photo", "edit", "left", "X0=1071")
+    assert said.code == 3
+    assert "FIRST.PHO: whoever runs this file does so as its owner (a set-ID bit)" in said.err
+    (project / "FIRST.PHO").chmod(0o644)
+    assert orip(project, "photo", "edit", "left", "X0=1071").code == 0
+    assert orip(project, "solve", "--no-report").code == 0
+    assert (project / "BUNDLE_RESULT.OUT").stat().st_mode & 0o7777 == 0o755
