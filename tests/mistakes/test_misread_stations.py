@@ -121,7 +121,7 @@ def test_photos_of_two_lenses_under_one_camera_are_named_instead_of_their_statio
     said = told(tmp_path / "folder", ending, PLACES, c_of_last=153.0)
     line = first_line([said])
     assert "photos P9, P10, P11 and 1 more: they fit with C = 153" in line, said.told
-    # with constant weights of the stations the adjustment as given need not converge
+    # the adjustment of the data as given may end without convergence: then the status says that alone
     assert "converged, but photos of one camera were taken with two lenses" in status(said) or said.code == 4
 
 
