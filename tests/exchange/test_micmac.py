@@ -181,3 +181,14 @@ def test_of_several_folders_one_has_to_be_named(tmp_path: Path) -> None:
     written(tmp_path / "Ori-B" / "Orientation-x.xml", "<a/>")
     parsed = read_micmac(tmp_path, "P")
     assert "Ori-A, Ori-B" in parsed.complaints[0].message
+
+
+def test_a_calibration_with_a_name_that_no_file_can_have_is_missing(tmp_path: Path) -> None:
+    folder = project_folder(tmp_path / "block")
+    path = sorted(folder.rglob("Orientation-*.xml"))[0]
+    text = path.read_text(encoding="utf-8")
+    start, end = text.index("<FileInterne>") + len("<FileInterne>"), text.index("</FileInterne>")
+    path.write_text(f"{text[:start]}{'1' * 5000}{text[end:]}", encoding="utf-8")
+    found = read_micmac(folder, "block")
+    assert found.value is None
+    assert any("1111" in complaint.message for complaint in found.complaints)

@@ -69,10 +69,9 @@ class PlainRecords:
             table["template"] = self._as_defined(table["template"])
             self._put_on(table["name"], table["template"])
         if kind == "template" and "photos" in values:
-            if not all(self.has("photo", photo) for photo in values["photos"]):
-                raise Refusal
             if len({photo.upper() for photo in values["photos"]}) < len(values["photos"]):
                 raise Refusal
+            self._make_photos(values["photos"])
             listed = [self.find("photo", photo)["name"] for photo in values["photos"]]
             for photo in self.kinds["photo"]:
                 if photo["name"] in listed and not same(photo["template"], table["name"]):
@@ -121,6 +120,17 @@ class PlainRecords:
             if record is table:
                 bundle = next((b["name"] for b in self.kinds["bundle"] if b["models"] is tables), "")
                 self.delete(kind, table["name"], True, bundle)
+
+    def _make_photos(self, names: list[str]) -> None:
+        """Add the photos that are not there, with the camera of those that are, or the only one."""
+        beside = {self.find("photo", name)["camera"].upper() for name in names if self.has("photo", name)}
+        cameras = list(beside or {camera["name"].upper() for camera in self.kinds["camera"]})
+        for name in names:
+            if not self.has("photo", name):
+                if len(cameras) != 1:
+                    raise Refusal
+                camera = self.find("camera", cameras[0])["name"]
+                self.kinds["photo"].append({"name": name, "camera": camera, "template": None, "X0": None})
 
     def _as_defined(self, template: str | None) -> str | None:
         """Return the name of a template as the template spells it."""

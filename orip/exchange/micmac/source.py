@@ -16,6 +16,7 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays, Phot
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import read_xml
 from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import is_there
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.wording import counted
@@ -78,7 +79,7 @@ def _read_first(folder: Path, reading: _Reading) -> ExchangedProject:
 
     def calibration(name: str, of: str) -> Calibration | None:
         path = folder / PurePosixPath(name.replace("\\", "/")).name
-        if not path.is_file():
+        if not is_there(path):
             _missing(reading.of(folder / f"Orientation-{of}.xml"), name)
             return None
         return version1.read_calibration(path, reading.of(path))
@@ -102,7 +103,7 @@ def _read_second(folder: Path, reading: _Reading) -> ExchangedProject:
 
     def calibration(name: str, of: str) -> Calibration | None:
         path = folder / f"{PurePosixPath(name.replace(chr(92), '/')).name}.xml"
-        if not path.is_file():
+        if not is_there(path):
             _missing(reading.of(folder / f"Ori-PerspCentral-{of}.xml"), name)
             return None
         return mmvii.read_calibration(path, reading.of(path))

@@ -54,6 +54,14 @@ def kind_of_no_file(status: os.stat_result) -> str | None:
     return "a file of the running system" if status.st_dev in _system_devices() else None
 
 
+def is_there(path: Path) -> bool:
+    """Tell whether there is something of a name that came from data: it may be none that a file can have."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):  # too long, or with a zero character
+        return False
+
+
 def open_regular(path: Path) -> BufferedReader:
     """Open a regular file for reading.
 

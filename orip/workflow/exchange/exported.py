@@ -15,6 +15,7 @@ from orip.exchange.names_table import read_names, read_original
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.files.text.exported_names import is_one_file_name
 from orip.files.text.leftovers import remove_leftovers
+from orip.files.text.regular_file import is_there
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject
 from orip.wording import counted
@@ -101,7 +102,7 @@ def export(
         message = "--original and --exact-distortion exclude each other: the original has the measurements as they were"
         raise UsageError(message)
     is_own = imported is not None and imported.format == found.name and not corrects_distortion
-    if original is None and imported is not None and is_own and imported.path.exists():
+    if original is None and imported is not None and is_own and is_there(imported.path):
         original = imported.path
     project = exchanged_result(bundle, read_names(folder), found.conventions, corrects_distortion=corrects_distortion)
     notes = list(project.notes)

@@ -10,6 +10,7 @@ from msgspec import Struct
 from orip.files.project.record_values import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
+from orip.files.text.shown import visible
 from orip.files.text.table import Column, table_lines
 from orip.records.names import record_key
 from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
@@ -142,7 +143,7 @@ def _source(project: ProjectFolder, kind: str, stored: StoredRecord[NamedRecord]
     changed = ["in the store"] if kept != stored.text_digest else []
     line = project.lines.get((kind, key))
     if stored.origin != project.definition.name:
-        place = f"project {stored.origin}"
+        place = f"project {visible(stored.origin or '')}"
     elif line is None:
         place = f"{PROJECT_FILE} as it was"
     else:
