@@ -60,9 +60,10 @@ def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarnin
     readjuster : Readjuster
         Of the block as gathered.
     """
-    block = readjuster.block
-    accused = _with_wrong_positions(solution)
-    if not readjuster.is_small or len(accused) < _FEWEST:
+    if not readjuster.is_small:
+        return []
+    block, accused = readjuster.block, _with_wrong_positions(solution)
+    if len(accused) < _FEWEST:
         return []
     for camera, rows in _groups(block, accused):
         solved = readjuster.adjust(_with_second_camera(block, camera, rows))

@@ -224,12 +224,13 @@ def _run(place: Path, told: Path, words: list[str]) -> tuple[int, str]:
             sys.stdout.flush()
             sys.stderr.flush()
             os._exit(code)
-    code = _code_in_time(child)
+    code = code_in_time(child, _LONGEST)
     return code, told.read_text(encoding="utf-8", errors="replace")
 
 
-def _code_in_time(child: int) -> int:
-    limit = time.monotonic() + _LONGEST
+def code_in_time(child: int, seconds: float) -> int:
+    """Wait for a process and return its exit code; one that does not end in time is killed: -1."""
+    limit = time.monotonic() + seconds
     while time.monotonic() < limit:
         ended, status = os.waitpid(child, os.WNOHANG)
         if ended:

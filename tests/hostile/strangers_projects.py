@@ -36,6 +36,7 @@ from cli.command_line import commands_put_together_once
 from cli.command_line import orip as called
 from hostile.confinement import as_plain_user, confined, in_private_mounts
 from hostile.killed_commands import CONTROL_TEXTS
+from hostile.path_attacks import code_in_time
 from hostile.strangers_plants import FOREIGN, HOME, TEMPORARY, plant
 from msgspec import Struct
 from workflow.small_projects import film_project, first_project
@@ -327,22 +328,10 @@ def run(place: Path, told: Path, words: list[str], *, tell_modules: bool = False
                 if tell_modules:
                     told.with_suffix(".modules").write_text("\n".join(sys.modules))
             os._exit(code)
-    code = _code_in_time(child)
+    code = code_in_time(child, SECONDS)
     with suppress(OSError):
         os.killpg(child, signal.SIGKILL)  # what it has started
     return code, told.read_text(encoding="utf-8", errors="replace")
-
-
-def _code_in_time(child: int) -> int:
-    limit = time.monotonic() + SECONDS
-    while time.monotonic() < limit:
-        ended, status = os.waitpid(child, os.WNOHANG)
-        if ended:
-            return os.waitstatus_to_exitcode(status)
-        time.sleep(0.003)
-    os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return -1
 
 
 def _removed(place: Path) -> None:
