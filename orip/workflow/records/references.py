@@ -125,13 +125,14 @@ def photos_follow(document: Mapping[str, Any], template: TomlTable) -> None:
 
 
 def _cameras_of(document: Mapping[str, Any], photos: set[str]) -> list[str]:
-    """Return the cameras of some photos, each once; where they have none, all cameras."""
-    known = {
-        record_key(photo["camera"]): photo["camera"]
+    """Return the cameras of some photos, each once and as it spells its name; where they have none, all cameras."""
+    used = {
+        record_key(photo["camera"])
         for photo in document["photo"]
         if record_key(photo["name"]) in photos and "camera" in photo
     }
-    return list(known.values()) or [camera["name"] for camera in document["camera"]]
+    cameras = [camera["name"] for camera in document["camera"]]
+    return [camera for camera in cameras if record_key(camera) in used] or cameras
 
 
 def _names(table: TomlTable, key: str, name: str) -> bool:

@@ -614,6 +614,14 @@ def test_listing_a_photo_on_a_template_makes_it(film: Path) -> None:
     assert "camera" in said, "there are two"
 
 
+def test_a_photo_made_by_a_template_names_its_camera_as_the_camera_does(film: Path) -> None:
+    done(orip(film, *typed("temtick add G ticks.1={x=1,y=1}")))
+    done(orip(film, *typed("photo edit left camera=c35")))
+    done(orip(film, *typed("template add T1 temtick=G photos=left,north")))
+    assert values(film, "photo", "left")["camera"] == "c35", "as it was typed"
+    assert values(film, "photo", "north")["camera"] == "C35"
+
+
 def test_all_models_of_a_bundle_are_deleted_at_once(film: Path) -> None:
     for number in (1, 2):
         done(orip(film, "model", "add", f"M{number}", "left=left", "right=right", f"row={number}", "column=1"))
