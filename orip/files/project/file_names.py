@@ -39,6 +39,10 @@ def bundle_name_fault(name: str) -> str | None:
 def fit_file_name(name: str) -> str:
     """Return the file name nearest to a name that cannot be one."""
     fit = "".join(c if c.isprintable() and not c.isspace() and c not in _UNFIT_IN_FILE_NAMES else "_" for c in name)
+    while len(fit.encode("utf-8", "surrogatepass")) > _LONGEST_NAME:
+        fit = fit[: _LONGEST_NAME if len(fit) > _LONGEST_NAME else -1]
+    if is_device(fit):
+        return f"_{fit}"
     return fit if fit.strip("._") else "PROJECT"
 
 

@@ -17,6 +17,7 @@ from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.log.points_text import points_blocks
+from orip.files.project.file_names import fit_file_name
 from orip.files.project.text import project_document, project_text
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
@@ -110,7 +111,7 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
 def _definition(
     block: ImportedBlock, source: ImportSource, precision: float, control: Sequence[ControlPoint], kept: _Kept
 ) -> ProjectDefinition:
-    title = _title(source.title)
+    title = project_title(source.title)
     is_free = not any(point.kind == "control" for point in control) and not _usable_stations(block)
     bundle = BundleDefinition(
         BUNDLE,
@@ -161,9 +162,10 @@ def _antennas(block: ImportedBlock) -> tuple[Antenna, ...]:
     return (Antenna(_ANTENNA, shift="session", shift_error=(_NO_STEP, _NO_STEP, _HEIGHT_STEP)),)
 
 
-def _title(title: str) -> str:
+def project_title(title: str) -> str:
+    """Return the name of a project, which its files have too, nearest to the title of what is imported."""
     fit = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "-_") else "_" for letter in title)
-    return fit.strip("_")[:_LONGEST_TITLE] or "imported"
+    return fit_file_name(fit.strip("_")[:_LONGEST_TITLE] or "imported")
 
 
 def _photos(block: ImportedBlock) -> Iterable[Photo]:
@@ -372,7 +374,7 @@ def _stated(block: ImportedBlock) -> str:
 
 
 def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) -> str:
-    lines = [f"# {_title(source.title)}", "", f"Imported from {source.format}: `{source.name}`.", ""]
+    lines = [f"# {project_title(source.title)}", "", f"Imported from {source.format}: `{source.name}`.", ""]
     lines += [f"- {line}" for line in summary_lines(block)]
     back = f"; write the result back with `orip export {source.format} DIR`" if source.is_written else ""
     first = what_to_write(block)
