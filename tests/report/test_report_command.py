@@ -84,6 +84,14 @@ def test_a_report_of_an_older_adjustment_is_named(project: Path) -> None:
     assert str(warning) == "report.html is older than the last adjustment; 'orip report' writes it again"
 
 
+def test_a_photo_that_has_got_another_camera_since_is_drawn_all_the_same(project: Path) -> None:
+    assert orip(project, "camera", "copy", "C35", "OTHER").code == 0
+    assert orip(project, "photo", "edit", "left", "camera=OTHER").code == 0
+    said = orip(project, "report")
+    assert said.code == 0
+    assert "out of date" in said.err
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_a_folder_that_refuses_is_named(project: Path, tmp_path: Path) -> None:
     closed = tmp_path / "closed"

@@ -82,7 +82,9 @@ def frame_rays(given: ReportInput, depth: FloatArray | None = None) -> FloatArra
     directions = np.zeros((len(values), 4, 3))
     for row, name in enumerate(solution.photos.names):
         photo = given.photos.get(record_key(name))
-        key = record_key(photo.camera) if photo is not None else next(iter(parameters))
+        key = record_key(photo.camera) if photo is not None else ""
+        # a photo may be gone, or have got another camera, since the block was adjusted
+        key = key if key in parameters else next(iter(parameters))
         c, dx, dy = parameters[key][:3]
         directions[row] = [(x - dx, y - dy, -c) for x, y in frames[key]]
         directions[row] *= depth[row] / c if depth is not None else 1.0
