@@ -105,6 +105,13 @@ def test_a_corrupt_count_is_told_before_anything_is_read(tmp_path: Path) -> None
     assert "lines follow" in parsed.complaints[0].message
 
 
+@pytest.mark.parametrize("focal", ["0", "-5", "1e-320", "0.5"])
+def test_a_focal_length_that_cannot_be_is_refused(tmp_path: Path, focal: str) -> None:
+    whole = nvm(block(READING)).replace(" 3000.0 ", f" {focal} ", 1)
+    parsed = read_nvm(written(tmp_path / "a", whole), "a")
+    assert "has to be 1 pixel or more" in parsed.complaints[0].message
+
+
 def test_beginnings_tell_the_formats_apart(tmp_path: Path) -> None:
     texts = {is_bundler: bundler(block(BUNDLER)), is_bal: bal(block(BAL)), is_nvm: nvm(block(READING))}
     for recognises, content in texts.items():

@@ -31,6 +31,8 @@ READING = PoseReading("y_down", "to_camera", "quaternion", "radian", "centre")
 _HEAD, _FIXED = "NVM_V3", "FixedK"
 CENTRE = ImageAxes("pixel", "frame_centre", "down")
 _FIELDS_OF_CAMERA, _FIELDS_OF_RAY, _FIXED_OF_POINT = 11, 4, 7
+_SHORTEST = 1.0
+"""Pixels of a focal length; coefficients of the distortion are divided by its powers."""
 
 
 def is_nvm(source: Path) -> bool:
@@ -103,8 +105,8 @@ def _camera_values(lines: _Lines, faults: Faults) -> tuple[str, list[float]] | N
         faults.complain(f"{len(words)} fields, and 11 should be here: name f qw qx qy qz X Y Z k 0", number)
         return None
     values = [faults.decimal(word, "camera", number) for word in words[1:]]
-    if not values[0] > 0:
-        faults.complain("the focal length has to be above 0", number)
+    if not values[0] >= _SHORTEST:
+        faults.complain(f"a focal length of {values[0]:g} pixels cannot be; it has to be 1 pixel or more", number)
         return None
     return words[0], values
 
