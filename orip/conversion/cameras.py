@@ -22,8 +22,14 @@ from orip.conversion.lenses.polynomial import (
     parameters_from_polynomial,
     polynomial_from_parameters,
 )
-from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions, lens_parameters
-from orip.errors import OripError
+from orip.conversion.lenses.table import (
+    LENSES,
+    directions_of_image,
+    focal_lengths,
+    image_of_directions,
+    lens_parameters,
+)
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError, named, require_possible
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
@@ -39,19 +45,12 @@ FAITHFUL_PX = 0.01
 ASSUMED_WIDTH_MM = 36.0
 """Of the larger side of a frame whose size in millimetres no file says."""
 
-_FOCAL_LENGTHS = (1e-3, 1e9)  # pixels or mm; beyond, powers of the focal length are no numbers any more
-
 _PROJECTION_NAMES = {"perspective": "a perspective lens", "equidistant": "a fisheye lens"}
 
+_LARGEST_FACTOR = 10.0  # between the focal length of a lens and that of the camera fitted to it
 _LARGEST_ASPECT = 2.0  # of pixels that are not square; more is a damaged file
 
 _GRID = 41  # places along each side of the frame at which a camera is fitted
-
-
-class UnsuitableCameraError(OripError):
-    """Orip has no camera that comes near enough."""
-
-    exit_code = 3
 
 
 class ConvertedCamera(Struct, frozen=True):
@@ -169,7 +168,7 @@ def convert_camera(
     UnsuitableCameraError
         If the model is not supported, its values are impossible, or no camera of orip comes within `MOST_MISFIT_PX`.
     """
-    _require_possible(source)
+    require_possible(source)
     exact, aspect = _exact_form(source)
     sensor, size_is_assumed = _sensor(source, aspect)
     projection = LENSES[source.lens].projection
@@ -182,7 +181,7 @@ def convert_camera(
     worst = float(length.max())
     if worst > MOST_MISFIT_PX and not accepts_any_fit:
         message = (
-            f"{_named(source)}: orip's camera differs from it by up to "
+            f"{named(source)}: orip's camera differs from it by up to "
             f"{worst:.2f} px; import it with --exact-distortion, which corrects the measurements by this difference"
         )
         raise UnsuitableCameraError(message)
@@ -314,32 +313,6 @@ def _ideal(projection: Projection, c: float, directions: FloatArray) -> tuple[Fl
     return ideal
 
 
-def _named(source: ExchangedCamera) -> str:
-    return f"camera '{source.name}' ({source.model})" if source.model else f"camera '{source.name}'"
-
-
-def _require_possible(source: ExchangedCamera) -> None:
-    what = _named(source)
-    if source.lens == "unsupported":
-        message = (
-            f"{what}: orip has perspective and fisheye lenses with polynomial distortion, and this is neither; "
-            "calibrate the camera as one of these in the other program"
-        )
-        raise UnsuitableCameraError(message)
-    if source.columns <= 0 or source.rows <= 0:
-        message = f"{what}: the number of its columns and rows is not known; give it with --frame COLUMNSxROWS"
-        raise UnsuitableCameraError(message)
-    values = lens_parameters(source)
-    focal = [values[name] for name in ("f", "fx", "fy") if name in values]
-    shortest, longest = _FOCAL_LENGTHS
-    if not all(np.isfinite(list(values.values()))) or not shortest <= min(focal) <= max(focal) <= longest:
-        message = (
-            f"{what}: its focal length is not between {shortest:g} and {longest:g} {source.lens_axes.unit}, or a "
-            "parameter is not finite"
-        )
-        raise UnsuitableCameraError(message)
-
-
 def _exact_form(source: ExchangedCamera) -> tuple[Polynomial | None, float]:
     """Return the polynomial that holds a camera exactly, if there is one, and the aspect of the pixels that it takes.
 
@@ -368,21 +341,23 @@ def _sensor(source: ExchangedCamera, aspect: float) -> tuple[Sensor, bool]:
 def _fitted(source: ExchangedCamera, sensor: Sensor, aspect: float) -> tuple[Polynomial, FloatArray, Projection]:
     """Return the polynomial that comes nearest, its residuals over the frame, and its projection."""
     columns, rows = source.frame
-    places = np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID))
-    image = axes_from_pixels(np.stack(places, axis=-1).reshape(-1, 2), source.lens_axes, (columns, rows), sensor.size)
+    places = np.stack(np.meshgrid(np.linspace(0.0, columns, _GRID), np.linspace(0.0, rows, _GRID)), axis=-1)
+    image = axes_from_pixels(places.reshape(-1, 2), source.lens_axes, source.frame, sensor.size)
     directions = directions_of_image(source, image)
-    if not np.isfinite(directions).all():
-        message = f"{_named(source)}: its formula has no inverse over the whole frame, so that it cannot be fitted"
-        raise UnsuitableCameraError(message)
-    middle, _ = middle_of_frame(source.lens_axes, (columns, rows))
-    stretched = stretched_image(image, aspect, middle)
+    stretched = stretched_image(image, aspect, middle_of_frame(source.lens_axes, source.frame)[0])
     lens = LENSES[source.lens]
     tried: tuple[Projection, ...] = ("perspective", "equidistant") if lens.suits_any_projection else (lens.projection,)
     found = [
         (*fitted_polynomial(np.stack(_ideal(projection, 1.0, directions), axis=1), stretched), projection)
         for projection in tried
+        if np.isfinite(directions).all()
     ]
-    return min(found, key=lambda fit: float(np.hypot(*fit[1].T).max()))
+    focal = np.mean(focal_lengths(source))
+    possible = [fit for fit in found if focal / _LARGEST_FACTOR < fit[0].c < focal * _LARGEST_FACTOR]
+    if not possible:
+        message = f"{named(source)}: its formula has no inverse over the whole frame, so that it cannot be fitted"
+        raise UnsuitableCameraError(message)
+    return min(possible, key=lambda fit: float(np.hypot(*fit[1].T).max()))
 
 
 def lens_pixels(source: ExchangedCamera, sensor_mm: tuple[float, float], directions: FloatArray) -> FloatArray:

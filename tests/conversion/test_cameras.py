@@ -7,7 +7,6 @@ import pytest
 from conversion.exchanged_blocks import PINHOLE
 
 from orip.conversion.cameras import (
-    UnsuitableCameraError,
     convert_camera,
     directions_of_pixels,
     export_camera,
@@ -18,6 +17,7 @@ from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
 from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
@@ -178,6 +178,12 @@ def test_a_camera_too_far_from_the_polynomial_is_refused_by_name() -> None:
         convert_camera(ExchangedCamera("7", 0, 0, "opencv", {"fx": 1.0, "fy": 1.0}), "K1")
     with pytest.raises(UnsuitableCameraError, match="focal length"):
         convert_camera(ExchangedCamera("7", 10, 10, "opencv", {"fx": 0.0, "fy": 1.0}), "K1")
+
+
+def test_a_formula_that_no_camera_comes_near_gives_none_whatever_fit_is_accepted() -> None:
+    source = camera("agisoft", {"f": 3000.0, "cx": 0.0, "cy": -10.0, "k1": 2.0**63, "b2": 0.3})
+    with pytest.raises(UnsuitableCameraError, match="cannot be fitted"):
+        convert_camera(source, "K1", accepts_any_fit=True)
 
 
 @pytest.mark.parametrize("lens", LENSES)

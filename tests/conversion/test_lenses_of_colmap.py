@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from orip.conversion.cameras import (
-    UnsuitableCameraError,
     convert_camera,
     directions_of_pixels,
     export_camera,
@@ -14,6 +13,7 @@ from orip.conversion.cameras import (
     pixels_of_directions,
 )
 from orip.conversion.lenses.rational import has_pole
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.exchange.colmap.model import ColmapCamera, ColmapModel, no_points
 from orip.exchange.colmap.reader import project_of_model
 from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, new_model

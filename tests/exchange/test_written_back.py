@@ -12,8 +12,9 @@ from exchange import test_metashape, test_opensfm
 from exchange.imported import read_well, reprojected, sample, with_frame
 from reference.published_data import data_set
 
-from orip.conversion.cameras import UnsuitableCameraError, convert_camera, export_camera, pixels_of_directions
+from orip.conversion.cameras import convert_camera, export_camera, pixels_of_directions
 from orip.conversion.poses import exchanged_poses, orip_poses
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.errors import InputError
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named

@@ -126,3 +126,9 @@ def _pinhole(p: Parameters, directions: FloatArray) -> FloatArray:
 def _pinhole_directions(p: Parameters, image: FloatArray) -> FloatArray:
     fx, fy = p.get("f", p.get("fx", 1.0)), p.get("f", p.get("fy", 1.0))
     return np.asarray((image - np.array([p["cx"], p["cy"]])) / np.array([fx, fy]))
+
+
+def focal_lengths(camera: ExchangedCamera) -> list[float]:
+    """Return the focal length of a camera, or both, in the unit of its lens."""
+    parameters = lens_parameters(camera)
+    return [parameters[name] for name in ("f", "fx", "fy") if name in parameters]

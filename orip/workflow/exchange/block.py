@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
-from orip.conversion.cameras import FAITHFUL_PX, ConvertedCamera, UnsuitableCameraError, convert_camera
+from orip.conversion.cameras import FAITHFUL_PX, ConvertedCamera, convert_camera
 from orip.conversion.control_datum import ControlDatum
 from orip.conversion.determined import determined_parameters
 from orip.conversion.ground import LocalGround, in_local_ground, local_ground
@@ -18,6 +18,7 @@ from orip.conversion.lenses.free_parameters import unknown_parameters
 from orip.conversion.names import mark_names, photo_names, point_names, unique_names
 from orip.conversion.poses import orip_poses
 from orip.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.errors import Complaint, InputError
 from orip.geometry.ground_crs import known_crs
 from orip.records.exchanged import ExchangedProject

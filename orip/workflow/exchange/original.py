@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from orip.conversion.cameras import UnsuitableCameraError, convert_camera, export_camera
+from orip.conversion.cameras import convert_camera, export_camera
 from orip.conversion.ground import from_local_ground, local_ground
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.errors import InputError
 from orip.exchange.format import Format
 from orip.records.exchanged import ExchangedCamera, ExchangedProject

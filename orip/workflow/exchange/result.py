@@ -8,11 +8,12 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.conversion.cameras import ExportedCamera, UnsuitableCameraError, export_camera
+from orip.conversion.cameras import ExportedCamera, export_camera
 from orip.conversion.error_ellipses import error_ellipses
 from orip.conversion.footprints import footprint
 from orip.conversion.pose_covariances import rotation_vector_covariances
 from orip.conversion.poses import exchanged_poses
+from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.errors import InputError
 from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
