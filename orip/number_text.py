@@ -1,6 +1,6 @@
 """Numbers as people read them: decimals that follow from the precision, words where there is no number.
 
-Listings print columns of equal decimals in plain text; `orip.report.numbers` has what the report's page does otherwise.
+Listings print columns of equal decimals in plain text; `orip.report.table` has what the report's page does otherwise.
 """
 
 from __future__ import annotations

@@ -13,20 +13,20 @@ from operator import itemgetter
 
 import numpy as np
 
-from orip.adjustment.acceleration import Acceleration
-from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.convergence import Acceleration, TerminationReason
 from orip.adjustment.equations import Equations, Linearised, OtherPlace, Problem, StateT
 from orip.adjustment.exchanges import (
     Exchange,
     are_few,
+    changed_weights,
     exchanges_to_try,
     lost_by_themselves,
+    relocations,
     wrong_by_themselves,
     wrong_one_by_one,
 )
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
-from orip.adjustment.relocation import changed_weights, relocations
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace

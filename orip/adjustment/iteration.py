@@ -11,9 +11,8 @@ from typing import Generic, NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.acceleration import Acceleration
-from orip.adjustment.block_fit import judged_residuals, with_blocks_fitted
 from orip.adjustment.convergence import (
+    Acceleration,
     TerminationReason,
     exponent_of_numerical_precision,
     is_diverging,
@@ -25,8 +24,8 @@ from orip.adjustment.improvement import judged_attempt, next_attempt
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings, IterationState
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.precision import cofactors
-from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
+from orip.adjustment.step_control import StepControl, judged_residuals, with_blocks_fitted
+from orip.adjustment.weights import SETTLED_ENP, Weighing, has_many_reduced, sums_of_full_weight, weighing_from
 from orip.arrays import BoolArray, FloatArray
 from orip.set_aside import set_aside
 from orip.structs import replace

@@ -6,11 +6,10 @@ from typing import Generic, NamedTuple
 
 from msgspec import Struct
 
-from orip.adjustment.acceleration import Acceleration
+from orip.adjustment.convergence import Acceleration
 from orip.adjustment.equations import Linearised, StateT
 from orip.adjustment.step_control import StepControl
-from orip.adjustment.weighing import Weighing
-from orip.adjustment.weights import LEAST_WEIGHT
+from orip.adjustment.weights import LEAST_WEIGHT, Weighing
 from orip.arrays import FloatArray, IntArray
 
 

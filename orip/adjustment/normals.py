@@ -12,11 +12,10 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.factorisation.band import BandMatrix
 from orip.adjustment.factorisation.band_cholesky import BandFactor, factorise_band
-from orip.adjustment.factorisation.cholesky import Factor, factorise
+from orip.adjustment.factorisation.cholesky import ExactConstraints, Factor, exact_constraints, factorise
 from orip.adjustment.factorisation.dissection.cholesky import DissectedFactor, factorise_dissected
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
-from orip.adjustment.factorisation.exact_constraints import ExactConstraints, exact_constraints
 from orip.adjustment.factorisation.inner_constraints import Amounts, InnerConstraints
 from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray

@@ -21,8 +21,8 @@ from orip.api.given import (
 from orip.api.method import Sigma0, method_of
 from orip.api.solution import Solution
 from orip.records.results.solution import IterationPass
-from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY, solve
+from orip.solving.starting_values import gather_bundle
 from orip.structs import replace
 from orip.threads import limited_threads
 

@@ -17,8 +17,8 @@ from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo
 from orip.records.results.solution import IterationPass
-from orip.solving.gathering import gather_bundle
 from orip.solving.solve import NOBODY
+from orip.solving.starting_values import gather_bundle
 from orip.structs import replace
 from orip.threads import limited_threads
 from orip.workflow.adjust.gathering import block_input

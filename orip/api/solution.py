@@ -11,16 +11,15 @@ import numpy as np
 from orip.api.estimates import AdjustedCamera, AdjustedCameras, AdjustedPhotos, AdjustedPoints
 from orip.api.tables import ObservationResiduals, TableName, data_frame, residuals_of
 from orip.arrays import FloatArray
-from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
-from orip.bundle.results.figures import figure
+from orip.bundle.results.figures import Figures, camera_figures, covariance, figure, photo_figures, point_figures
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results import solution as records
-from orip.records.results.gate import GATE_FIGURES
-from orip.records.results.status import Status
+from orip.records.results.result_tests import GATE_FIGURES
+from orip.records.results.solution import Status
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,7 @@ from orip.archive.outcome import Tables, rows_of_error
 from orip.archive.tables import CAMERA_VALUES, PHOTO_VALUES, POINT_VALUES, Cell, Row
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
-from orip.records.results.gate import GateResult
+from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Estimates, Solution
 
 

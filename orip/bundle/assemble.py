@@ -10,25 +10,21 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
-from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
+from orip.bundle.antennas import with_orientations_of_stations
+from orip.bundle.ground_system import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
-from orip.bundle.station_orientations import with_orientations_of_stations
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
-from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior
+from orip.interior.in_force import Definitions, Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
-from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
-from orip.records.names import places_of_names, record_key
+from orip.records.names import coded, places_of_names, record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.observations.station import Station
-from orip.records.project.antenna import Antenna
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.project.definition import BundleDefinition
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_key
+from orip.records.project.definition import Antenna, BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo
-from orip.records.project.shared_lens import lens_key
 from orip.set_aside import set_aside
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE

@@ -15,16 +15,15 @@ from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.ground_system import control_count, not_determined
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import reduced_cofactors
-from orip.bundle.results.lost_rays import lost_control, lost_photos
+from orip.bundle.results.misfits import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT
 from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.project.shared_lens import first_of_lens
 from orip.records.results.solution import Diagnosis
 from orip.wording import agreeing, counted_names, first_names
 

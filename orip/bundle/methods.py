@@ -16,9 +16,7 @@ from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
-from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
-from orip.records.results.status import NOT_DETERMINED
-from orip.records.results.variance_component import VarianceComponent
+from orip.records.results.solution import NOT_DETERMINED, Blunder, Diagnosis, IterationPass, Solution, VarianceComponent
 from orip.structs import replace
 
 if TYPE_CHECKING:

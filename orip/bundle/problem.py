@@ -20,30 +20,32 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
-from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows
-from orip.bundle.compiled.touched_groups import touched_groups
+from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import (
     Moves,
+    come_near,
     moves_of_points,
     placed,
+    points_by_photos_alone,
     where_better,
     with_consensus,
+    with_intersected_points,
+    with_points_moved,
     with_steady_weights,
 )
-from orip.bundle.points.left_out import (
+from orip.bundle.points.other_places import other_places
+from orip.bundle.points.rival_places import control_rows, rival_places
+from orip.bundle.points.starting import (
     LEAST_WEIGHT_OF_FIT,
     improved_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
 )
-from orip.bundle.points.moves import come_near, points_by_photos_alone, with_intersected_points, with_points_moved
-from orip.bundle.points.other_places import other_places
-from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles

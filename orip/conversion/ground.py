@@ -15,8 +15,8 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
-from orip.geometry.navigation_angles import navigation_from_rotation, rotation_from_navigation
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
+from orip.geometry.rotation import navigation_from_rotation, rotation_from_navigation
 from orip.records.exchanged import ExchangedProject, GroundFrame, MappedPlaces
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.geometry.ground_heights import WITHOUT_HEIGHTS, heights_to_ellipsoid
+from orip.geometry.ground_ellipsoid import WITHOUT_HEIGHTS, heights_to_ellipsoid
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN, METRES_PER_GROUND_UNIT
 

@@ -9,7 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.geometry.ground_crs import geodetic_of, known_crs
-from orip.geometry.ground_heights import heights_to_ellipsoid
+from orip.geometry.ground_ellipsoid import heights_to_ellipsoid
 
 if TYPE_CHECKING:
     import pyproj

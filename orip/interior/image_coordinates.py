@@ -1,17 +1,8 @@
-"""The camera's image equation: ideal and measured photo coordinates, with distortion and additional parameters.
-
-A polynomial at "ideal" coordinates gives the measured ones by a formula, one at "measured" coordinates the ideal ones.
-Additional parameters deform the image at the same place, relative to the fiducial centre:
-
-    measured = principal point + distorted(ideal) + deformation(principal point + ideal)
-    ideal    = corrected(measured - principal point) - deformation(measured)
-
-The other direction is found by Newton's method. The adjustment, the prediction of photo coordinates and the real-time
-loop have these equations from here; the compiled loops are held to them by tests.
-"""
+"""The camera's image equation: ideal and measured photo coordinates, pixels, and image vectors freed of distortion."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,18 +10,35 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import BoolArray, FloatArray, Number
+from orip.arrays import BoolArray, FloatArray, Number, parts
+from orip.geometry.plane import PlaneTransformation
+from orip.geometry.projection import PROJECTIONS
 from orip.interior.additional_parameters import additional_with_partials
 from orip.interior.distortion import (
+    ImagePolynomial,
     Mapped,
     corrected_by_coefficients,
     corrected_with_partials,
+    deformation_with_partials,
     distorted_by_coefficients,
     distorted_with_partials,
     inverse,
+    remove_distortion,
 )
-from orip.interior.image_polynomial import ImagePolynomial, deformation_with_partials
-from orip.records.project.camera import AdditionalSet
+from orip.records.block import Block
+from orip.records.project.camera import AdditionalSet, Camera, Sensor
+from orip.records.project.photo import Photo, Scan, Template
+from orip.structs import replace
+from orip.threads import by_threads
+
+# A polynomial at "ideal" coordinates gives the measured ones by a formula, one at "measured" coordinates the ideal
+# ones. Additional parameters deform the image at the same place, relative to the fiducial centre:
+#
+#     measured = principal point + distorted(ideal) + deformation(principal point + ideal)
+#     ideal    = corrected(measured - principal point) - deformation(measured)
+#
+# The other direction is found by Newton's method. The adjustment, the prediction of photo coordinates and the real-time
+# loop have these equations from here; the compiled loops are held to them by tests.
 
 
 class ImageEquation(Struct, frozen=True):
@@ -192,3 +200,104 @@ def _where(holds: bool | BoolArray, x: Number, y: Number) -> tuple[Number, Numbe
     if isinstance(x, float) and isinstance(y, float):
         return (x, y) if holds else (np.nan, np.nan)
     return np.where(holds, x, np.nan), np.where(holds, y, np.nan)
+
+
+_PLANE_UP_TO = math.radians(70.0)
+"""Angle from the axis up to which a ray of a fisheye photo is compared in a plane image."""
+
+
+def image_vectors(block: Block) -> FloatArray:
+    """Return the image vectors of all photo points of a block, mm.
+
+    Returns
+    -------
+    array (n, 3)
+        (x, y, -C) of ideal coordinates reduced to the principal point; of an equidistant camera a vector of the length
+        C in the direction of the ray, which may be more than 90 degrees from the axis. NaN where the distortion
+        cannot be removed.
+    """
+    points = block.photo_points
+    vectors = np.empty((len(points.photo), 3))
+
+    def put(rows: slice) -> None:
+        vectors[rows] = _vectors_at_once(replace(block, photo_points=points.of(rows)))
+
+    by_threads(put, parts(len(points.photo)))
+    return vectors
+
+
+def _vectors_at_once(block: Block) -> FloatArray:
+    points = block.photo_points
+    camera = block.photo_camera[points.photo]
+    parameters = np.array([record.parameters for record in block.cameras])
+    distorting = parameters[:, 3:].any(axis=1)
+    at_measured = np.array([record.distortion_at == "measured" for record in block.cameras])
+    vectors = np.column_stack([points.xy - parameters[camera, 1:3], -parameters[camera, 0]])
+    rows = np.flatnonzero((distorting & at_measured)[camera])
+    corrected = corrected_with_partials(tuple(parameters[camera[rows], 3:].T), vectors[rows, 0], vectors[rows, 1])
+    vectors[rows, :2] = np.stack(corrected[:2], axis=1)
+    rows = np.flatnonzero((distorting & ~at_measured)[camera])
+    vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:])
+    rows = np.flatnonzero(are_equidistant(block))
+    x, y, z = vectors[rows].T
+    vectors[rows] = np.stack(PROJECTIONS["equidistant"].image_vector(-z, x, y), axis=1)
+    return vectors
+
+
+def suit_plane_image(vectors: FloatArray, is_equidistant: BoolArray) -> BoolArray:
+    """Return which image vectors (n, 3) can be compared in a plane image: of fisheyes those near the axis."""
+    near: BoolArray = -vectors[:, 2] > math.cos(_PLANE_UP_TO) * np.linalg.norm(vectors, axis=1)
+    return ~is_equidistant | near
+
+
+def are_equidistant(block: Block) -> BoolArray:
+    """Return which photo points (n,) of a block are of cameras with equidistant projection."""
+    cameras: BoolArray = np.array([camera.projection == "equidistant" for camera in block.cameras], dtype=bool)
+    return cameras[block.photo_camera[block.photo_points.photo]]
+
+
+def sensor_transformation(sensor: Sensor) -> PlaneTransformation:
+    """Return the transformation from pixels (outer corner of the upper left pixel, rows down) to photo millimetres."""
+    x_pixel, y_pixel = sensor.width / sensor.columns, sensor.height / sensor.rows
+    return PlaneTransformation(
+        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([-sensor.width / 2.0, sensor.height / 2.0])
+    )
+
+
+def scan_transformation(scan: Scan) -> PlaneTransformation:
+    """Return the transformation from scan pixels (column right, row down) to plate millimetres (y up)."""
+    x_pixel, y_pixel = scan.pixel
+    to_corner = 0.5 if scan.origin == "centre" else 0.0
+    return PlaneTransformation(
+        np.array([[x_pixel, 0.0], [0.0, -y_pixel]]), np.array([to_corner * x_pixel, -to_corner * y_pixel])
+    )
+
+
+def pixel_size(
+    photo: Photo, camera: Camera, template: Template | None, plate_to_photo: PlaneTransformation | None
+) -> tuple[float, float] | None:
+    """Return the size (mm) of a photo's pixels along its x and y axes, or None where it has neither sensor nor scan.
+
+    Parameters
+    ----------
+    photo : Photo
+    camera : Camera
+    template : Template or None
+        The template that the photo is on.
+    plate_to_photo : PlaneTransformation or None
+        How the photo lies in its scan: columns may run along its y axis. None, where that is not known, stands for an
+        upright one.
+
+    Notes
+    -----
+    Columns and rows are taken as equally precise, in pixels: where the photo lies askew, the size along an axis is the
+    root of the square sum of what a column and a row contribute to it.
+    """
+    if camera.sensor is not None:
+        sensor = camera.sensor
+        return sensor.width / sensor.columns, sensor.height / sensor.rows
+    scan = photo.scan or (template.scan if template else None)
+    if scan is None or plate_to_photo is None:
+        return scan.pixel if scan else None
+    along_x, along_y = np.hypot(*(plate_to_photo.matrix * scan.pixel).T)
+    return float(along_x), float(along_y)

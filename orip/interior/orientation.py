@@ -17,7 +17,7 @@ from orip.geometry.plane import (
     TransformationKind,
     fit_plane_transformation,
 )
-from orip.interior.pixels import sensor_transformation
+from orip.interior.image_coordinates import sensor_transformation
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Stage

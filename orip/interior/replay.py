@@ -15,12 +15,16 @@ from msgspec import Struct
 
 from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.definitions import Definitions, unknown_record
-from orip.interior.digitised_marks import camera_with_digitised_fiducials, temtick_with_digitised_ticks
-from orip.interior.findings import Findings
-from orip.interior.measured_points import MeasuredPoints, PointsOfPhoto, points_of_record
-from orip.interior.mounting import STORED, FilmMountings, Mounting
-from orip.interior.pixels import pixel_size, scan_transformation
+from orip.interior.image_coordinates import pixel_size, scan_transformation
+from orip.interior.in_force import Definitions, unknown_record
+from orip.interior.measured_points import Findings, MeasuredPoints, PointsOfPhoto, points_of_record
+from orip.interior.mounting import (
+    STORED,
+    FilmMountings,
+    Mounting,
+    camera_with_digitised_fiducials,
+    temtick_with_digitised_ticks,
+)
 from orip.interior.stored_coordinates import StoredCoordinates
 from orip.records.names import record_key
 from orip.records.observations.measurement import (

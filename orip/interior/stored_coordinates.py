@@ -12,12 +12,11 @@ import numpy as np
 
 from orip.errors import OrientationError
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.definitions import Definitions
-from orip.interior.findings import Findings
-from orip.interior.measured_points import MeasuredPoints
+from orip.interior.image_coordinates import pixel_size
+from orip.interior.in_force import Definitions
+from orip.interior.measured_points import Findings, MeasuredPoints
 from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import orient_photo, orient_template
-from orip.interior.pixels import pixel_size
 from orip.records.names import record_key
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.project.photo import Photo

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.adjustment.joint_effects import joint_effects
+from orip.adjustment.residual_sums import joint_effects
 from orip.bundle.solve import SolvedBlock
 
 _LARGEST_SIGMA0 = 6.0
@@ -20,7 +20,7 @@ def may_fit_without(solved: SolvedBlock, photo: str) -> bool:
 def sigma0_without(solved: SolvedBlock, photo: str) -> float:
     """Return sigma0 of the observations with full weight when those of a photo are left out, to the first order.
 
-    The square sum falls by v^T (I - H)^-1 v; see `orip.adjustment.joint_effects`. NaN where the photo has no
+    The square sum falls by v^T (I - H)^-1 v; see `orip.adjustment.residual_sums`. NaN where the photo has no
     observation with full weight, or nothing checks the others.
 
     Parameters

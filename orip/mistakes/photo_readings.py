@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.interior.image_vectors import are_equidistant, image_vectors, suit_plane_image
+from orip.interior.image_coordinates import are_equidistant, image_vectors, suit_plane_image
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
 from orip.records.project.camera import Sensor

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.weighing import SETTLED_ENP
+from orip.adjustment.weights import SETTLED_ENP
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.errors import NotSolvableError
 from orip.geometry.rotation import angles_from_rotation

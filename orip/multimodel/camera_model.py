@@ -15,8 +15,8 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.geometry.projection import PROJECTIONS, Projection
+from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
-from orip.interior.image_polynomial import image_polynomial
 from orip.records.drive_table import DriveCamera
 from orip.records.project.camera import RADIAL_PLACES
 from orip.structs import replace

@@ -15,7 +15,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.mounting import frame_corners
 from orip.online.answers import Candidate
 from orip.online.online_block import OnlineBlock
 from orip.records.block import Block

@@ -12,20 +12,20 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.part_of_block import part_of_block
+from orip.bundle.antennas import part_of_block
 from orip.bundle.points.starting import given_coordinates, with_starting_points
 from orip.bundle.solve import solve_block
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import angles_from_rotation
-from orip.interior.image_vectors import image_vectors
+from orip.interior.image_coordinates import image_vectors
 from orip.online.first_values import FirstValues
 from orip.online.measurements import Measurements
 from orip.online.model_orientation import orientation_by_model
-from orip.prelim.resection.configuration import image_configuration
+from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
-from orip.solving.better_minimum import doubt_about
+from orip.solving.comparison import doubt_about
 from orip.structs import replace
 from orip.wording import counted
 

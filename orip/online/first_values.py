@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.bundle.assemble import with_starting_values
-from orip.bundle.local_frame import photos_in_frame
+from orip.bundle.ground_system import photos_in_frame
 from orip.errors import NotSolvableError
 from orip.records.block import Block
 from orip.records.observations.control import PreliminaryPoint

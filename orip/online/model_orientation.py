@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.part_of_block import part_of_block
+from orip.bundle.antennas import part_of_block
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.prelim.rays.image_rays import image_rays, rays_of_plane_images
+from orip.prelim.rays import image_rays, rays_of_plane_images
 from orip.prelim.relative.orientation import orient_pair
 from orip.records.block import Block
 from orip.records.results.preliminary import RelativeOrientation

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.bundle.antennas import part_of_block
 from orip.bundle.assemble import BlockInput
-from orip.bundle.part_of_block import part_of_block
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.current_values import CurrentValues, with_cameras_held

@@ -13,17 +13,13 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
-from orip.prelim.fit import fits_by_chance, is_strong, redundancy, robust_square_sum
-from orip.prelim.found_values import found_values
+from orip.prelim.found_values import fits_by_chance, found_values, is_strong, redundancy, robust_square_sum
 from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import GrowingBlock
-from orip.prelim.growing.misplaced_photos import misplaced_photos
-from orip.prelim.joint.by_parts import by_parts
-from orip.prelim.joint.by_photos import by_level_photos, by_photos
-from orip.prelim.joint.single_photos import supported_photos
+from orip.prelim.growing.growing_block import GrowingBlock, misplaced_photos
+from orip.prelim.joint.routes import by_level_photos, by_parts, by_photos
+from orip.prelim.joint.ties import supported_photos
 from orip.prelim.measured_block import MORE, MeasuredBlock, measured_block
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.resection.direct_linear import POINTS_NEEDED
+from orip.prelim.rays import ImageRays
 from orip.prelim.routes import (
     LEAST_RESECTION,
     SAFE_RESECTION,
@@ -35,9 +31,13 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
-from orip.prelim.tracks.confirmed_block import block_without_contradicted_rays, confirmed_block, has_many_misses
-from orip.prelim.tracks.rays_in_parts import confirmed_by_parts
-from orip.prelim.unknown_cameras import by_unknown_cameras
+from orip.prelim.tracks.confirmed_block import (
+    block_without_contradicted_rays,
+    confirmed_block,
+    confirmed_by_parts,
+    has_many_misses,
+)
+from orip.prelim.unknown_cameras import POINTS_NEEDED, by_unknown_cameras
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues, SimilarityStep
 

@@ -1,24 +1,182 @@
-"""What the chain found: preliminary values of photos, points and cameras, and sentences on what is wrong or weak."""
+"""What the chain found: preliminary values, sentences on them, how well they fit, and what hangs on one photo."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
 from itertools import compress
 
 import numpy as np
 
-from orip.arrays import FloatArray
-from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
-from orip.prelim.growing.reasons import doubtful_photos, why_not_oriented
-from orip.prelim.intersection.consensus import with_consensus
-from orip.prelim.intersection.intersection import intersect
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.prelim.growing.growing_block import GrowingBlock, doubtful_photos, empty_growing_block, why_not_oriented
+from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
-from orip.prelim.refinement.camera_corrections import parameters_with
+from orip.prelim.rays import ImageRays
+from orip.prelim.refinement.problem import parameters_with
 from orip.prelim.routes import Route
 from orip.prelim.to_ground import Outcome
-from orip.prelim.weak_connections import weak_connections
 from orip.records.results.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
-from orip.wording import counted
+from orip.wording import agreeing, counted, first_names
+
+_PHOTO, _POINT = 6, 3
+"""Unknowns."""
+
+_STRONG = 10.0
+"""Redundancy per photo."""
+
+_LIMIT = 3.1
+"""Of a normal deviate: chance exceeds it once in a thousand blocks."""
+
+
+def robust_square_sum(lengths: FloatArray) -> float:
+    """Return the sum of the squares of residual lengths (n,), large ones counted as the limit for blunders.
+
+    NaN does not count.
+    """
+    return float((np.minimum(lengths[~np.isnan(lengths)], LIMIT_OF_TWO_COMPONENTS) ** 2).sum())
+
+
+def redundancy(rays: ImageRays, held_points: BoolArray, used: BoolArray) -> int:
+    """Return the redundancy of an adjustment of photos and points.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    held_points : array (number of points,) of bool
+        Control that does not move.
+    used : array (n,) of bool
+        Rays that take part, and so do their photos and points.
+    """
+    points = len(np.unique(rays.point[used & ~held_points[rays.point]]))
+    photos = len(np.unique(rays.photo[used]))
+    unknowns = _PHOTO * photos + _POINT * points + int(np.count_nonzero(rays.cameras.unknown))
+    return int(2 * np.count_nonzero(used)) - unknowns
+
+
+def rays_that_count(rays: ImageRays, photos: BoolArray, held_points: BoolArray) -> BoolArray:
+    """Return which rays (n,) of some photos determine something: of points held, or seen by two of the photos."""
+    used = photos[rays.photo]
+    number = np.bincount(rays.point[used], minlength=len(rays.points))
+    return np.asarray(used & ((number >= 2) | held_points)[rays.point])
+
+
+def is_strong(redundancy: int, photos: int) -> bool:
+    """Tell whether a wrong block cannot nearly fit its rays, as it can where few of them are redundant."""
+    return redundancy >= _STRONG * photos
+
+
+def fits_by_chance(square_sum: float, redundancy: int) -> bool:
+    """Tell whether a sum of squares is no larger than measuring errors as large as the a-priori ones explain.
+
+    Notes
+    -----
+    The quantile of chi-square is that of Wilson and Hilferty (1931).
+    """
+    degrees = max(redundancy, 1)
+    variance = 2.0 / (9.0 * degrees)
+    return square_sum <= degrees * (1.0 - variance + _LIMIT * math.sqrt(variance)) ** 3
+
+
+_FEW = 5
+"""Number of common points up to which a wrong one among them cannot be distinguished from a wrong scale."""
+
+_NAMED = 8
+"""Number of photos that are named one by one."""
+
+
+def weak_connections(rays: ImageRays, common: IntArray, known_on_ground: BoolArray) -> Iterator[str]:
+    """Yield a sentence for each part of a block whose scale depends on a few points.
+
+    Parameters
+    ----------
+    rays : ImageRays
+    common : array (photos, photos)
+        Numbers of common points.
+    known_on_ground : array (number of points,) of bool
+        Control: a part that sees two of these points has a scale of its own.
+    """
+    neighbours = _neighbours(np.asarray(common > _FEW, dtype=bool))
+    everyone = (1 << len(neighbours)) - 1
+    named: set[int] = set()
+    for joint in _possible_joints(neighbours):
+        parts = list(_parts(neighbours, everyone & ~(1 << joint)))
+        largest = max(parts, key=int.bit_count, default=0)
+        for part in parts:
+            if part == largest or part in named:
+                continue
+            members = np.array(list(_places(part)), dtype=np.int64)
+            shared, points = _shared(rays, members, joint)
+            if shared <= _FEW and np.count_nonzero(known_on_ground & points) < 2:
+                named.add(part)
+                yield _sentence(rays, members, joint, shared)
+
+
+def _neighbours(together: BoolArray) -> list[int]:
+    """Return the neighbours of each photo as the bits of a number: sets of some hundred photos at once."""
+    rows = np.packbits(together, axis=1, bitorder="little")
+    return [int.from_bytes(row.tobytes(), "little") for row in rows]
+
+
+def _places(photos: int) -> Iterator[int]:
+    """Yield the places of the bits of a number, ascending."""
+    while photos:
+        last = photos & -photos
+        yield last.bit_length() - 1
+        photos ^= last
+
+
+def _possible_joints(neighbours: Sequence[int]) -> list[int]:
+    """Return the photos, ascending, through which others are reached: the leaves of a spanning tree connect nothing."""
+    joints, unreached = set(), (1 << len(neighbours)) - 1
+    while unreached:
+        root = (unreached & -unreached).bit_length() - 1
+        joints.add(root)
+        unreached ^= 1 << root
+        waiting = deque([root])
+        while waiting:
+            photo = waiting.popleft()
+            if new := neighbours[photo] & unreached:
+                joints.add(photo)
+                unreached ^= new
+                waiting.extend(_places(new))
+    return sorted(joints)
+
+
+def _parts(neighbours: Sequence[int], photos: int) -> Iterator[int]:
+    """Yield the connected parts of photos."""
+    while photos:
+        part = front = photos & -photos
+        photos ^= part
+        while front:
+            photo = front.bit_length() - 1
+            new = neighbours[photo] & photos
+            front ^= (1 << photo) | new
+            photos ^= new
+            part |= new
+        yield part
+
+
+def _shared(rays: ImageRays, members: IntArray, joint: int) -> tuple[int, BoolArray]:
+    """Return how many points photos share with those outside, the joint excepted, and which points they see."""
+    photos = np.zeros(len(rays.photos), dtype=bool)
+    photos[members] = True
+    inside, outside = np.zeros((2, len(rays.points)), dtype=bool)
+    inside[rays.point[photos[rays.photo]]] = True
+    photos[joint] = True
+    outside[rays.point[~photos[rays.photo]]] = True
+    return int(np.count_nonzero(inside & outside)), inside
+
+
+def _sentence(rays: ImageRays, members: IntArray, joint: int, shared: int) -> str:
+    photos = f"{agreeing(len(members), 'photo')} {first_names([rays.photos[photo] for photo in members], _NAMED)}"
+    are = agreeing(len(members), "is", "are")
+    return (
+        f"{photos} {are} connected with the others only by photo {rays.photos[joint]} and {counted(shared, 'point')}, "
+        "which alone determine the scale there: measure more common points, or control"
+    )
 
 
 def found_values(

@@ -6,13 +6,11 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.ground.ground_control import approximate_points, known_centres, known_points
+from orip.prelim.ground import approximate_points, known_centres, known_points
 from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.from_models import FromModels
-from orip.prelim.rays.image_rays import ImageRays, image_rays, rays_of_plane_images
-from orip.prelim.rays.photo_index import PhotoIndex, photo_index
-from orip.prelim.rays.thinning import thinned
-from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.growing.growing_block import FromModels
+from orip.prelim.rays import ImageRays, PhotoIndex, image_rays, photo_index, rays_of_plane_images, thinned
+from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block

@@ -1,25 +1,67 @@
-"""From where a route has led to the ground: absolute orientation, and further growth by the control."""
+"""From where a route has led to the ground: absolute orientation, one oriented photo, and growth by control."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.prelim.ground.arbitrary_datum import with_arbitrary_datum
-from orip.prelim.growing.growing_block import GrowingBlock
-from orip.prelim.growing.misplaced_photos import residual_lengths
-from orip.prelim.intersection.consensus import with_consensus
-from orip.prelim.intersection.intersection import intersect
+from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.similarity import Similarity
+from orip.prelim.ground import ratios_of_distances, with_arbitrary_datum
+from orip.prelim.growing.growing_block import GrowingBlock, residual_lengths
+from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.routes import Route, by_pairs
 from orip.prelim.similarity.absolute_orientation import absolute_orientation
 from orip.prelim.similarity.control_reading import other_reading
 from orip.prelim.similarity.joining import Joined
-from orip.prelim.similarity_of_photo import similarity_of_photo
 from orip.records.results.preliminary import ControlReading, NotOriented, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted, first_names
+
+# Position and rotation are those of the photo; scale comes from known coordinates of other projection centres, else
+# from distances.
+
+
+_LEAST_BASE = 1e-3
+"""Known coordinates have to differ from those of the photo by more than this part of the model's extent."""
+
+
+class ByPhoto(NamedTuple):
+    """A similarity, and a sentence that says where it comes from."""
+
+    similarity: Similarity
+    finding: str
+
+
+def similarity_of_photo(measured: MeasuredBlock, grown: GrowingBlock) -> ByPhoto | None:
+    """Return the similarity that takes a block to the ground; None where no photo of it is known, or no scale."""
+    given = measured.block.photo_orientation
+    known = np.flatnonzero(np.isfinite(given).all(axis=1) & grown.oriented)
+    if not len(known):
+        return None
+    photo = int(known[0])
+    turn = rotation_from_angles(given[photo, 3:]) @ grown.rotations[photo].T
+    offset = (grown.centres - grown.centres[photo]) @ turn.T
+    observed = given[:, :3] - given[photo, :3]
+    extent = float(np.nanmax(np.linalg.norm(offset, axis=1)))
+    tells = np.isfinite(observed) & grown.oriented[:, None] & (np.abs(np.nan_to_num(offset)) > _LEAST_BASE * extent)
+    if tells.any():
+        scale = float(offset[tells] @ observed[tells] / (offset[tells] @ offset[tells]))
+        size = "other projection centres"
+    else:
+        ratios = ratios_of_distances(grown, measured.rays, measured.block.distances)
+        scale = float(np.median(ratios)) if ratios else 0.0
+        size = counted(len(ratios), "distance")
+    if not scale > 0.0:
+        return None
+    similarity = Similarity(scale, turn, given[photo, :3] - scale * (turn @ grown.centres[photo]))
+    name = measured.rays.photos[photo]
+    return ByPhoto(similarity, f"origin and axes are given by the orientation of photo {name}, the scale by {size}")
+
 
 _TO_THE_END = 1e-9
 """Relative gain in the weighted square sum below which a block no longer changes its shape."""

@@ -18,9 +18,8 @@ from orip.records.observations.control import (
     PreliminaryPoint,
 )
 from orip.records.observations.station import Station
-from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition
+from orip.records.project.definition import Antenna, BundleDefinition
 from orip.records.project.photo import Photo
 
 

@@ -9,16 +9,15 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.interior.distortion_forms import curve_from_polynomial
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.distortion import curve_from_polynomial
+from orip.interior.mounting import frame_corners
 from orip.records.names import record_key
 from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
 from orip.records.results.solution import Solution
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
-from orip.report.numbers import MISSING, fixed, parameter
 from orip.report.report_input import ReportInput
-from orip.report.table import PageColumn, PageTable
+from orip.report.table import MISSING, PageColumn, PageTable, fixed, parameter
 
 STRONG = 0.95
 _ERROR_PROBABILITY = 0.05

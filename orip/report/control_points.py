@@ -1,19 +1,30 @@
-"""Control points and distances: what was given, what was adjusted, and how both agree."""
+"""Control points, distances, groups of observations and stereo models on the page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.bundle.groups.words import group_name, unit_of_group
 from orip.bundle.results.figures import figure
-from orip.records.coded_names import coded
-from orip.records.names import places_of_names
+from orip.records.names import coded, places_of_names
 from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
+from orip.records.project.definition import BundleDefinition, StereoModel
+from orip.records.results.result_tests import GroupTest
 from orip.records.results.solution import Residuals, Solution
-from orip.report.numbers import decimals_for, deviation, fixed, significant
-from orip.report.table import PageColumn, PageTable
+from orip.report.table import (
+    MISSING,
+    PageColumn,
+    PageTable,
+    decimals_of_most,
+    deviation,
+    fixed,
+    probability,
+    significant,
+)
 
 _AXES = ("X", "Y", "Z")
 _DISTANCE_KINDS = (DISTANCE.name, CONSTANT_DISTANCE.name)
@@ -41,7 +52,7 @@ def control_table(solution: Solution) -> PageTable | None:
     residuals, unit = solution.residuals, solution.ground_unit
     place = places_of_names(solution.points.names)
     errors = [residuals.a_priori[row] for rows in points.values() for row in rows.values()]
-    decimals = decimals_for(np.abs(errors), 5)
+    decimals = decimals_of_most(np.abs(errors), 5)
     columns = [
         PageColumn("Point", list(points), words=True),
         PageColumn("Rays", [str(solution.point_rays[place[name]]) if name in place else "–" for name in points]),
@@ -76,7 +87,7 @@ def distance_table(solution: Solution) -> PageTable | None:
     rows = np.flatnonzero(coded(residuals.kind).where(lambda kind: kind in _DISTANCE_KINDS)).tolist()
     if not rows:
         return None
-    unit, decimals = solution.ground_unit, decimals_for(np.abs(residuals.a_priori[rows]))
+    unit, decimals = solution.ground_unit, decimals_of_most(np.abs(residuals.a_priori[rows]))
     adjusted = residuals.observed[rows] + residuals.residual[rows]
     columns = (
         PageColumn("Distance", [_ends(residuals, row) for row in rows], words=True),
@@ -116,3 +127,82 @@ def _a_priori(residuals: Residuals, row: int, decimals: int) -> str:
     if residuals.kind[row] == CONSTANT_DISTANCE.name:
         return "exact"
     return fixed(residuals.a_priori[row], decimals)
+
+
+Cell = StereoModel | None
+
+
+def model_grid(bundle: BundleDefinition) -> tuple[tuple[int, ...], tuple[tuple[int, tuple[Cell, ...]], ...]]:
+    """Return the columns' numbers, and for each row its number and the model in each column, None where there is none.
+
+    Rows and columns without any model are left out.
+    """
+    columns = tuple(sorted({model.column for model in bundle.models}))
+    rows = tuple(sorted({model.row for model in bundle.models}))
+    at = {(model.row, model.column): model for model in bundle.models}
+    return columns, tuple((row, tuple(at.get((row, column)) for column in columns)) for row in rows)
+
+
+_NOTHING = 1e-6
+"""Of the standard deviation of a mean: what rounding leaves of a mean that is zero."""
+
+_NOTE = (
+    "p: probability of so much or more by chance if the a-priori errors are right; marked are groups where it is too "
+    "small for the number of groups tested. Mean: of the residuals, adjusted minus observed. Common error: what all "
+    "observations of the group would have to be off by, observed minus what all others predict. Worst: the check point "
+    "that differs most for its standard deviation."
+)
+
+
+def group_table(solution: Solution) -> PageTable | None:
+    """Return the groups with their tests."""
+    groups = solution.groups
+    if not groups:
+        return None
+    columns = (
+        PageColumn("Group", [group_name(group) for group in groups], words=True),
+        PageColumn("Number", [str(group.number) for group in groups], key="number"),
+        PageColumn("Redundancy", [significant(group.redundancy) for group in groups], key="redundancy"),
+        PageColumn("sigma0", [significant(group.sigma0) for group in groups], key="sigma0"),
+        PageColumn("p", [_p(group.p_sigma0) for group in groups]),
+        *_estimated_errors(solution),
+        PageColumn("Mean", [_with_sd(group.mean, group.mean_sd) for group in groups]),
+        PageColumn("p", [_p(group.p_mean) for group in groups]),
+        PageColumn("Common error", [_with_sd(group.shift, group.shift_sd) for group in groups]),
+        PageColumn("Unit", [unit_of_group(group, solution.ground_unit) for group in groups], words=True),
+        PageColumn("Worst", [_worst(group) for group in groups], words=True),
+        PageColumn("p", [_p(group.p_worst) for group in groups]),
+    )
+    emphasised = frozenset(row for row, group in enumerate(groups) if group.doubted)
+    return PageTable("groups", "Groups of observations", columns, _NOTE, emphasised)
+
+
+def _estimated_errors(solution: Solution) -> Iterator[PageColumn]:
+    """Yield the column of variance components, where they were estimated."""
+    if not solution.variance_components:
+        return
+    found = []
+    for group in solution.groups:
+        # a component is estimated for x and y together, and for the stations of all strips
+        of_group = (
+            _with_sd(row.factor, row.sd)
+            for row in solution.variance_components
+            if row.kind == group.kind
+            and row.of in {"", group.of}
+            and group.component in (row.component or group.component)
+        )
+        found.append(next(of_group, MISSING))
+    yield PageColumn("Estimated / given error", found)
+
+
+def _p(value: float) -> str:
+    return MISSING if math.isnan(value) else probability(value).removeprefix("= ")
+
+
+def _with_sd(value: float, sd: float) -> str:
+    text = significant(0.0 if abs(value) < _NOTHING * sd else value, 2)
+    return text if text == MISSING else f"{text} ± {significant(sd, 2)}"
+
+
+def _worst(group: GroupTest) -> str:
+    return f"{group.worst}: {significant(group.worst_size, 2)}" if group.kind == "check" else MISSING

@@ -8,13 +8,12 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
-from orip.records.coded_names import coded
+from orip.records.names import coded
 from orip.records.results.solution import Solution
-from orip.records.results.station_residuals import POSITION_KINDS
-from orip.report.numbers import counted, significant
-from orip.report.photo_scale import photo_scale
-from orip.report.photos.residuals import rms_of_photos
-from orip.report.report_input import ReportInput
+from orip.records.results.stations import POSITION_KINDS
+from orip.report.photos import rms_of_photos
+from orip.report.report_input import ReportInput, photo_scale
+from orip.report.table import counted, significant
 from orip.units import METRES_PER_GROUND_UNIT
 
 

@@ -17,25 +17,34 @@ from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.errors import ProjectWarning, by_kind
 from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, camera_sheets
-from orip.report.control_points import control_table, distance_table
-from orip.report.convergence import convergence_charts, iteration_table
+from orip.report.control_points import control_table, distance_table, group_table, model_grid
 from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
 from orip.report.drawings.residual_vectors import vector_sheets
 from orip.report.first_page import key_numbers, method_facts, order_facts
-from orip.report.groups import group_table
-from orip.report.models import model_grid
-from orip.report.numbers import counted, fixed, probability, significant
-from orip.report.photos.residuals import photo_residual_table, residual_histograms
-from orip.report.photos.rigs import rig_table
-from orip.report.photos.stations import station_charts, station_table, strip_table
-from orip.report.precision import antenna_table, photo_table, point_table, spreads, zero_direction_table
-from orip.report.report_input import ReportInput
-from orip.report.run_mark import RUN_NAME
+from orip.report.photos import (
+    photo_residual_table,
+    residual_histograms,
+    rig_table,
+    station_charts,
+    station_table,
+    strip_table,
+)
+from orip.report.precision import (
+    antenna_table,
+    convergence_charts,
+    iteration_table,
+    photo_table,
+    point_table,
+    spreads,
+    variance_component_table,
+    zero_direction_table,
+)
+from orip.report.report_input import RUN_NAME, ReportInput
+from orip.report.table import counted, fixed, probability, significant
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict
-from orip.report.variance_components import variance_component_table
 from orip.version import __version__
 
 if TYPE_CHECKING:

@@ -1,18 +1,31 @@
-"""Precision: standard deviations of points and photos as tables."""
+"""Precision on the page: standard deviations, estimated a-priori errors, and how the iterations went."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from markupsafe import Markup
 from msgspec import Struct
 
-from orip.records.coded_names import CodedNames, coded
-from orip.records.names import places_of_names
+from orip.records.names import CodedNames, coded, places_of_names
+from orip.records.observations.measurement import point_of_measurement
 from orip.records.observations.observation_kinds import unit_of_unknown
-from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
-from orip.report.numbers import counted, decimals_for, deviation, fixed, significant
-from orip.report.table import PageColumn, PageTable
+from orip.report.drawings.svg import ChartFrame, Curve, line_chart
+from orip.report.report_input import ReportInput
+from orip.report.table import (
+    MISSING,
+    PageColumn,
+    PageTable,
+    counted,
+    decimals_of_most,
+    deviation,
+    fixed,
+    probability,
+    significant,
+)
 
 MOST_POINTS = 2000
 MOST_PHOTOS = 1000
@@ -49,7 +62,7 @@ def point_table(solution: Solution) -> PageTable:
     """Return the points with standard deviations; if they are very many, the least precise ones."""
     points, unit = solution.points, solution.ground_unit
     rows = _least_precise(points, MOST_POINTS)
-    decimals = decimals_for(points.sd)
+    decimals = decimals_of_most(points.sd)
     columns = [
         PageColumn("Point", [points.names[row] for row in rows], words=True),
         PageColumn("Kind", [solution.point_kinds[row] for row in rows], key="kind", words=True),
@@ -68,7 +81,7 @@ def photo_table(solution: Solution) -> PageTable:
     """Return the photos' exterior orientation with standard deviations."""
     photos, unit = solution.photos, solution.ground_unit
     rows = _least_precise(photos, MOST_PHOTOS)
-    place, turn = decimals_for(photos.sd[:, :3]), decimals_for(photos.sd[:, 3:])
+    place, turn = decimals_of_most(photos.sd[:, :3]), decimals_of_most(photos.sd[:, 3:])
     columns = [PageColumn("Photo", [photos.names[row] for row in rows], words=True)]
     settings = [
         (axis, (name, unit if axis < 3 else "°"), place if axis < 3 else turn)
@@ -88,7 +101,7 @@ def zero_direction_table(solution: Solution) -> PageTable | None:
     rows = solution.zero_directions
     if not rows:
         return None
-    decimals = decimals_for([row.sd for row in rows])
+    decimals = decimals_of_most([row.sd for row in rows])
     columns = [
         PageColumn("Set", [row.set for row in rows], words=True),
         PageColumn("R", [fixed(row.value, decimals) for row in rows], "°", "R.value"),
@@ -102,7 +115,7 @@ def antenna_table(solution: Solution) -> PageTable | None:
     rows = solution.antennas
     if not rows:
         return None
-    decimals = [decimals_for([row.sd]) for row in rows]
+    decimals = [decimals_of_most([row.sd]) for row in rows]
     largest = [_largest_correlation(solution, row) for row in rows]
     columns = [
         PageColumn("Antenna", [row.antenna for row in rows], words=True),
@@ -186,3 +199,64 @@ def _thinned(shown: int, all_of_them: int, noun: str, what: str) -> str:
         f"The {counted(shown, noun)} with the largest standard deviations of {all_of_them} are shown; "
         f"result.json and 'orip results {what}' have all."
     )
+
+
+_NOTE = (
+    "Factor: estimated over given a-priori error (Helmert's variance components, iterated); the adjustment uses the "
+    "estimated errors. p: two-sided probability of a factor as far from 1 by chance if the given errors are right. "
+    "Groups with a redundancy below 1, or that cannot be told from another one, keep the given errors."
+)
+_UNLIKELY = 0.001
+
+
+def variance_component_table(solution: Solution) -> PageTable | None:
+    """Return the estimated a-priori errors; None where they were not estimated."""
+    rows = solution.variance_components
+    if not rows:
+        return None
+    columns = (
+        PageColumn("Group", [row.name for row in rows], words=True),
+        PageColumn("Number", [str(row.number) for row in rows], key="number"),
+        PageColumn("Redundancy", [significant(row.redundancy) for row in rows], key="redundancy"),
+        PageColumn("Factor", [significant(row.factor, 3) for row in rows], key="factor.value"),
+        PageColumn("sd", [significant(row.sd, 2) for row in rows], key="factor.sd"),
+        PageColumn("p", [MISSING if math.isnan(row.p) else probability(row.p).removeprefix("= ") for row in rows]),
+    )
+    emphasised = frozenset(place for place, row in enumerate(rows) if row.p < _UNLIKELY)
+    return PageTable("variance_components", "Estimated a-priori errors", columns, _NOTE, emphasised)
+
+
+def convergence_charts(given: ReportInput) -> tuple[Markup, ...]:
+    """Return the three curves, each in a chart of its own: they have no common scale."""
+    passes = given.solution.iterations
+    if not passes:
+        return ()
+    ends = [(float(passes[0].iteration), given.bundle.enp_stop), (float(passes[-1].iteration), given.bundle.enp_stop)]
+    enp = [Curve([(step.iteration, step.enp) for step in passes], "ENP", "first"), Curve(ends, "enp_stop", "limit")]
+    sigma0 = [Curve([(step.iteration, step.sigma0) for step in passes], "sigma0", "second")]
+    down = [Curve([(step.iteration, float(step.down_weighted)) for step in passes], "down-weighted", "third")]
+    wide = max((step.sigma0 for step in passes), default=1.0) > 10.0 * min(step.sigma0 for step in passes)
+    return (
+        line_chart("ENP over the iterations", _frame("ENP"), enp),
+        line_chart("sigma0 over the iterations", _frame("sigma0", logarithmic=wide), sigma0),
+        line_chart("Down-weighted components over the iterations", _frame("down-weighted", counts=True), down),
+    )
+
+
+def iteration_table(solution: Solution) -> PageTable:
+    """Return the iterations in numbers."""
+    passes = solution.iterations
+    columns = (
+        PageColumn("Iteration", [str(step.iteration) for step in passes], key="iteration"),
+        PageColumn("ENP", [fixed(step.enp, 2) for step in passes], key="enp"),
+        PageColumn("sigma0", [significant(step.sigma0, 5) for step in passes], key="sigma0"),
+        PageColumn("Down-weighted", [str(step.down_weighted) for step in passes], key="down_weighted"),
+        PageColumn("Singular", [str(step.singular) for step in passes], key="singular"),
+    )
+    shortened = [str(step.iteration) for step in passes if step.step_limited]
+    note = f"Steps were shortened in iteration {', '.join(shortened)}." if shortened else ""
+    return PageTable("iterations", "Iterations", columns, note)
+
+
+def _frame(up: str, *, logarithmic: bool = False, counts: bool = False) -> ChartFrame:
+    return ChartFrame("iteration", up, 340.0, 200.0, True, logarithmic, counts)

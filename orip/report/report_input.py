@@ -1,4 +1,4 @@
-"""What a report is made from."""
+"""What a report is made from: the mark of its run, the result, residuals as vectors, scales of photos."""
 
 from __future__ import annotations
 
@@ -7,19 +7,88 @@ from functools import cached_property
 
 import numpy as np
 from msgspec import Struct, field
+from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
-from orip.records.coded_names import coded
+from orip.interior.image_coordinates import pixel_size
+from orip.records.names import coded, record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition
+from orip.records.project.definition import BundleDefinition, ReportDetails
 from orip.records.project.photo import Photo, Template
-from orip.records.project.report_details import ReportDetails
-from orip.records.results.gate import GateResult
-from orip.records.results.solution import Solution
-from orip.report.photo_vectors import PhotoVectors, photo_vectors
+from orip.records.results.result_tests import GateResult
+from orip.records.results.solution import Residuals, Solution
 from orip.units import DEGREES_PER_RADIAN
+
+RUN_NAME = "orip-run"
+"""Name of the page's meta element with the run id."""
+
+
+def run_of_page(head: str) -> str | None:
+    """Return the run id that the beginning of a page names, None where there is none."""
+    _, found, rest = head.partition(f'<meta name="{RUN_NAME}" content="')
+    return rest.partition('"')[0] if found else None
+
+
+class PhotoVectors(Struct, frozen=True):
+    """Residual vectors of n photo points.
+
+    Parameters
+    ----------
+    photo : str
+    xy, residual : arrays (n, 2), mm
+        Measured coordinates, and adjusted minus measured ones.
+    sound : array (n,) of bool
+        Neither component is down-weighted or disregarded.
+    """
+
+    photo: str
+    xy: FloatArray
+    residual: FloatArray
+    sound: NDArray[np.bool_]
+
+    @property
+    def rms(self) -> float:
+        """Return the root mean square (mm) of the components of the sound points, 0 where there are none."""
+        sound = self.sound_residual
+        return float(np.sqrt(np.vdot(sound, sound) / sound.size)) if sound.size else 0.0
+
+    @property
+    def sound_xy(self) -> FloatArray:
+        """Return the measured coordinates (k, 2) of the sound points, mm."""
+        return self.xy if self.sound.all() else self.xy[self.sound]
+
+    @property
+    def sound_residual(self) -> FloatArray:
+        """Return the residuals (k, 2) of the sound points, mm."""
+        return self.residual if self.sound.all() else self.residual[self.sound]
+
+
+def photo_vectors(residuals: Residuals) -> dict[str, PhotoVectors]:
+    """Return the residual vectors of each photo that has photo points; x and y are in successive rows."""
+    rows = np.flatnonzero(coded(residuals.kind).where(PHOTO_POINT.name.__eq__))[::2]
+    photo = coded(residuals.photo)[rows]
+    if (photo.codes[1:] < photo.codes[:-1]).any():  # mostly measured photo by photo
+        order = np.argsort(photo.codes, kind="stable")
+        rows, photo = rows[order], photo[order]
+    xy, residual, weight = (
+        _in_pairs(values, rows) for values in (residuals.observed, residuals.residual, residuals.weight_factor)
+    )
+    sound = (weight == 1.0).all(axis=1)
+    start = np.append(0, np.cumsum(np.bincount(photo.codes, minlength=len(photo.distinct)))).tolist()
+    return {
+        name: PhotoVectors(name, xy[first:last], residual[first:last], sound[first:last])
+        for name, first, last in zip(photo.distinct, start[:-1], start[1:], strict=True)
+        if first < last
+    }
+
+
+def _in_pairs(values: FloatArray, rows: IntArray) -> FloatArray:
+    """Return the values (n, 2) in rows (n,) and those after them; as they lie where they follow each other."""
+    if len(rows) and (np.diff(rows) == 2).all():
+        return values[rows[0] : rows[-1] + 2].reshape(-1, 2)
+    return values[np.stack([rows, rows + 1], axis=1)]
 
 
 class ReportInput(Struct, frozen=True, dict=True):
@@ -100,3 +169,77 @@ def _median(values: FloatArray) -> float:
     upper = np.partition(values, middle)
     below = upper[:middle].max() if len(values) % 2 == 0 else upper[middle]
     return float((below + upper[middle]) / 2.0)
+
+
+class PhotoScale(Struct, frozen=True):
+    """Scales of n photos, in the order of the solution; NaN where something is not known.
+
+    Parameters
+    ----------
+    depth : array (n,)
+        Median distance of a photo's points from the projection centre along the camera axis, ground unit.
+    principal_distance, pixel : arrays (n,)
+        mm.
+    axes : array (n, 3)
+        Directions in which the photos look, ground coordinates.
+    """
+
+    depth: FloatArray
+    principal_distance: FloatArray
+    pixel: FloatArray
+    axes: FloatArray
+
+    @property
+    def scale_number(self) -> FloatArray:
+        """Return the depth divided by the principal distance, ground units a millimetre."""
+        return self.depth / self.principal_distance
+
+    @property
+    def pixel_on_object(self) -> FloatArray:
+        """Return the ground sampling distance: the size of a pixel at the median depth, ground unit."""
+        return self.scale_number * self.pixel
+
+
+def photo_scale(given: ReportInput) -> PhotoScale:
+    """Return the scales of all photos of a solution."""
+    solution = given.solution
+    cameras = _adjusted(solution)
+    c = np.array([_principal_distance(given, cameras, name) for name in solution.photos.names])
+    pixel = np.array([pixel_of_photo(given, name) for name in solution.photos.names])
+    return PhotoScale(given.depths, c, pixel, given.axes)
+
+
+def pixel_of_photo(given: ReportInput, name: str) -> float:
+    """Return the mean size (mm) of a photo's pixels; NaN where it was not measured in pixels."""
+    photo, camera = given.photos.get(record_key(name)), camera_of_photo(given, name)
+    if photo is None or camera is None:
+        return np.nan
+    template = given.templates.get(record_key(photo.template)) if photo.template is not None else None
+    size = pixel_size(photo, camera, template, None)
+    return float(np.mean(size)) if size is not None else np.nan
+
+
+def pixel_of_camera(given: ReportInput, camera: str) -> float:
+    """Return the size (mm) of the pixels of a camera's photos; NaN where they have none, or not all the same."""
+    sizes = [
+        pixel_of_photo(given, photo.name)
+        for photo in given.photos.values()
+        if record_key(photo.camera) == record_key(camera)
+    ]
+    return sizes[0] if sizes and np.ptp(sizes) <= 1e-9 * sizes[0] else np.nan
+
+
+def camera_of_photo(given: ReportInput, name: str) -> Camera | None:
+    """Return the camera of a photo; None if it is not known."""
+    photo = given.photos.get(record_key(name))
+    return given.cameras.get(record_key(photo.camera)) if photo is not None else None
+
+
+def _principal_distance(given: ReportInput, cameras: Mapping[str, float], name: str) -> float:
+    """Return the adjusted principal distance of a photo's camera, mm."""
+    photo = given.photos.get(record_key(name))
+    return cameras.get(record_key(photo.camera), np.nan) if photo is not None else np.nan
+
+
+def _adjusted(solution: Solution) -> dict[str, float]:
+    return dict(zip(map(record_key, solution.cameras.names), solution.cameras.values[:, 0].tolist(), strict=True))

@@ -11,13 +11,12 @@ from msgspec import Struct
 from orip.bundle.groups.words import probability_in_words
 from orip.bundle.verdict import MISTAKE, Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
 from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.results.gate import GateResult
+from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Solution
 from orip.report.calibration import significance, significance_limit
-from orip.report.misfits import suspects
-from orip.report.numbers import counted, parameter, significant
 from orip.report.precision import Spread, spreads
-from orip.report.trouble import weak_spots
+from orip.report.table import counted, parameter, significant
+from orip.report.trouble import suspects, weak_spots
 from orip.report.trust import check_point_finding
 from orip.wording import agreeing
 

@@ -1,7 +1,8 @@
-"""What is wrong or weak, in the user's names: suspicious observations with their probable size, and weak spots."""
+"""What is wrong or weak, in the user's names: suspicious observations with their probable sizes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -9,22 +10,54 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
-from orip.records.coded_names import coded
-from orip.records.observations.observation_kinds import unit_of_observation
+from orip.records.names import coded
+from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
-from orip.report.misfits import (
-    named_observation,
-    observation_of,
-    probable_error,
-    probable_size,
-    suspects,
-    unit_of_residual,
-)
-from orip.report.numbers import counted, decimals_for, fixed, significant
-from orip.report.photo_scale import pixel_of_photo
-from orip.report.report_input import ReportInput
-from orip.report.table import PageColumn, PageTable
+from orip.report.report_input import ReportInput, pixel_of_photo
+from orip.report.table import SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names
+
+
+def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
+    """Return the observations that do not fit, the worst first, with the probable size of each component's error."""
+    found: dict[str, list[str]] = {}
+    for row in suspect_rows(solution, test_level).tolist():
+        size, component = probable_size(solution.residuals, row), solution.residuals.component[row]
+        unit = "" if size == SINGULAR else unit_of_residual(solution, row)
+        text = f"{component} {size} {unit}".rstrip()
+        found.setdefault(observation_of(solution.residuals, row), []).append(text.strip())
+    return found
+
+
+def named_observation(kind: str, photo: str, point: str) -> str:
+    """Return what an observation of a kind is called."""
+    if kind == "photo":
+        return f"photo {photo} point {point}"
+    return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
+
+
+def observation_of(residuals: Residuals, row: int) -> str:
+    """Return what an observation is called: ``photo 101 point 12``."""
+    return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row])
+
+
+def probable_error(residuals: Residuals, row: int) -> float:
+    """Return by how much an observation is probably off: observed minus what all others predict; NaN if not tested."""
+    number = residuals.redundancy_number[row]
+    return float(-residuals.residual[row] / number) if number > 0.01 else math.nan
+
+
+def probable_size(residuals: Residuals, row: int) -> str:
+    """Return the same as text."""
+    error = probable_error(residuals, row)
+    return SINGULAR if math.isnan(error) else fixed(error, decimals_of_most([residuals.a_priori[row]]))
+
+
+def unit_of_residual(solution: Solution, row: int) -> str:
+    """Return the unit of a residual."""
+    residuals = solution.residuals
+    return unit_of_observation(residuals.kind[row], residuals.component[row], solution.ground_unit)
+
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
@@ -51,7 +84,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
             words=True,
         ),
         PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),
-        PageColumn("Size", [fixed(blunder.size, decimals_for([blunder.sd])) for blunder in found], key="size"),
+        PageColumn("Size", [fixed(blunder.size, decimals_of_most([blunder.sd])) for blunder in found], key="size"),
         PageColumn("sd", [significant(blunder.sd, 2) for blunder in found], key="sd"),
         PageColumn("Unit", [_unit_of_blunder(blunder, solution) for blunder in found], words=True),
         PageColumn("Test", [significant(blunder.statistic) for blunder in found], key="statistic"),
@@ -233,7 +266,7 @@ def _imprecise(solution: Solution) -> Iterable[Spot]:
     typical = float(np.median(known))
     rows = np.flatnonzero(largest > _FAR_WORSE * typical)
     rows = rows[np.argsort(-largest[rows], kind="stable")]
-    decimals = decimals_for([typical])
+    decimals = decimals_of_most([typical])
     spots: dict[str, Spot] = {}
     for row in rows.tolist():
         size, axis = float(largest[row]), "XYZ"[int(np.nanargmax(sd[row]))]
@@ -249,7 +282,7 @@ def _picked(names: Sequence[str], rows: IntArray) -> list[str]:
 
 
 def _with_precision(residuals: Residuals, values: FloatArray, row: int) -> str:
-    return fixed(float(values[row]), decimals_for([residuals.a_priori[row]]))
+    return fixed(float(values[row]), decimals_of_most([residuals.a_priori[row]]))
 
 
 def _unit_of_blunder(blunder: Blunder, solution: Solution) -> str:

@@ -9,11 +9,10 @@ from orip.bundle.results.figures import figure
 from orip.bundle.results.misfits import number_by_chance
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
 from orip.records.names import places_of_names
-from orip.records.results.gate import GATE_FIGURES
+from orip.records.results.result_tests import GATE_FIGURES
 from orip.records.results.solution import Solution
-from orip.report.numbers import counted, decimals_for, fixed, significant
 from orip.report.report_input import ReportInput
-from orip.report.table import PageColumn, PageTable
+from orip.report.table import PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import agreeing
 
 
@@ -70,7 +69,7 @@ def check_point_table(solution: Solution) -> PageTable | None:
     place = places_of_names(solution.points.names)
     unknown = np.full(3, np.nan)
     sd = np.array([solution.points.sd[place[point.name]] if point.name in place else unknown for point in points])
-    decimals = decimals_for(sd)
+    decimals = decimals_of_most(sd)
     differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
     columns = [PageColumn("Point", [point.name for point in points], key="name", words=True)]
     for axis, name in enumerate("XYZ"):

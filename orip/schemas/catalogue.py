@@ -7,7 +7,8 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import archive, measuring, preliminary, project, result
+from orip.schemas import measuring, preliminary, project, result
+from orip.schemas import project as archive
 
 SchemaName = Literal[
     "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status", "camera-plot",

@@ -6,7 +6,7 @@ from typing import Literal
 
 from msgspec import UNSET, UnsetType, field
 
-from orip.schemas.parts import Part, Warned
+from orip.schemas.project import Part, Warned
 
 Pair = list[float | None]
 

@@ -1,12 +1,39 @@
-"""Types of the documents about a project: its making, its state, its records, and its exchange with other programs."""
+"""Types of the documents about a project, of what several documents have in common, and of archives."""
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
-from msgspec import field
+from msgspec import Struct, field
 
-from orip.schemas.parts import Named, Part, Warned
+
+class Part(Struct, frozen=True, forbid_unknown_fields=True):
+    """An object of a document: it has the keys that are named, and no others."""
+
+
+class Warned(Part, frozen=True):
+    """A warning: its kind, what it is about, and its text."""
+
+    code: str
+    where: str
+    text: str
+
+
+class Estimate(Part, frozen=True):
+    """A value with its standard deviation: null for a constant, "singular" for what nothing determines."""
+
+    value: float | None
+    sd: float | Literal["singular"] | None
+
+
+class Named(Part, frozen=True):
+    """A name with what it stands for."""
+
+    name: str
+    text: str
+
+
+Status = Literal["converged", "doubtful", "not_converged", "stopped", "not_determined"]
 
 
 class Fault(Part, frozen=True):
@@ -265,3 +292,84 @@ class ProjectMade(Part, frozen=True):
     folder: str
     next: str
     files: list[str]
+
+
+class ArchiveRun(Part, frozen=True):
+    """A run of an archive that has come to its end."""
+
+    command: Literal["archive run"]
+    projects: int
+    states: dict[str, int]
+    finished_before: int
+    seconds: float
+    tables: str
+    overview: str
+
+
+class NotAdjusted(Part, frozen=True):
+    """A project that is not adjusted, and why."""
+
+    project: str
+    message: str
+
+
+class ArchiveStatus(Part, frozen=True):
+    """How far the run of an archive is."""
+
+    command: Literal["archive status"]
+    base: str
+    running: bool
+    projects: int
+    states: dict[str, int]
+    projects_a_second: float
+    seconds_left: float | None
+    dashboard: str
+    not_adjusted: list[NotAdjusted]
+
+
+class ArchiveReport(Part, frozen=True):
+    """Tables and overview of an archive that were written; rows by table."""
+
+    command: Literal["archive report"]
+    rows: dict[str, int]
+    tables: str
+    overview: str
+
+
+class ChangedWord(Part, frozen=True):
+    """A result or a gate that is another one."""
+
+    project: str
+    bundle: str
+    name: str
+    before: str
+    after: str
+
+
+class MovedValue(Part, frozen=True):
+    """A value that has moved; times its standard deviation, null: it has none."""
+
+    project: str
+    bundle: str
+    name: str
+    before: float
+    after: float
+    times: float | None
+
+
+class ArchiveDiff(Part, frozen=True):
+    """What differs between two runs of an archive."""
+
+    command: Literal["archive diff"]
+    compared: int
+    changed: list[ChangedWord]
+    moved: list[MovedValue]
+
+
+class ArchiveSimulate(Part, frozen=True):
+    """An archive of simulated projects that was written; faults by kind."""
+
+    command: Literal["archive simulate"]
+    folder: str
+    projects: int
+    faults: dict[str, int]

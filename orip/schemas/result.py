@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import UNSET, Meta, UnsetType, field
 
-from orip.schemas.parts import Estimate, Part, Status, Warned
+from orip.schemas.project import Estimate, Part, Status, Warned
 
 
 class Iteration(Part, frozen=True):

@@ -1,4 +1,4 @@
-"""Where an adjustment starts: at given values, and where some are missing, at those that the chain finds."""
+"""Where an adjustment starts: a block gathered from what is measured, at given values or at those of the chain."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.assemble import with_starting_values
-from orip.bundle.part_of_block import without_photos
-from orip.errors import NotSolvableError, ProjectWarning
-from orip.prelim.ground.project_coordinates import orientations_in_frame, points_in_project
+from orip.bundle.antennas import without_photos
+from orip.bundle.assemble import BlockInput, gather, with_starting_values
+from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
+from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
+from orip.mistakes.before_adjustment.ground_systems import contradicting_ground_systems
+from orip.mistakes.before_adjustment.impossible_camera import raise_if_impossible
+from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
+from orip.progress import stage
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.project.camera import Camera
 from orip.records.project.photo import PHOTO_PARAMETERS
@@ -163,3 +168,36 @@ def not_oriented(values: PreliminaryValues) -> str:
         advice = _ADVICE_WITHOUT_CONTROL if different[0].endswith(NO_CONTROL) else _ADVICE
         return "\n".join([f"{title}: {different[0]}; {advice}", *values.findings])
     return "\n".join([f"{title}; {_ADVICE}", *different, *values.findings])
+
+
+@stage("gathering observations")
+def gather_bundle(inputs: BlockInput) -> Block:
+    """Gather the block of a bundle, with warnings of what is doubtful in it.
+
+    Returns
+    -------
+    Block
+        Elements of photos that are not known are NaN, and so are all starting coordinates of points.
+
+    Raises
+    ------
+    InputError
+        With everything that prevents an adjustment.
+    """
+    used = {record_key(photo.camera) for photo in inputs.records.photos.values()}
+    raise_if_impossible(camera for key, camera in inputs.records.cameras.items() if key in used)
+    orientations = [photo.orientation[:2] for photo in inputs.records.photos.values()]
+    systems = contradicting_ground_systems(inputs.control, np.array(orientations, dtype=np.float64).reshape(-1, 2))
+    try:
+        block = gather(inputs)
+    except InputError as error:
+        causes = (Complaint(str(warning)) for warning in systems)
+        raise InputError((*causes, *inputs.interior.complaints, *error.complaints)) from None
+    found = (
+        *systems,
+        *inputs.warnings,
+        *measurement_warnings(inputs.records, inputs.measured, inputs.interior),
+        *block_warnings(block, inputs.control),
+        *block.ground.warnings,
+    )
+    return replace(block, warnings=found)

@@ -11,9 +11,8 @@ from orip.errors import InputError
 from orip.geometry.ground_crs import near_place
 from orip.geometry.ground_ellipsoid import place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
-from orip.geometry.navigation_angles import rotation_from_navigation
 from orip.geometry.other_crs import geographic_from_crs
-from orip.geometry.rotation import angles_from_rotation
+from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
 from orip.structs import replace
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import CurvedProblem, adjusted, converged, settings
 
-from orip.adjustment.acceleration import AcceleratedStep, Acceleration
+from orip.adjustment.convergence import AcceleratedStep, Acceleration
 
 
 def without_acceleration():

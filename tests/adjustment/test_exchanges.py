@@ -18,8 +18,8 @@ from adjustment.factorisation.linear_systems import (
 )
 
 from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
-from orip.adjustment.joint_effects import factored_rows
 from orip.adjustment.normals import solve_normals
+from orip.adjustment.residual_sums import factored_rows
 from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
 from orip.structs import replace
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orip.adjustment.group_tests import (
+from orip.adjustment.outlier_tests import (
     against_others,
     chi_square_tail,
     generalised_square_tail,

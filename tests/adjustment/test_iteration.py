@@ -15,8 +15,7 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment.acceleration import AcceleratedStep, Acceleration
-from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.convergence import AcceleratedStep, Acceleration, TerminationReason
 from orip.adjustment.iteration import adjust
 from orip.adjustment.iteration_state import IterationSettings
 from orip.adjustment.precision import cofactors, variance_of_unit_weight

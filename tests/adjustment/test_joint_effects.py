@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.joint_effects import JointEffects
+from orip.adjustment.residual_sums import JointEffects
 
 RANDOM = np.random.default_rng(7)
 DESIGN = RANDOM.normal(size=(12, 4))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orip.adjustment.joint_effects import JointEffects
 from orip.adjustment.outlier_tests import OutlierTest
+from orip.adjustment.residual_sums import JointEffects
 
 KNOWN = OutlierTest(0.01, 1.0, None)
 

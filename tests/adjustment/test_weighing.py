@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from adjustment.factorisation.linear_systems import linear_problem
 
-from orip.adjustment.weighing import Weighing, weighing_from
+from orip.adjustment.weights import Weighing, weighing_from
 
 BLUNDER, FAR = 100.0, 60.0
 

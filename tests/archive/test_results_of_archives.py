@@ -23,7 +23,7 @@ from orip.files.archive.dataset import read_shard
 from orip.files.archive.finished import read_head, write_finished
 from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.archive.plan import ArchivePlan, write_plan
-from orip.records.results.gate import Gate, GateResult
+from orip.records.results.result_tests import Gate, GateResult
 from orip.records.results.solution import Solution
 from orip.structs import replace
 

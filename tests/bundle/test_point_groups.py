@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
-from orip.bundle.compiled import point_groups
+from orip.bundle.compiled import loop_pattern as point_groups
+from orip.bundle.compiled.loop_pattern import PhotoSets, groups_of_sets, sets_of_photos
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, photo_loop
-from orip.bundle.compiled.point_groups import PhotoSets, groups_of_sets, sets_of_photos
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.records.block import Block

@@ -16,7 +16,7 @@ from monte_carlo.kinds_study import (
 )
 from support.synthetic_block import synthetic_block
 
-from orip.adjustment.joint_effects import joint_effects
+from orip.adjustment.residual_sums import joint_effects
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import Snooped, SnoopingSettings, snoop

@@ -8,7 +8,7 @@ from bundle.solving import redefined, solved, started_off
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
-from orip.adjustment import weighing
+from orip.adjustment import weights as weighing
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.structs import replace
 

@@ -20,8 +20,7 @@ from orip.files.project import tables as project_tables
 from orip.files.result.json_text import result_document
 from orip.files.result.residuals_csv import HEADER
 from orip.records.observations.control import DistanceCode
-from orip.records.project.definition import RECORD_TYPES
-from orip.records.project.report_details import ReportDetails
+from orip.records.project.definition import RECORD_TYPES, ReportDetails
 
 TABLES = {
     "[project]": project_tables.table_of(project_tables.ProjectTable),

@@ -13,7 +13,7 @@ from cli.command_line import orip
 from exchange.imported import read_well, sample, written
 
 from orip.exchange.images import is_images, read_images_project
-from orip.geometry.navigation_angles import rotation_from_navigation
+from orip.geometry.rotation import rotation_from_navigation
 
 pytest.importorskip("exifread")
 

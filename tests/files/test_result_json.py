@@ -16,7 +16,7 @@ from orip.files.result.json_text import result_document, result_text
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results import solution as records
-from orip.records.results.group_test import GroupTest
+from orip.records.results.result_tests import GroupTest
 from orip.records.results.solution import Correlation, InteriorSummary, Solution
 from orip.structs import replace
 

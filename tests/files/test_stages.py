@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from orip.records.project.definition import StereoModel
+from orip.records.project.definition import StereoModel, plan_stages
 from orip.records.project.photo import Photo, Stage, Template
-from orip.records.project.stages import plan_stages
 
 
 def models(*pairs: str) -> list[StereoModel]:

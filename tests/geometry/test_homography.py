@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.seen_points import rotation_of, seen
 
-from orip.geometry.homography import homography, plane_orientations
+from orip.geometry.plane import homography, plane_orientations
 
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orip.geometry.ray_consensus import PhotoRays, rival_positions, where_most_rays_meet
-from orip.geometry.rays import intersect_rays
+from orip.geometry.rays import PhotoRays, intersect_rays, rival_positions, where_most_rays_meet
 
 C, ERROR = 100.0, 0.005
 POINT = np.array([3.0, -2.0, 1.0])

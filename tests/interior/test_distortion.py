@@ -7,12 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.interior.distortion import corrected_with_partials, distorted_with_partials, remove_distortion
-from orip.interior.distortion_forms import (
+from orip.interior.distortion import (
+    corrected_with_partials,
     curve_from_polynomial,
+    distorted_with_partials,
     isp_from_polynomial,
     polynomial_from_curve,
     polynomial_from_isp,
+    remove_distortion,
 )
 from orip.records.project.camera import CAMERA_PARAMETERS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.interior.fiducial_system import fiducials_from_plate
+from orip.interior.mounting import fiducials_from_plate
 from orip.records.observations.measurement import MeasuredMarks
 
 CORNERS = {"ll": (-12.0, -18.0), "lr": (12.0, -18.0), "ur": (12.0, 18.0), "ul": (-12.0, 18.0)}

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from films import DEFINITIONS, NO_PARAMETERS, POINTS, marks_of, measured, on_plate, photo, placed, points, template
 
-from orip.interior.fiducial_system import frame_corners
-from orip.interior.in_force import interior_orientation
-from orip.interior.log_coordinates import stored_to_log
+from orip.interior.in_force import interior_orientation, stored_to_log
+from orip.interior.mounting import frame_corners
 from orip.records.names import near_names
 from orip.records.project.camera import Camera, Sensor
 from orip.records.project.photo import Scan

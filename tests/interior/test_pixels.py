@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orip.geometry.plane import PlaneTransformation
+from orip.interior.image_coordinates import pixel_size, scan_transformation, sensor_transformation
 from orip.interior.orientation import orient_photo, transformation_without_marks
-from orip.interior.pixels import pixel_size, scan_transformation, sensor_transformation
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
 from orip.records.project.camera import Camera, Mark, Sensor
 from orip.records.project.photo import Photo, Scan, Template

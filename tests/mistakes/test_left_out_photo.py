@@ -7,7 +7,7 @@ import pytest
 from bundle.solving import OFF, redefined, solved
 from support.synthetic_block import synthetic_block
 
-from orip.bundle.part_of_block import without_photo
+from orip.bundle.antennas import without_photo
 from orip.mistakes.left_out_photo import may_fit_without, sigma0_without
 from orip.records.block import Block
 from orip.structs import replace

@@ -9,11 +9,11 @@ from bundle.stations_of_block import MADE, stations
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
 from msgspec import Struct
 
-from orip.bundle.results.reliability import NON_CENTRALITY
+from orip.bundle.results.misfits import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 from orip.records.observations.station import Station
-from orip.records.project.antenna import BORESIGHT, LEVER_ARM, Antenna
+from orip.records.project.definition import BORESIGHT, LEVER_ARM, Antenna
 from orip.structs import replace
 
 Design = Literal["lever arm and boresight", "shift and drift"]

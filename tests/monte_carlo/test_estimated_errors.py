@@ -13,7 +13,7 @@ from orip.bundle.solve import iteration_settings
 from orip.bundle.variance_components.estimation import estimate_errors
 from orip.bundle.variance_components.variance_groups import VarianceGroup, with_errors_times
 from orip.records.block import Block
-from orip.records.project.antenna import BORESIGHT, Antenna
+from orip.records.project.definition import BORESIGHT, Antenna
 from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")

@@ -15,7 +15,7 @@ from monte_carlo.simulated_blocks import in_parallel
 from monte_carlo.stations_study import block_with_stations
 
 from orip.bundle.results.solution import solution_of
-from orip.report.misfits import suspects
+from orip.report.trouble import suspects
 
 LOG = logging.getLogger(__name__)
 

@@ -17,19 +17,17 @@ from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.all_kinds import KINDS
-from orip.bundle.kinds.ground_coordinate import coordinates_with_partials
-from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.observation import Observations, coordinates_with_partials
 from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
-from orip.geometry.essential import TwoPhotos
+from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
-from orip.geometry.relative_pose import relative_poses_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -44,25 +42,25 @@ from orip.interior.additional_parameters import PARAMETER_SETS, additional_with_
 from orip.interior.distortion import (
     corrected_by_coefficients,
     corrected_with_partials,
+    deformation_with_partials,
     distorted_by_coefficients,
     distorted_with_partials,
+    image_polynomial,
     lens_distortion_with_partials,
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
-from orip.interior.image_polynomial import deformation_with_partials, image_polynomial
 from orip.multimodel.camera_model import camera_model
-from orip.prelim.rays.image_rays import image_rays
+from orip.prelim.rays import image_rays
 from orip.prelim.refinement.array_steps import ArraySolver
-from orip.prelim.refinement.camera_corrections import no_corrections
-from orip.prelim.refinement.problem import RefinementProblem, RefinementState
-from orip.prelim.relative.parallax import Pairs, parallaxes_with_partials
+from orip.prelim.refinement.problem import RefinementProblem, RefinementState, no_corrections
+from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.ground import PLAIN
 from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
 from orip.records.observations.station import Station
-from orip.records.project.antenna import ANTENNA_PARAMETERS, Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.definition import ANTENNA_PARAMETERS, Antenna
 from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)

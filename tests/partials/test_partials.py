@@ -90,7 +90,7 @@ PART_OF = {
     "orip.bundle.kinds.distance.DistanceObservations._coordinates": "linearise_with_partials of distances",
     "orip.bundle.kinds.element._centre_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.element._point_values": "linearise_with_partials of elements",
-    "orip.bundle.kinds.observed_rotation.rotation_residuals_with_partials": "linearise_with_partials of elements",
+    "orip.bundle.kinds.station_attitude.rotation_residuals_with_partials": "linearise_with_partials of elements",
     "orip.bundle.kinds.photo_point._chained": "linearise_with_partials of photo points",
     "orip.geometry.perspective.chained": "perspective_with_partials and equidistant_with_partials",
     "orip.geometry.ground_frame.GroundFrame._by_place": "project_with_partials of a frame",
@@ -98,7 +98,7 @@ PART_OF = {
     "orip.interior.image_coordinates._formula": "ImageEquation.explicit_with_partials",
     "orip.prelim.refinement.array_steps.ArraySolver._by_camera": "ArraySolver._rows",
     "orip.prelim.refinement.array_steps.ArraySolver._perspective": "ArraySolver._rows",
-    "orip.prelim.refinement.camera_corrections.by_corrections": "ArraySolver._rows",
+    "orip.prelim.refinement.problem.by_corrections": "ArraySolver._rows",
 }
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
@@ -106,18 +106,18 @@ GIVES_NONE = {
     "orip.bundle.compiled.loop_pattern.cameras_of_loop": "constants of the cameras, with factors of their parameters",
     "orip.bundle.compiled.photo_loop.PhotoPointLoop._observations": "arguments of the compiled loops",
     "orip.bundle.compiled.photo_loop.rows_of_blocks": "rows of the coupling, of linearise_with_partials",
-    "orip.bundle.points.rays_at_places.rays_at_places": "linearise_with_partials of photo points, over their errors",
-    "orip.bundle.points.rays_at_places.RaysAtPlaces._by_reduced": "some of the columns, unchanged",
-    "orip.bundle.points.rays_at_places.RaysAtPlaces.after_least_squares": "places of points",
-    "orip.bundle.points.rays_at_places.RaysAtPlaces.other_place": "places, with rows of linearise_with_partials",
+    "orip.bundle.points.other_places.rays_at_places": "linearise_with_partials of photo points, over their errors",
+    "orip.bundle.points.other_places.RaysAtPlaces._by_reduced": "some of the columns, unchanged",
+    "orip.bundle.points.other_places.RaysAtPlaces.after_least_squares": "places of points",
+    "orip.bundle.points.other_places.RaysAtPlaces.other_place": "places, with rows of linearise_with_partials",
     "orip.bundle.points.rival_places._ControlThere.at": "linearise_with_partials of control points, over their errors",
     "orip.bundle.points.rival_places._adjusted": "places of points",
     "orip.bundle.groups.held_cameras.held_cameras": "sums of linearise_with_partials of photo points",
-    "orip.bundle.results.covariance._joined": "partials of several records, side by side",
-    "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
-    "orip.bundle.results.covariance.covariance": "covariances",
-    "orip.bundle.results.covariance.photo_figures": "project_with_partials and rotation_partials, side by side",
-    "orip.bundle.results.covariance.point_figures": "project_with_partials, unchanged",
+    "orip.bundle.results.figures._joined": "partials of several records, side by side",
+    "orip.bundle.results.figures.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
+    "orip.bundle.results.figures.covariance": "covariances",
+    "orip.bundle.results.figures.photo_figures": "project_with_partials and rotation_partials, side by side",
+    "orip.bundle.results.figures.point_figures": "project_with_partials, unchanged",
     "orip.bundle.points.consensus.PointRays.after": "residuals",
     "orip.bundle.points.consensus.PointRays.least_squares": "moves of points",
     "orip.bundle.points.consensus.PointRays.of_pair": "some of the rows, unchanged",
@@ -130,7 +130,7 @@ GIVES_NONE = {
     "orip.geometry.ground_frame.GroundFrame.cofactors_to_project": "cofactors",
     "orip.geometry.ground_frame.GroundFrame.axes_at": "rotations, from differences of coordinates",
     "orip.geometry.ground_frame.GroundFrame.jacobian_at": "the partials of project_with_partials, at a known place",
-    "orip.geometry.homography.plane_orientations": "orientations",
+    "orip.geometry.plane.plane_orientations": "orientations",
     "orip.geometry.perspective.Perspective.of": "some of the rows, unchanged",
     "orip.interior.additional_parameters.default_error": "an a-priori error",
     "orip.prelim.refinement.array_steps.ArraySolver.moved": "the next state",
@@ -143,7 +143,7 @@ GIVES_NONE = {
     "orip.prelim.resection.adjustment._TrimmedResection.reweighted": "the rows, unchanged, with other weights",
     "orip.prelim.similarity.adjustment._SimilarityProblem._linearised": "some of the rows, divided by their errors",
     "orip.prelim.similarity.adjustment._deviations": "standard deviations",
-    "orip.prelim.similarity.rotation_starts._DampedProblem._linearised": "some of the rows, weighted",
+    "orip.prelim.similarity.start._DampedProblem._linearised": "some of the rows, weighted",
 }
 """Functions that use partials of others and return something else, or pass them on as they are."""
 
@@ -163,7 +163,7 @@ def test_the_inspection_finds_functions_and_methods_of_any_name():
     found = functions_with_partials()
     assert "orip.geometry.perspective.perspective_with_partials" in found
     assert "orip.bundle.kinds.photo_point.PhotoPointObservations.linearise_with_partials" in found
-    assert "orip.prelim.refinement.camera_corrections.by_corrections" in found
+    assert "orip.prelim.refinement.problem.by_corrections" in found
     assert "orip.prelim.resection.adjustment._Resection.linearised" in found
 
 

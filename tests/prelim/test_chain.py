@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 
-from orip.bundle.part_of_block import without_photos
+from orip.bundle.antennas import without_photos
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim import chain
 from orip.prelim.chain import preliminary_values
-from orip.prelim.ground.project_coordinates import orientations_in_project, points_in_project
+from orip.prelim.ground import orientations_in_project, points_in_project
 from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.routes import Route
 from orip.records.block import Block, IndexedPhotoPoints

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from orip.prelim.resection.configuration import hull_area, image_configuration, on_one_line
+from orip.prelim.resection.known_points import hull_area, image_configuration, on_one_line
 
 
 def test_triangle_of_the_manual():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orip.prelim.resection.direct_linear import DirectLinear, direct_linear
 from orip.prelim.resection.resection import Unresected
+from orip.prelim.unknown_cameras import DirectLinear, direct_linear
 
 C, POINT = 35.0, np.array([0.4, -0.7])
 CENTRE = np.array([5012.0, 3007.0, 140.0])

@@ -8,13 +8,9 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
 from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.from_models import FromModels
-from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block
-from orip.prelim.growing.misplaced_photos import residual_lengths
-from orip.prelim.rays.image_rays import ImageRays, image_rays
-from orip.prelim.rays.photo_index import photo_index
-from orip.prelim.relative.orientation import OrientedPair
-from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.growing.growing_block import FromModels, GrowingBlock, empty_growing_block, residual_lengths
+from orip.prelim.rays import ImageRays, image_rays, photo_index
+from orip.prelim.relative.orientation import OrientedPair, common_point_counts
 from orip.prelim.resection.resection import Resected
 from orip.structs import replace
 

@@ -10,12 +10,11 @@ from scipy.stats import chi2
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.adjustment import adjust_similarity, student_limit
-from orip.prelim.similarity.bridging import bridge, bridge_row
+from orip.prelim.similarity.bridging import bridge, bridge_row, connect_strips
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
-from orip.prelim.similarity.strip_connection import connect_strips
 from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 

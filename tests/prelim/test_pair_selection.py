@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.relative.pair_selection import Pair, common_point_counts, pairs_by_common_points
+from orip.prelim.rays import ImageRays
+from orip.prelim.relative.orientation import Pair, common_point_counts, pairs_by_common_points
 
 
 def rays_of(seen: list[set[int]]) -> ImageRays:

@@ -8,14 +8,14 @@ from scipy.spatial.transform import Rotation
 from support.aerial_block_in_crs import AerialBlock, aerial_block
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.prelim.ground.project_coordinates import (
+from orip.prelim.ground import (
     absolute_in_project,
     block_in_project,
     orientations_in_frame,
     orientations_in_project,
     points_in_project,
 )
-from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays import ImageRays
 from orip.records.block import Block
 from orip.records.ground import PlainGround
 from orip.records.observations.control import Control

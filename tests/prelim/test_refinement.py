@@ -8,10 +8,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from support.seen_points import rays_of, rotation_of
 
-from orip.prelim.intersection.intersection import intersect
-from orip.prelim.rays.image_rays import ALL_KNOWN, UnknownCameras
+from orip.prelim.intersection import intersect
+from orip.prelim.rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.refinement import refinement
-from orip.prelim.refinement.camera_corrections import EXPECTED
+from orip.prelim.refinement.problem import EXPECTED
 from orip.prelim.refinement.refinement import refine
 from orip.structs import replace
 

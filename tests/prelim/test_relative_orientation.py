@@ -9,8 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.rays import ImageRays, photo_index
 from orip.prelim.relative.orientation import orient_pair
 from orip.records.results.preliminary import NotOriented, RelativeOrientation
 

@@ -8,9 +8,8 @@ from support.synthetic_block import synthetic_block
 
 from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.growing.growing_block import empty_growing_block
-from orip.prelim.rays.image_rays import ImageRays, image_rays
-from orip.prelim.rays.photo_index import photo_index
-from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.rays import ImageRays, image_rays, photo_index
+from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.routes import by_pairs
 
 

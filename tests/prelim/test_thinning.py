@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.thinning import thinned
+from orip.prelim.rays import ImageRays, thinned
 
 
 def rays_of(photos, points_a_photo, points, seed=1):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
 
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.weak_connections import weak_connections
+from orip.prelim.found_values import weak_connections
+from orip.prelim.rays import ImageRays
+from orip.prelim.relative.orientation import common_point_counts
 
 
 def strip(across: int) -> ImageRays:

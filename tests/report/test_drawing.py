@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart, number, numbers, round_step, ticks
-from orip.report.numbers import decimals_for, fixed, parameter, significant
+from orip.report.table import decimals_of_most, fixed, parameter, significant
 
 
 def curve(chart: str) -> np.ndarray:
@@ -72,7 +72,7 @@ def test_parameters_have_the_digits_that_their_sd_supports(value: float, sd: flo
 
 
 def test_numbers_in_words_and_digits() -> None:
-    assert decimals_for([0.012, 0.03, float("nan"), float("inf"), 0.0]) == 3
+    assert decimals_of_most([0.012, 0.03, float("nan"), float("inf"), 0.0]) == 3
     assert fixed(-0.0001, 2) == "0.00"
     assert [significant(value) for value in (14.3015, 0.00812, 0.0, 4e-7, float("nan"))] == [
         "14.3", "0.00812", "0", "4e-07", "–",

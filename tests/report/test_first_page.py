@@ -10,16 +10,14 @@ from report.sample_pages import Page, sample
 
 from orip.files.project.reader import parse_project
 from orip.records.project.camera import Camera, Sensor
-from orip.records.project.definition import BundleDefinition
+from orip.records.project.definition import BundleDefinition, ReportDetails
 from orip.records.project.photo import Photo
-from orip.records.project.report_details import ReportDetails
 from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.block_plan import footprints, photos_over
+from orip.report.drawings.block_view import Vertical, side_of_block, vertical
 from orip.report.page import report_page
-from orip.report.photo_scale import photo_scale
-from orip.report.photos.residuals import residual_histograms
-from orip.report.report_input import ReportInput
-from orip.report.vertical import Vertical, side_of_block, vertical
+from orip.report.photos import residual_histograms
+from orip.report.report_input import ReportInput, photo_scale
 from orip.structs import replace
 
 PROJECT = '[project]\nname = "A"\n'

@@ -16,10 +16,9 @@ from orip.records.project.camera import Camera, Sensor
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
 from orip.records.results.solution import Solution
-from orip.report.misfits import suspects
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
-from orip.report.trouble import suspect_table, weak_spots
+from orip.report.trouble import suspect_table, suspects, weak_spots
 from orip.structs import replace
 
 

@@ -8,7 +8,7 @@ from report.sample_pages import sample
 from scipy.stats import chi2
 
 from orip.report.drawings.residual_vectors import cell_means
-from orip.report.photo_vectors import PhotoVectors, photo_vectors
+from orip.report.report_input import PhotoVectors, photo_vectors
 
 LOW, HIGH = np.array([-18.0, -12.0]), np.array([18.0, 12.0])
 

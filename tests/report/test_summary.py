@@ -14,11 +14,11 @@ from scipy import stats
 from orip.bundle.groups.words import CODE
 from orip.bundle.results.misfits import suspect_rows, suspicious_w
 from orip.files.listings.errors import error_listing_lines
-from orip.records.results.gate import Gate, GateResult
+from orip.records.results.result_tests import Gate, GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
-from orip.report.misfits import suspects
-from orip.report.numbers import significant
 from orip.report.summary import MOST_LINES, SummaryLine, summary
+from orip.report.table import significant
+from orip.report.trouble import suspects
 from orip.structs import replace
 
 ORDER = ["status", "sigma0", "check", "gate", "misfit", "note", "weak", "points", "photos", "camera"]

@@ -13,10 +13,9 @@ from orip.files.listings.errors import error_listing_lines
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS
 from orip.records.project.definition import BundleDefinition
 from orip.records.results.solution import Blunder, Solution
-from orip.report.misfits import suspects
 from orip.report.report_input import ReportInput
 from orip.report.table import PageTable
-from orip.report.trouble import blunder_table, suspect_table
+from orip.report.trouble import blunder_table, suspect_table, suspects
 from orip.structs import replace
 
 OBSERVATIONS = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays import ImageRays
 
 
 def rotation_of(omega: float, phi: float, kappa: float) -> np.ndarray:

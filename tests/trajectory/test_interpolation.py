@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from orip.geometry.navigation_angles import rotation_from_navigation
-from orip.records.observations.epochs import Epochs, epochs
+from orip.geometry.rotation import rotation_from_navigation
+from orip.records.observations.station import Epochs, epochs
 from orip.trajectory.interpolation import interpolate, moved, time_complaints
 from orip.trajectory.velocities import without_contradicting_velocities
 

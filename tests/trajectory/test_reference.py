@@ -11,8 +11,7 @@ from pyproj import CRS, Proj, Transformer
 from orip.errors import InputError
 from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.lines import decode_lines
-from orip.geometry.navigation_angles import rotation_from_navigation
-from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
 from orip.records.observations.station import Station
 from orip.trajectory.reference import stations_of_reference
 

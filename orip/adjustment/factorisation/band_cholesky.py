@@ -12,11 +12,10 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from orip.adjustment.factorisation.band import Arrangement, BandMatrix
-from orip.adjustment.factorisation.band_panels import add_product
+from orip.adjustment.factorisation.band import Arrangement, BandMatrix, add_product
 from orip.adjustment.factorisation.envelope import EnvelopeFactor, factorise_envelope
+from orip.adjustment.factorisation.lapack import solve_lower
 from orip.adjustment.factorisation.null_space import factor_of_determined
-from orip.adjustment.factorisation.triangular import solve_lower
 from orip.adjustment.factorisation.two_ends import TwoEndedFactor, factorise_from_both_ends
 from orip.arrays import FloatArray
 

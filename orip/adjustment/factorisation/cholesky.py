@@ -1,10 +1,4 @@
-"""Cholesky factorisation that removes the unknowns that nothing determines.
-
-The digits that a diagonal element loses during the elimination are watched, as Poder did; which unknowns are removed
-is decided by movements of small stiffness (`orip.adjustment.factorisation.null_space`), not by single pivots: rounding
-leaves a pivot of its own size, magnified, where nothing should be left. A removed unknown has neither row nor column,
-and its correction is zero.
-"""
+"""Cholesky factorisation that removes undetermined unknowns, and the precision of those bound by exact constraints."""
 
 from __future__ import annotations
 
@@ -12,9 +6,17 @@ import numpy as np
 from msgspec import Struct
 from scipy.linalg import blas, lapack
 
+from orip.adjustment.factorisation.lapack import solve_lower
 from orip.adjustment.factorisation.null_space import factor_of_determined
-from orip.adjustment.factorisation.triangular import solve_lower
-from orip.arrays import BoolArray, FloatArray
+from orip.adjustment.factorisation.symmetric import Symmetric, subtract_product
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.structs import replace
+
+# The digits that a diagonal element loses during the elimination are watched, as Poder did; which unknowns are removed
+# is decided by movements of small stiffness (`orip.adjustment.factorisation.null_space`), not by single pivots:
+# rounding leaves a pivot of its own size, magnified, where nothing should be left. A removed unknown has neither row
+# nor column, and its correction is zero.
+
 
 _BLOCK = 128
 """Rows and columns copied at once: a square of 128 kB."""
@@ -136,3 +138,51 @@ class _Symmetric:
         """Return whether all elements are finite."""
         columns = (self._array[:column, column] for column in range(len(self._array)))
         return bool(np.isfinite(self._diagonal).all()) and all(np.isfinite(column).all() for column in columns)
+
+
+# In the normal equations a constraint c x = 0 has a moderate weight, and its value is met by iterating. Cofactors of
+# the unknowns with constraints C (k, m) that have an infinite weight follow from any finite one: Q - S (C S)^-1 S^T
+# with S = Q C^T, as the weight drops out of the projection onto the null space of C (Koch 1999, section 3.2.7).
+
+
+_DEPENDENT = 1e-10
+"""Constraints whose cofactors have eigenvalues below this part of the largest repeat each other."""
+
+
+class ExactConstraints(Struct, frozen=True):
+    """k constraints of m + 3 b unknowns, of which those of eliminated blocks take no part.
+
+    Parameters
+    ----------
+    spread : array (m + 3 b, k)
+        S = Q C^T, with Q from normal equations in which the constraints have any weight.
+    inverse : array (k, k)
+        Pseudo-inverse of C S.
+    leverage : array (k,)
+        Unknowns that each constraint determines: 1, less where constraints repeat each other.
+    """
+
+    spread: FloatArray
+    inverse: FloatArray
+    leverage: FloatArray
+
+    def bound(self, vectors: FloatArray, right: FloatArray) -> FloatArray:
+        """Return Q_c r (m + 3 b, k), with the constraints met, from the vectors Q r and the right-hand sides r."""
+        return np.asarray(vectors - self.spread @ (self.inverse @ (self.spread.T @ right)))
+
+    def at(self, columns: IntArray) -> ExactConstraints:
+        """Return the constraints for vectors and right-hand sides that have only some of the unknowns (c,)."""
+        return replace(self, spread=self.spread[columns])
+
+    def bind(self, cofactor: Symmetric) -> None:
+        """Subtract what the constraints determine from the cofactors of the reduced unknowns (m, m), in place."""
+        spread = self.spread[: len(cofactor)]
+        subtract_product(cofactor, spread @ self.inverse, spread)
+
+
+def exact_constraints(design: FloatArray, spread: FloatArray) -> ExactConstraints:
+    """Return constraints from their rows C (k, m + 3 b) of the design matrix and S (m + 3 b, k)."""
+    cofactor = design @ spread
+    symmetric = (cofactor + cofactor.T) / 2.0
+    inverse = np.asarray(np.linalg.pinv(symmetric, rcond=_DEPENDENT, hermitian=True), dtype=np.float64)
+    return ExactConstraints(spread, inverse, np.einsum("ij,ji->i", inverse, cofactor))

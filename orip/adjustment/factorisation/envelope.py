@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.linalg import lapack
 
-from orip.adjustment.factorisation.band_lapack import (
+from orip.adjustment.factorisation.lapack import (
     eliminate_panel,
     solve_panel,
     symmetric_times,

@@ -15,9 +15,8 @@ import numpy as np
 from msgspec import Struct
 from scipy.linalg import lapack
 
-from orip.adjustment.factorisation.band_lapack import factorise_in_place, reduce_in_place, substitute_in_place
-from orip.adjustment.factorisation.band_panels import PANEL, columns_of, from_the_end, stored_part
-from orip.adjustment.factorisation.triangular import solve_lower
+from orip.adjustment.factorisation.band import PANEL, columns_of, from_the_end, stored_part
+from orip.adjustment.factorisation.lapack import factorise_in_place, reduce_in_place, solve_lower, substitute_in_place
 from orip.arrays import FloatArray
 from orip.structs import replace
 from orip.threads import at_once, available_threads

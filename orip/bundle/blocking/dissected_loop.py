@@ -11,8 +11,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
-from orip.adjustment.factorisation.dissection.passes import Handles, Passes
-from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, Handles, Passes
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
 from orip.adjustment.factorisation.symmetric import Symmetric

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.dissection.fronts import adjusted_front, triangle_of
+from orip.adjustment.factorisation.dissection.matrix import adjusted_front, triangle_of
 from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.blocking.sub_block import SubBlockSource

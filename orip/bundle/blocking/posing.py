@@ -7,13 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orip.adjustment.factorisation.dissection.passes import InTurn, Passes
-from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected, lowest_nodes
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, InTurn, Passes, dissected, lowest_nodes
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.blocking.dissected_loop import DissectedLoop
 from orip.bundle.blocking.sub_block import HeldSubBlock, Members, SubBlock, SubBlockSource, divided
 from orip.bundle.compiled.loop_pattern import blocks_of_points
-from orip.bundle.compiled.touched_groups import groups_of_unknowns, touched_groups
+from orip.bundle.compiled.streamed_rows import groups_of_unknowns, touched_groups
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, freed, posed
 from orip.bundle.unknowns import CONSTANT, Unknowns

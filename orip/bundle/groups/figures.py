@@ -15,7 +15,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.special import bdtrc
 
-from orip.adjustment.group_tests import (
+from orip.adjustment.outlier_tests import (
     against_others,
     chi_square_tail,
     generalised_square_tail,
@@ -25,13 +25,18 @@ from orip.adjustment.group_tests import (
 )
 from orip.adjustment.residual_sums import ResidualSums, residual_sums, with_checks_used
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
-from orip.bundle.groups.ground_rows import rows_under_test
 from orip.bundle.groups.held_cameras import HeldCameras, held_cameras
-from orip.bundle.groups.observation_groups import ObservationGroup
-from orip.bundle.groups.strips import STATIONS, AllStations, Strip, strip_errors
+from orip.bundle.groups.observation_groups import (
+    STATIONS,
+    AllStations,
+    ObservationGroup,
+    Strip,
+    rows_under_test,
+    strip_errors,
+)
 from orip.bundle.solve import SolvedBlock
 from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.results.group_test import GroupTest
+from orip.records.results.result_tests import GroupTest
 from orip.structs import replace
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from orip.bundle.groups.figures import GroundGroups
 from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
-from orip.records.results.group_test import CommonExtent
+from orip.records.results.result_tests import CommonExtent
 
 
 class Cause(NamedTuple):

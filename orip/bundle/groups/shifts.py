@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri_exp
 
-from orip.adjustment.group_tests import chi_square_tail, two_sided_normal
+from orip.adjustment.outlier_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
 from orip.bundle.groups.hypotheses import Cause, Together, hypotheses
-from orip.records.results.group_test import CommonError
+from orip.records.results.result_tests import CommonError
 from orip.structs import replace
 
 _ALIKE = 6.0

@@ -28,7 +28,7 @@ from orip.bundle.groups.hypotheses import Cause, number_of_further
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
-from orip.records.results.group_test import CommonCause, Contradiction, ContradictionKind, GroupTest
+from orip.records.results.result_tests import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
 FAMILY = 0.015

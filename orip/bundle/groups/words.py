@@ -17,7 +17,7 @@ from orip.records.observations.observation_kinds import (
     STATION,
     ObservationKind,
 )
-from orip.records.results.group_test import CommonCause, Contradiction, GroupTest
+from orip.records.results.result_tests import CommonCause, Contradiction, GroupTest
 from orip.records.results.solution import Diagnosis
 from orip.wording import joined
 

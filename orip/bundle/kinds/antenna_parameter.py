@@ -15,7 +15,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
 from orip.records.observations.observation_kinds import ANTENNA_PARAMETER
-from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
+from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
-from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import (
+    KindEquations,
+    Linearisation,
+    Observations,
+    Rows,
+    columns_of_coordinates,
+    coordinates_with_partials,
+)
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block

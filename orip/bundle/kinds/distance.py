@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
-from orip.bundle.kinds.exact_constraints import (
+from orip.bundle.kinds.observation import (
     ExactObservations,
+    KindEquations,
+    Linearisation,
+    Observations,
+    Rows,
     error_of_constant_lengths,
     photo_error_on_ground,
 )
-from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.errors import InputError

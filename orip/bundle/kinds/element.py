@@ -9,10 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_angles, error_of_constant_lengths
-from orip.bundle.kinds.ground_coordinate import columns_of_coordinates, coordinates_with_partials
-from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
-from orip.bundle.kinds.observed_rotation import require_separable_angles, rotation_residuals_with_partials
+from orip.bundle.kinds.observation import (
+    ExactObservations,
+    KindEquations,
+    Linearisation,
+    Observations,
+    Rows,
+    columns_of_coordinates,
+    coordinates_with_partials,
+    error_of_constant_angles,
+    error_of_constant_lengths,
+)
+from orip.bundle.kinds.station_attitude import require_separable_angles, rotation_residuals_with_partials
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.records.block import Block

@@ -1,4 +1,4 @@
-"""The interface of a kind of observation: its rows and their linearisation."""
+"""The interface of a kind of observation: its rows and their linearisation; ground coordinates and exact equations."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.state import BlockState
-from orip.bundle.unknowns import Unknowns
+from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
+from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import ObservationKind
 
 
@@ -127,3 +128,77 @@ class KindEquations(Struct, frozen=True):
     observe: Callable[[Block, Unknowns], Observations]
     tied_points: Callable[[Block], frozenset[int]] = _ties_no_points
     refuse: Callable[[Block], None] = _refuses_nothing
+
+
+class Coordinates(NamedTuple):
+    """Coordinates (n,) of the project, their partials (n, 3) by local ones, and which of them exist (n,)."""
+
+    value: FloatArray
+    by_local: FloatArray
+    known: NDArray[np.bool_]
+
+
+def coordinates_with_partials(ground: GroundSystem, local: FloatArray, axis: IntArray) -> Coordinates:
+    """Return one coordinate of each of n positions.
+
+    Parameters
+    ----------
+    ground : GroundSystem
+    local : array (n, 3)
+        The positions in the local frame.
+    axis : array (n,) of int
+        0, 1, 2: X, Y, Z.
+
+    Returns
+    -------
+    Coordinates
+        Zero where the project's system does not reach.
+    """
+    found = ground.project_with_partials(local)
+    rows = np.arange(len(axis))
+    value, by_local = found.value[rows, axis], found.by_local[rows, axis]
+    known = np.isfinite(value) & np.isfinite(by_local).all(axis=1)
+    return Coordinates(np.where(known, value, 0.0), np.where(known[:, None], by_local, 0.0), known)
+
+
+def columns_of_coordinates(ground: GroundSystem, columns: IntArray, axis: IntArray) -> IntArray:
+    """Return the unknowns (n, 3) that coordinates depend on, out of those (n, 3) of their positions."""
+    return np.where(ground.dependence[axis], columns, CONSTANT)
+
+
+# A weight large enough to enforce them would cost the normal equations their digits. Such an equation has a moderate
+# error instead, and after each iteration its value is shifted by the remaining misclosure (an augmented Lagrangian).
+
+
+_PART_OF_PHOTO_ERROR = 0.01
+"""Error that the equation of a constant has, as a part of what a photo error changes of it."""
+
+
+class ExactObservations(Observations, frozen=True):
+    """Exact constraints: the first base class, before the kind of observation whose equations they have."""
+
+    exact: ClassVar[bool] = True
+
+    def remembered(self, state: BlockState) -> FloatArray:
+        """Return the shifts of the equations, increased by the remaining misclosures."""
+        missing = self.linearise_with_partials(state).residual
+        return np.asarray(state.memory.get(self.rows.kind.name, 0.0) + missing)
+
+
+def photo_error_on_ground(block: Block) -> float:
+    """Return the size of a photo error on the ground at the mean distance of the points from their photos."""
+    points = block.photo_points
+    distance = np.linalg.norm(block.point_start[points.point] - block.photo_orientation[points.photo, :3], axis=1)
+    principal = np.array([camera.parameters[0] for camera in block.cameras])[block.photo_camera[points.photo]]
+    return float(np.mean(points.error) * np.mean(distance / principal))
+
+
+def error_of_constant_lengths(block: Block) -> float:
+    """Return 1 % of the size of a photo error on the ground."""
+    return _PART_OF_PHOTO_ERROR * photo_error_on_ground(block)
+
+
+def error_of_constant_angles(block: Block) -> float:
+    """Return 1 % of the angle (radians) of a photo error in the mean camera."""
+    principal = np.array([camera.parameters[0] for camera in block.cameras])[block.photo_camera]
+    return float(_PART_OF_PHOTO_ERROR * np.mean(block.photo_points.error) / np.mean(principal))

@@ -10,8 +10,14 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import StationPlaces, rows_or, station_places
-from orip.bundle.kinds.exact_constraints import ExactObservations, error_of_constant_lengths
-from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
+from orip.bundle.kinds.observation import (
+    ExactObservations,
+    KindEquations,
+    Linearisation,
+    Observations,
+    Rows,
+    error_of_constant_lengths,
+)
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.geometry.rotation import cross_matrix
@@ -19,7 +25,7 @@ from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
 from orip.records.observations.station import Station
-from orip.records.project.antenna import LEVER_ARM
+from orip.records.project.definition import LEVER_ARM
 
 _ARM, _OFFSET = slice(0, 3), 6
 

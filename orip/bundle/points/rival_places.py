@@ -19,12 +19,12 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.points.moves import points_by_photos_and_control
-from orip.bundle.points.rays_at_places import RaysAtPlaces, rays_at_places, rows_of_rays, weight_factors
+from orip.bundle.points.consensus import points_by_photos_and_control
+from orip.bundle.points.other_places import RaysAtPlaces, rays_at_places, rows_of_rays, weight_factors
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
-from orip.geometry.ray_consensus import PhotoRays, rival_positions
-from orip.interior.image_vectors import image_vectors
+from orip.geometry.rays import PhotoRays, rival_positions
+from orip.interior.image_coordinates import image_vectors
 from orip.records.block import Block
 from orip.structs import replace
 

@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.covariance import cofactors_times
+from orip.bundle.results.figures import cofactors_times
 from orip.bundle.results.ground import LEVEL_PHI
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
-from orip.geometry.relative_pose import RelativePoses, relative_poses_with_partials
+from orip.geometry.essential import RelativePoses, relative_poses_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.block import Block
 from orip.records.names import record_key

@@ -18,17 +18,16 @@ from orip.bundle.results.ground import (
     deviations,
     photo_correlations,
 )
-from orip.bundle.results.lost_rays import lost_control, lost_photos
+from orip.bundle.results.misfits import lost_control, lost_photos
 from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.coded_names import CodedNames, joined, repeated
-from orip.records.names import places_of_names, record_key
+from orip.records.names import CodedNames, joined, places_of_names, record_key, repeated
 from orip.records.observations.control import PointKind
-from orip.records.observations.repeated import photos_per_point
-from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
+from orip.records.observations.measurement import photos_per_point
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.records.results.solution import (
     AdditionalEstimate,
     AntennaEstimate,
@@ -41,9 +40,9 @@ from orip.records.results.solution import (
     Residuals,
     SingularUnknown,
     Solution,
+    Status,
     ZeroDirection,
 )
-from orip.records.results.status import Status
 from orip.set_aside import set_aside
 from orip.threads import by_threads
 from orip.units import DEGREES_PER_RADIAN

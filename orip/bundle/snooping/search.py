@@ -1,7 +1,7 @@
 """The search: test all hypotheses, leave out the likeliest, adjust again; in the end take back what fits after all.
 
 Within one linearisation many blunders are left out one after the other, each judged without those before
-(`orip.adjustment.joint_effects`); an adjustment follows, which starts at the last solution. When nothing fails any
+(`orip.adjustment.residual_sums`); an adjustment follows, which starts at the last solution. When nothing fails any
 more, photo points left out are compared with the other rays of their points once more: other blunders disturbed the
 choice while they were in use.
 """
@@ -15,16 +15,23 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
-from orip.adjustment.joint_effects import JointEffects, factored_rows, joint_effects
 from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
+from orip.adjustment.residual_sums import JointEffects, factored_rows, joint_effects
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.snooping.findings import Finding, blunders_of
-from orip.bundle.snooping.freed_unknowns import NOTHING_FREED, FreedUnknowns, freed_unknowns
-from orip.bundle.snooping.hypotheses import hypotheses_of
-from orip.bundle.snooping.screening import Screening
-from orip.bundle.snooping.selection import Candidates, Choice, judged_again, to_leave_out, to_take_back
+from orip.bundle.snooping.hypotheses import Screening, hypotheses_of
+from orip.bundle.snooping.selection import (
+    NOTHING_FREED,
+    Candidates,
+    Choice,
+    FreedUnknowns,
+    freed_unknowns,
+    judged_again,
+    to_leave_out,
+    to_take_back,
+)
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.bundle.state import BlockState
 from orip.progress import stage

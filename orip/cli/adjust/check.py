@@ -10,7 +10,7 @@ import typer
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import warning_rows
 from orip.errors import GateError, NotSolvableError
-from orip.records.results.gate import GATE_FIGURES, GateResult
+from orip.records.results.result_tests import GATE_FIGURES, GateResult
 
 Expressions = Annotated[
     list[str] | None, typer.Argument(metavar="EXPR", help="'name operator number'; those of orip.toml are checked too.")

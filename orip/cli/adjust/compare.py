@@ -13,7 +13,7 @@ from orip.cli.terminal import Terminal
 from orip.errors import GateError
 
 if TYPE_CHECKING:
-    from orip.solving.differences import Comparison, Difference
+    from orip.solving.comparison import Comparison, Difference
     from orip.workflow.adjust.compare import CompareOutcome
 
 A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, or a project folder with one.")]
@@ -58,7 +58,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip compare before/result.json . --tolerance 0.001
         """
-        from orip.solving.differences import Tolerance
+        from orip.solving.comparison import Tolerance
         from orip.workflow.adjust.compare import compare
 
         outcome = compare(invocation.folder, a, b, Tolerance(tolerance, relative, sigma))

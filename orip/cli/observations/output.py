@@ -11,7 +11,7 @@ from msgspec.structs import asdict
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
-    from orip.records.results.listed_observation import ListedObservation, PointToMeasure, StereoPartner
+    from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
     from orip.workflow.observations.edits import AddedEdits
     from orip.workflow.observations.listed import ObservationList
     from orip.workflow.observations.rays import LeftAlone

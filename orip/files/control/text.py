@@ -14,14 +14,11 @@ from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.records.names import look_alikes, record_key
-from orip.records.observations.a_priori_error import (
+from orip.records.observations.control import (
     ANGLE_ERRORS,
     COEFFICIENT_ERRORS,
     GROUND_ERRORS,
     PHOTO_ERRORS,
-    ErrorLimits,
-)
-from orip.records.observations.control import (
     Control,
     ControlDirection,
     ControlDistance,
@@ -29,6 +26,7 @@ from orip.records.observations.control import (
     ControlPoint,
     DistanceCode,
     ElementGroup,
+    ErrorLimits,
 )
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS

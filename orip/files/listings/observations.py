@@ -9,8 +9,8 @@ import numpy as np
 
 from orip.files.text.table import Column, table_lines, xy_columns
 from orip.number_text import fixed
-from orip.records.observations.repeated import measurement_name
-from orip.records.results.listed_observation import ListedObservation, PointToMeasure, StereoPartner
+from orip.records.observations.measurement import measurement_name
+from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
 
 
 def observation_lines(rows: Sequence[ListedObservation]) -> list[str]:

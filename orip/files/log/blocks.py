@@ -12,7 +12,7 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.files.text.field_reader import FieldReader
-from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
+from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.observations.measurement import LogRecord, MeasuredMarks
 
 BlockKind = Literal["TEMPLATE", "PHOTO", "POINTS", "FIDUCIALS", "TICKS"]

@@ -10,7 +10,7 @@ from orip.files.project.source import ProjectSource
 from orip.files.project.toml_faults import Fault
 from orip.files.text.shown import shown_token
 from orip.records.names import record_key
-from orip.records.project.antenna import ANTENNA_PARAMETERS
+from orip.records.project.definition import ANTENNA_PARAMETERS
 
 _EVERY = ""
 """Key of an antenna for all cameras."""

@@ -21,8 +21,7 @@ from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable
 from orip.files.text.toml import NestingError, toml_document
 from orip.records.names import record_key
-from orip.records.project.definition import ProjectDefinition
-from orip.records.project.stages import plan_stages
+from orip.records.project.definition import ProjectDefinition, plan_stages
 
 
 class RecordLines(Mapping[tuple[str, str], int]):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable
 from orip.records.names import record_key
+from orip.records.project.camera import with_shared_lenses
 from orip.records.project.definition import BundleDefinition, ProjectDefinition, StereoModel
 from orip.records.project.photo import Template
-from orip.records.project.shared_lens import with_shared_lenses
 from orip.structs import replace
 
 

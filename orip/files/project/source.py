@@ -13,11 +13,9 @@ from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, table_
 from orip.files.project.toml_faults import Fault, table_faults, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.project.antenna import Antenna
 from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, StereoModel
+from orip.records.project.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
 from orip.records.project.photo import Photo, Template, Temtick
-from orip.records.project.report_details import ReportDetails
 
 Record = TypeVar("Record")
 

@@ -15,7 +15,7 @@ from msgspec import Struct, StructMeta
 
 from orip.files.project.forms import Choice, Form, Key, ListOf, Number, OwnForm, Table, Text
 from orip.files.text.decimal_numbers import parse_photo_error
-from orip.records.observations.a_priori_error import PHOTO_ERRORS, PIXEL_ERRORS
+from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.project.definition import Precision
 from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
 

@@ -9,10 +9,8 @@ from msgspec.structs import asdict
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.toml_text import toml_table
-from orip.records.project.camera import Camera, without_radial_distortion
-from orip.records.project.definition import ProjectDefinition
-from orip.records.project.report_details import ReportDetails
-from orip.records.project.shared_lens import without_lens
+from orip.records.project.camera import Camera, without_lens, without_radial_distortion
+from orip.records.project.definition import ProjectDefinition, ReportDetails
 
 SINGLE_SECTIONS = ("project", "check", "report")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")

@@ -13,7 +13,7 @@ from orip.files.result.json_points import SINGULAR
 from orip.files.text.lines import sound_text
 from orip.files.text.shown import printable, shown_token
 from orip.records.names import record_key
-from orip.records.results.figure import Figure, FigureGroup, Quantity, ResultFigures
+from orip.records.results.result_tests import Figure, FigureGroup, Quantity, ResultFigures
 
 _STATISTICS = ("sigma0", "sigma0_all", "redundancy", "redundancy_used", "observations", "unknowns")
 _COUNTS = ("down_weighted", "singular", "blunders")

@@ -10,7 +10,7 @@ from orip.errors import Complaint
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import TextLine, field_name_fault
 from orip.files.text.shown import printable, shown_token
-from orip.records.observations.a_priori_error import ErrorLimits
+from orip.records.observations.control import ErrorLimits
 
 Word = TypeVar("Word", bound=str)
 

@@ -7,7 +7,7 @@ import re
 from typing import cast
 
 from orip.files.text.shown import shown_token
-from orip.records.results.gate import OPERATORS, Gate, GateOperator
+from orip.records.results.result_tests import OPERATORS, Gate, GateOperator
 
 GATE_FORM = "name operator number, for example 'sigma0<=1.5'; operators are < <= > >= == !="
 """How a gate is written, for messages."""

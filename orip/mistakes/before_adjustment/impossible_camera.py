@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.mounting import frame_corners
 from orip.mistakes.length_units import millimetres_per_unit
 from orip.records.project.camera import Camera, Sensor
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orip.bundle.part_of_block import without_photos
+from orip.bundle.antennas import without_photos
 from orip.mistakes.hypotheses.free_network import free_network
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block

@@ -22,7 +22,7 @@ from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.mistakes.hypotheses.released_control import released_control
 from orip.mistakes.misread_control import misread_control
 from orip.mistakes.readjuster import Readjuster
-from orip.prelim.ground.ground_control import known_centres, known_points
+from orip.prelim.ground import known_centres, known_points
 from orip.prelim.similarity.control_reading import other_reading
 from orip.records.block import Block
 from orip.records.ground import PlainGround

@@ -12,7 +12,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.image_vectors import image_vectors
+from orip.interior.image_coordinates import image_vectors
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.structs import replace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.bundle.part_of_block import without_unmeasured_points
+from orip.bundle.antennas import without_unmeasured_points
 from orip.records.block import Block
 from orip.structs import replace
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orip.bundle.part_of_block import without_photo
+from orip.bundle.antennas import without_photo
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation
 from orip.mistakes.fit_comparison import fit_of_adjustment, is_good

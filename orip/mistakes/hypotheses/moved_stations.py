@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from orip.bundle.station_orientations import with_orientations_of_stations
+from orip.bundle.antennas import with_orientations_of_stations
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.names import record_key

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from orip.bundle.part_of_block import without_unused_cameras
+from orip.bundle.antennas import without_unused_cameras
 from orip.mistakes.hypotheses.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.project.camera import Camera

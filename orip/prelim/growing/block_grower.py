@@ -15,20 +15,22 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.growing.from_models import FromModels
-from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of
-from orip.prelim.growing.misplaced_photos import MISFIT, misplaced_photos, residual_lengths
-from orip.prelim.intersection.intersection import intersect
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import PhotoIndex
+from orip.prelim.growing.growing_block import (
+    MISFIT,
+    FromModels,
+    GrowingBlock,
+    growing_block_of,
+    misplaced_photos,
+    residual_lengths,
+)
+from orip.prelim.intersection import intersect
+from orip.prelim.rays import ImageRays, PhotoIndex
 from orip.prelim.refinement.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import OrientedPair, orient_two_photos
-from orip.prelim.resection.chance import fits_beyond_chance
-from orip.prelim.resection.configuration import image_configuration
-from orip.prelim.resection.known_points import FEW_BLUNDERS
+from orip.prelim.resection.known_points import FEW_BLUNDERS, fits_beyond_chance, image_configuration
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.joining import Joined, join
-from orip.prelim.similarity.rotation_starts import upright
+from orip.prelim.similarity.start import upright
 from orip.progress import stage
 from orip.records.results.preliminary import NotOriented
 from orip.structs import replace

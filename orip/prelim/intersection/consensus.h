@@ -1,4 +1,4 @@
-/* Positions of points where most of their rays meet, one point after the other, as in orip/geometry/ray_consensus.py. */
+/* Positions of points where most of their rays meet, one point after the other, as in orip/geometry/rays.py. */
 
 #include "../compiled/linear.h"
 
@@ -10,7 +10,7 @@ typedef struct {
     int64_t count, points;
 } AllRays;
 
-/* As in orip/geometry/ray_consensus.py: rays of a point that are compared, and where two rays do not meet. */
+/* As in orip/geometry/rays.py: rays of a point that are compared, and where two rays do not meet. */
 enum { FEWEST_COMPARED = 3, MOST_COMPARED = 10 };
 #define PARALLEL 5e-11
 

@@ -1,10 +1,4 @@
-"""Parts of a block placed on the ground together, though no two of them share enough points to be joined alone.
-
-Each part (a strip, a model, a photo) is levelled by the attitude of its photos. The other unknowns of its similarity
-are linear: scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without initial
-values, from control and common points, as in the block adjustment of levelled models (Anblock: van den Hout 1966).
-Levels are improved with the heights. The common points are eliminated: each is the mean of where parts have it.
-"""
+"""Parts of a block placed on the ground together, though no two of them share enough points to be joined."""
 
 from __future__ import annotations
 
@@ -14,9 +8,20 @@ import numpy as np
 
 from orip.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarities
+from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.growing.growing_block import GrowingBlock, growing_block_of, residual_lengths
 from orip.prelim.joint.ties import Ties, Values, moved
-from orip.prelim.medians import median
+from orip.prelim.refinement.refinement import ROUGH
+from orip.prelim.sampling import median
 from orip.records.results.preliminary import PartialBlock
+from orip.structs import replace
+
+# Each part (a strip, a model, a photo) is levelled by the attitude of its photos. The other unknowns of its similarity
+# are linear: scale, azimuth and shift in plan, then the height. All parts are therefore adjusted together without
+# initial values, from control and common points, as in the block adjustment of levelled models (Anblock: van den Hout
+# 1966). Levels are improved with the heights. The common points are eliminated: each is the mean of where parts have
+# it.
+
 
 _AGREEING = 0.5
 """Length of the mean of the photos' axes below which they do not say where up is."""
@@ -262,3 +267,37 @@ def _solution(rows: IntArray, columns: IntArray, values: Values, right: Values) 
     regular = _REGULAR * usual * eye_array(right.size, format="csc")
     solution[:] = splu((sparse + regular).tocsc()).solve(right.ravel()).reshape(right.shape)
     return solution
+
+
+_NARROWER = 10.0
+"""Ratio of the limits for blunders from one adjustment to the next."""
+
+
+def annealed(held: BlockGrower, placed: PartialBlock, wanted: BoolArray, how: str) -> GrowingBlock:
+    """Return a block that is roughly placed after adjustments in which no ray is a blunder at first.
+
+    Parts fit in themselves, so that the few points that tie them would lose their weight while the parts are still out
+    of place (graduated non-convexity, Blake and Zisserman 1987). The adjustment by the a-priori errors comes when the
+    block grows.
+
+    Parameters
+    ----------
+    held : BlockGrower
+        With the control that holds the block.
+    placed : PartialBlock
+        On the ground.
+    wanted : array (number of photos,) of bool
+        Other photos have helped to place the block, and are left out now.
+    how : str
+        How the photos were oriented.
+    """
+    start = growing_block_of(held.rays, placed, how)
+    start = replace(start, coordinates=np.where(held.held_points[:, None], held.held, start.coordinates))
+    start = start.without_photos(~wanted)
+    lengths = residual_lengths(held.seen(start), start)
+    factor = float(lengths[np.isfinite(lengths)].max(initial=0.0))
+    while factor > 1.0:
+        rays = replace(held.rays, error=factor * held.rays.error)
+        start = replace(held, rays=rays).refined(start, ROUGH)
+        factor /= _NARROWER
+    return start

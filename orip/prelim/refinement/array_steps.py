@@ -1,4 +1,4 @@
-"""Steps of a refinement with arrays, where the compiled loop (`robust_iterations.h`) was not built."""
+"""Steps of a refinement with arrays, where the compiled loop was not built: points eliminated, photos in a band."""
 
 from __future__ import annotations
 
@@ -7,18 +7,148 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
 from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
-from orip.prelim.medians import median
-from orip.prelim.rays.image_rays import CAMERA_CORRECTIONS
-from orip.prelim.refinement.band_order import band_order
-from orip.prelim.refinement.camera_corrections import by_corrections, camera_of, corrected
-from orip.prelim.refinement.problem import SQUARE_BEHIND, RayResiduals, RefinementProblem, RefinementState
-from orip.prelim.refinement.reduced_equations import ReducedEquations
+from orip.prelim.rays import CAMERA_CORRECTIONS
+from orip.prelim.refinement.problem import (
+    EXPECTED,
+    SQUARE_BEHIND,
+    RayResiduals,
+    RefinementProblem,
+    RefinementState,
+    by_corrections,
+    camera_of,
+    corrected,
+)
+from orip.prelim.sampling import median
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+
+class ReducedEquations(NamedTuple):
+    """n equations of photos and c of cameras.
+
+    Attributes
+    ----------
+    band : array (width, n)
+        Diagonals of the lower half of the photos' matrix; overwritten if its columns are contiguous.
+    right : array (n,)
+    border : array (n, c)
+    own : array (c, c)
+        Of the cameras.
+    own_right : array (c,)
+    """
+
+    band: FloatArray
+    right: FloatArray
+    border: FloatArray
+    own: FloatArray
+    own_right: FloatArray
+
+    def solved(self, corrections: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the solution for photos (n,) and cameras (c,).
+
+        Parameters
+        ----------
+        corrections : array (cameras, 4)
+            Of the cameras so far; they are observed to be 0 with the standard deviations `EXPECTED`.
+
+        Raises
+        ------
+        LinAlgError
+            If the photos' matrix is not positive definite.
+        """
+        if not corrections.size:
+            return _solved(self.band, self.right), np.empty(0)
+        solved = _solved(self.band, np.asfortranarray(np.column_stack([self.right, self.border])))
+        weights = np.broadcast_to(EXPECTED**-2.0, corrections.shape).ravel()
+        own = self.own + np.diag(weights) - self.border.T @ solved[:, 1:]
+        right = self.own_right + weights * corrections.ravel() - self.border.T @ solved[:, 0]
+        of_cameras = np.asarray(np.linalg.solve(own, right), dtype=np.float64)
+        return solved[:, 0] - solved[:, 1:] @ of_cameras, of_cameras
+
+
+def _solved(band: FloatArray, right: FloatArray) -> FloatArray:
+    from scipy.linalg.lapack import dpbsv
+
+    if not len(right):
+        return right
+    _, solution, leading = dpbsv(band, right, lower=True, overwrite_ab=True)
+    if leading:
+        message = f"the normal equations are not positive definite at row {leading}"
+        raise np.linalg.LinAlgError(message)
+    return np.asarray(solution)
+
+
+class BandOrder(NamedTuple):
+    """The order of the photos.
+
+    Attributes
+    ----------
+    order : array (f,)
+        Free photos.
+    place : array (p,)
+        Place of each photo in this order; -1 for a photo that is held.
+    places : int
+        Largest number of places, both counted, from the first to the last photo of a free point.
+    """
+
+    order: IntArray
+    place: IntArray
+    places: int
+
+
+def band_order(problem: RefinementProblem) -> BandOrder:
+    """Order the free photos of a refinement by the reverse method of Cuthill and McKee (1969; George 1971).
+
+    Photos that see a common free point are neighbours. Each part of the block begins with a photo that has fewest
+    neighbours; neighbours follow by their numbers of neighbours, equal ones by their indices.
+    """
+    neighbours = _neighbours(problem)
+    waiting = sorted(np.flatnonzero(problem.photo_free).tolist(), key=lambda photo: len(neighbours[photo]))
+    found: dict[int, None] = {}
+    for first in waiting:
+        level = [first] if first not in found else []
+        while level:
+            found.update(dict.fromkeys(level))
+            following: dict[int, None] = {}
+            for photo in level:
+                unfound = (other for other in neighbours[photo] if other not in found)
+                following.update(dict.fromkeys(sorted(unfound, key=lambda other: (len(neighbours[other]), other))))
+            level = list(following)
+    order = np.array([*found][::-1], dtype=np.int64)
+    place = np.full(len(problem.photo_free), -1)
+    place[order] = np.arange(len(order))
+    return BandOrder(order, place, _places(problem, place))
+
+
+def _neighbours(problem: RefinementProblem) -> list[list[int]]:
+    """Return for each photo the other free ones that see a free point that it sees, ascending; none of a held photo."""
+    from scipy.sparse import csr_array
+
+    rays = problem.rays
+    taking = problem.photo_free[rays.photo] & problem.point_free[rays.point]
+    shape = (len(problem.point_free), len(problem.photo_free))
+    sees = csr_array((np.ones(np.count_nonzero(taking)), (rays.point[taking], rays.photo[taking])), shape=shape)
+    photo, other = (sees.T @ sees).nonzero()
+    pairs = sorted(zip(photo.tolist(), other.tolist(), strict=True))
+    neighbours: list[list[int]] = [[] for _ in problem.photo_free]
+    for one, two in pairs:
+        if one != two:
+            neighbours[one].append(two)
+    return neighbours
+
+
+def _places(problem: RefinementProblem, place: IntArray) -> int:
+    of_rays, point = place[problem.rays.photo], problem.rays.point
+    taking = (of_rays >= 0) & problem.point_free[point]
+    first = np.full(len(problem.point_free), len(place) + 1)
+    last = np.full(len(first), -1)
+    np.minimum.at(first, point[taking], of_rays[taking])
+    np.maximum.at(last, point[taking], of_rays[taking])
+    return int((last - first).max(initial=-1, where=last >= 0)) + 1
 
 
 _DENSE = 0.1

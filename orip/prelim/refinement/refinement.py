@@ -1,7 +1,7 @@
 """Refinement of a block's preliminary values: all photos and points in one least squares adjustment, weights robust.
 
 It removes the drift that accumulates as photo after photo is added. Of unknown interior orientations only as much is
-estimated as is needed to keep them from distorting the block (see `orip.prelim.refinement.camera_corrections`).
+estimated as is needed to keep them from distorting the block (see `orip.prelim.refinement.problem`).
 Standard deviations are left to the bundle adjustment.
 """
 
@@ -16,10 +16,16 @@ from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.least_squares import LARGEST_TURN, E, PrelimProblem, least_squares
-from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays import ImageRays
 from orip.prelim.refinement.array_steps import ArraySolver
-from orip.prelim.refinement.camera_corrections import EXPECTED, no_corrections
-from orip.prelim.refinement.problem import MEDIAN_LENGTH, RayResiduals, RefinementProblem, RefinementState
+from orip.prelim.refinement.problem import (
+    EXPECTED,
+    MEDIAN_LENGTH,
+    RayResiduals,
+    RefinementProblem,
+    RefinementState,
+    no_corrections,
+)
 
 ROUGH = 1e-2
 """Relative gain in the weighted square sum below which a system is good enough to grow further."""

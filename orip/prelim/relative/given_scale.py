@@ -14,8 +14,14 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.essential import TwoPhotos, essential_matrices
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import DANISH, MAX_STANDARD_RESIDUAL, adjust_relative
-from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
+from orip.prelim.relative.adjustment import (
+    DANISH,
+    MAX_STANDARD_RESIDUAL,
+    Pairs,
+    adjust_relative,
+    meeting_points,
+    parallaxes,
+)
 from orip.prelim.relative.solution import CHOICE, PairSolution, intersection_deviations, left_by_rotation, usable_points
 from orip.prelim.relative.start import (
     FIT_LIMIT,

@@ -1,21 +1,147 @@
-"""Relative orientation of a model without initial values: two photos, the points common to them, and nothing else."""
+"""Relative orientation of a model without initial values: pairs that share points, the orientation, remarks on it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import PhotoIndex, photo_index
-from orip.prelim.relative.parallax import Pairs, parallaxes
-from orip.prelim.relative.remarks import remarks_on
+from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.rays import ImageRays, PhotoIndex, photo_index
+from orip.prelim.relative.adjustment import Pairs, parallaxes
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
-from orip.wording import counted
+from orip.wording import counted, first_names
+
+
+class Pair(NamedTuple):
+    """Two photos, and how many points they share; `left` is the smaller index."""
+
+    left: int
+    right: int
+    common: int
+
+
+def common_point_counts(rays: ImageRays) -> IntArray:
+    """Return the number of points that each two photos share, array (photos, photos); the diagonal has their own."""
+    return (_compiled_counts if is_compiled() else _counts)(rays)
+
+
+def _compiled_counts(rays: ImageRays) -> IntArray:
+    """Do what `_counts` does in the compiled loop."""
+    counts = np.empty((len(rays.photos), len(rays.photos)), dtype=np.int64)
+    kernels.common_points(np.ascontiguousarray(rays.photo[rays.order_by_point()]), rays.point_starts(), counts)
+    return counts
+
+
+def _counts(rays: ImageRays) -> IntArray:
+    from scipy.sparse import csr_array
+
+    shape = (len(rays.photos), len(rays.points))
+    seen = csr_array((np.ones(len(rays.photo), dtype=np.int64), (rays.photo, rays.point)), shape=shape)
+    return np.asarray((seen @ seen.T).todense(), dtype=np.int64)
+
+
+def pairs_by_common_points(counts: IntArray, fewest: int) -> list[Pair]:
+    """Return the pairs with at least `fewest` points in common, those with most first."""
+    left, right = np.nonzero(np.triu(counts >= fewest, k=1))
+    common = counts[left, right]
+    order = np.lexsort((right, left, -common))
+    return [Pair(int(left[k]), int(right[k]), int(common[k])) for k in order]
+
+
+_NAMED = 6
+"""Number of points that are named one by one."""
+
+_MANY = 0.2
+
+_LARGE_SEUW = 3.0
+
+_TO_THE_LEFT = -0.5
+"""The base lies within 60 degrees of the negative x axis."""
+
+
+def remarks_on(
+    points: Sequence[str],
+    parallax: FloatArray,
+    deviation: FloatArray,
+    weight_factor: FloatArray,
+    in_front: NDArray[np.bool_],
+    *,
+    base: FloatArray,
+    seuw: float,
+    ambiguous: bool,
+    exchanged: Sequence[tuple[int, int]] = (),
+) -> tuple[str, ...]:
+    """Return remarks on a relative orientation.
+
+    Parameters
+    ----------
+    points : sequence of str
+        n names.
+    parallax, deviation : arrays (n,)
+        Residual parallaxes and their standard deviations before the adjustment, mm.
+    weight_factor : array (n,)
+    in_front : array (n,) of bool
+    base : array (3,)
+    seuw : float
+    ambiguous : bool
+        Another orientation fits as well.
+    exchanged : sequence of (int, int)
+        Two points each that fit when they are exchanged in one photo.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return (
+        *_on_blunders(points, parallax, deviation, weight_factor),
+        *(f"points {points[one]} and {points[other]} fit when exchanged in one photo" for one, other in exchanged),
+        *_on_points_behind(points, weight_factor, in_front),
+        *_on_the_whole(len(points), base, seuw, ambiguous),
+    )
+
+
+def _on_blunders(
+    points: Sequence[str], parallax: FloatArray, deviation: FloatArray, weight_factor: FloatArray
+) -> Iterator[str]:
+    reduced = np.flatnonzero(weight_factor < 1.0)
+    if not len(reduced):
+        return
+    standard = np.abs(parallax) / deviation
+    worst = reduced[np.argsort(-standard[reduced], kind="stable")]
+    for row in worst[:_NAMED]:
+        size = f"py {parallax[row]:.3g} mm, {standard[row]:.0f} standard deviations"
+        yield f"point {points[row]} does not fit: {size}"
+    if len(worst) > _NAMED:
+        yield f"{len(worst) - _NAMED} more points do not fit"
+    if len(worst) >= _MANY * len(points):
+        yield (f"{len(worst)} of {len(points)} points do not fit: check point numbers, photos and camera")
+
+
+def _on_points_behind(points: Sequence[str], weight_factor: FloatArray, in_front: NDArray[np.bool_]) -> Iterator[str]:
+    behind = [points[row] for row in np.flatnonzero((weight_factor == 1.0) & ~in_front).tolist()]
+    if behind:
+        yield f"rays do not meet in front of both photos: point {first_names(behind, _NAMED)}"
+
+
+def _on_the_whole(count: int, base: FloatArray, seuw: float, ambiguous: bool) -> Iterator[str]:
+    if seuw > _LARGE_SEUW:
+        yield f"parallaxes are {seuw:.1f} times as large as the a-priori error; is the camera calibrated?"
+    if base[0] < _TO_THE_LEFT * np.linalg.norm(base):
+        yield "the right photo lies to the left of the left one; are they exchanged?"
+    if count == 5:
+        yield "five points: nothing checks the orientation"
+    if ambiguous:
+        yield "another orientation fits as well; the one with the smaller rotation was used"
+
 
 _NO_BASE = 3.0
 """Median of the parallaxes left by a rotation alone, in standard deviations, below which measuring errors explain them:
@@ -125,7 +251,7 @@ def orient_pair(
 
     Notes
     -----
-    The residual parallax is y left - y right in the normal case; in general see `orip.prelim.relative.parallax`. Its
+    The residual parallax is y left - y right in the normal case; in general see `orip.prelim.relative.adjustment`. Its
     a-priori error is the root of the squares of both photos' errors of a coordinate.
 
     The base has the length for which the mean of the points' 1 / depth is 1 / C: in the normal case bx is then the

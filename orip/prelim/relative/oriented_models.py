@@ -8,7 +8,7 @@ from typing import overload
 
 from msgspec import Struct
 
-from orip.prelim.rays.image_rays import ImageRays
+from orip.prelim.rays import ImageRays
 from orip.prelim.relative.orientation import OrientedPair, listed
 from orip.records.results.preliminary import RelativeOrientation
 

@@ -17,8 +17,16 @@ from orip.geometry.essential import TwoPhotos
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import DANISH, AdjustedPairs, adjust_relative, precision_of
-from orip.prelim.relative.parallax import Meeting, Pairs, meeting_points, parallaxes
+from orip.prelim.relative.adjustment import (
+    DANISH,
+    AdjustedPairs,
+    Meeting,
+    Pairs,
+    adjust_relative,
+    meeting_points,
+    parallaxes,
+    precision_of,
+)
 from orip.prelim.relative.start import (
     POINTS_NEEDED,
     SAMPLING,

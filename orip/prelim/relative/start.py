@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.essential import TwoPhotos, essential_matrices, two_photos_of
-from orip.prelim.relative.parallax import Pairs, meeting_points, parallaxes
+from orip.prelim.relative.adjustment import Pairs, meeting_points, parallaxes
 from orip.prelim.sampling import subsets
 
 POINTS_NEEDED = 5

@@ -7,8 +7,7 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.resection.chance import SURE, fits_beyond_chance
-from orip.prelim.resection.known_points import MANY_BLUNDERS, number_that_fits
+from orip.prelim.resection.known_points import MANY_BLUNDERS, SURE, fits_beyond_chance, number_that_fits
 from orip.prelim.resection.resection import MISFIT, RULES_OF_TRACKS, USELESS_ANGLE, USELESS_CENTRE, Resected, resect
 from orip.prelim.resection.start import CANDIDATES, triples_for
 

@@ -11,10 +11,16 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
-from orip.prelim.resection.best_orientations import CHOICE, best_orientations
-from orip.prelim.resection.configuration import ONE_LINE, on_one_line
-from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
-from orip.prelim.resection.start import CANDIDATES, FITS, PLANE, starting_orientations, triples_of
+from orip.prelim.resection.known_points import FEW_BLUNDERS, ONE_LINE, KnownPoints, Orientations, on_one_line
+from orip.prelim.resection.start import (
+    CANDIDATES,
+    CHOICE,
+    FITS,
+    PLANE,
+    best_orientations,
+    starting_orientations,
+    triples_of,
+)
 from orip.structs import replace
 from orip.wording import counted
 

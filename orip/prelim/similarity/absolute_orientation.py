@@ -9,13 +9,12 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.medians import median
+from orip.prelim.sampling import median
 from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
-from orip.prelim.similarity.rotation_starts import adjusted_from_all_sides
-from orip.prelim.similarity.start import start_from_triples
+from orip.prelim.similarity.start import adjusted_from_all_sides, start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 from orip.wording import agreeing, counted

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.medians import median
+from orip.prelim.sampling import median
 
 LEAST_ERROR = 1e-3
 """Least standard deviation, as a part of the median, so that no coordinate decides alone."""

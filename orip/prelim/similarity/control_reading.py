@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity, fit_similarity
-from orip.prelim.medians import median
+from orip.prelim.sampling import median
 from orip.prelim.similarity.absolute_orientation import KnownPositions, control_of_block
 from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints

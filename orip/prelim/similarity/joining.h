@@ -1,5 +1,5 @@
 /* What two partial blocks have in common, the start that their common photos give, and where it leads;
- * orip/prelim/similarity/in_common.py and joining.py do the same and explain it.
+ * orip/prelim/similarity/partial_blocks.py and joining.py do the same and explain it.
  */
 
 #include "partial_blocks.h"

@@ -16,7 +16,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.medians import median
+from orip.prelim.sampling import median
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
     NO_ROTATION,
@@ -26,8 +26,7 @@ from orip.prelim.similarity.adjustment import (
     adjust_similarity,
     adjustment_of,
 )
-from orip.prelim.similarity.in_common import CommonPlaces, common_places, in_common
-from orip.prelim.similarity.partial_blocks import STEADY, transformed
+from orip.prelim.similarity.partial_blocks import STEADY, CommonPlaces, common_places, in_common, transformed
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, start_from_triples
 from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace

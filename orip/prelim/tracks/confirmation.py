@@ -17,11 +17,10 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.essential import TwoPhotos
-from orip.prelim.rays.image_rays import ImageRays
-from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.rays import ImageRays, photo_index
+from orip.prelim.relative.adjustment import Pairs
 from orip.prelim.relative.given_scale import PairAtScale, adjusted_at_scale, at_scale
-from orip.prelim.relative.pair_selection import common_point_counts
-from orip.prelim.relative.parallax import Pairs
+from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 

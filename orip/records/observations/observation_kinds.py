@@ -13,8 +13,8 @@ from typing import Final, Literal
 
 from msgspec import Struct
 
-from orip.records.project.antenna import ANTENNA_UNITS
 from orip.records.project.camera import CAMERA_UNITS
+from orip.records.project.definition import ANTENNA_UNITS
 from orip.records.project.photo import PHOTO_PARAMETERS
 
 ObservedIn = Literal["mm", "ground unit", "degrees", "pure number", "unit of the unknown"]

@@ -1,17 +1,168 @@
-"""A project as its owner defines it: cameras, photos, templates, bundle adjustments."""
+"""A project as its owner defines it: cameras, photos, templates, antennas, bundle adjustments, stages of photos."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Literal
+from collections import defaultdict, deque
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Annotated, Final, Literal
 
 from msgspec import Struct, field
 
-from orip.records.project.antenna import Antenna
+from orip.records.names import record_key
 from orip.records.project.camera import Camera
-from orip.records.project.fields import Field
-from orip.records.project.photo import Photo, Template, Temtick
-from orip.records.project.report_details import ReportDetails
+from orip.records.project.fields import GROUND_UNIT, Field
+from orip.records.project.photo import Photo, Stage, Template, Temtick
+
+LEVER_ARM: Final = ("LX", "LY", "LZ")
+BORESIGHT: Final = ("BX", "BY", "BZ")
+TIME_OFFSET: Final = "DT"
+ANTENNA_PARAMETERS: Final = (*LEVER_ARM, *BORESIGHT, TIME_OFFSET)
+"""Parameters of an antenna in the order of every array that holds them."""
+
+BORESIGHT_PLACES: Final = slice(3, 6)
+"""Places of the boresight among them."""
+
+ANTENNA_KEYS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
+    {"lever_arm": LEVER_ARM, "boresight": BORESIGHT, "time_offset": (TIME_OFFSET,)}
+)
+"""Keys of orip.toml that hold them."""
+
+SHIFT: Final = ("SX", "SY", "SZ")
+DRIFT: Final = ("VX", "VY", "VZ")
+"""Parameters of a strip or session."""
+
+ANTENNA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
+    dict.fromkeys((*LEVER_ARM, *SHIFT), "{ground}")
+    | dict.fromkeys(BORESIGHT, "degrees")
+    | dict.fromkeys(DRIFT, "{ground}/s")
+    | {TIME_OFFSET: "s"}
+)
+"""Unit of each parameter, with the ground unit still to be filled in."""
+
+Extent = Literal["none", "session", "strip"]
+
+_LENGTHS: Final = (GROUND_UNIT,)
+
+
+class Antenna(Struct, frozen=True):
+    """An antenna, and an inertial system if there is one, with the corrections that its stations need.
+
+    With X0 the projection centre and R the rotation of a photo (photo to ground), t its time and m the mean time of its
+    strip or session, position and attitude of its station are::
+
+        X0 + R (LX, LY, LZ) + (SX, SY, SZ) + (t - m) (VX, VY, VZ) + DT (velocity)
+        R B^T,   B = Rx(BX) Ry(BY) Rz(BZ)
+
+    Parameters
+    ----------
+    name : str
+        Record name; case does not count.
+    cameras : tuple of str
+        Cameras whose photos have their stations from it; empty: all.
+    lever_arm : tuple of 3 float
+        From the projection centre to the antenna, along the photo's x, y and z axes, ground unit.
+    lever_arm_error : tuple of 3 float or None
+        A-priori errors of the unknown ones; None: nothing is known of them.
+    boresight : tuple of 3 float
+        Rotation of the camera against the inertial system, degrees.
+    boresight_error : tuple of 3 float or None
+    time_offset : float
+        Time by which the stations are late, seconds: they are where the antenna was so much later.
+    time_offset_error : float or None
+    unknown : tuple of str
+        Names of `ANTENNA_PARAMETERS` that the adjustment estimates; the others are constant.
+    shift : {"none", "session", "strip"}
+        Whether all stations together, or those of each strip, have an unknown common error.
+    shift_error : tuple of 3 float or None
+        A-priori errors of zero shifts, ground unit; None: nothing is known of them.
+    strips : tuple of str
+        Those whose shifts and drifts are unknown; empty: all.
+    drift : {"none", "session", "strip"}
+        Whether the common error changes with time.
+    drift_error : tuple of 3 float or None
+        A-priori errors of zero drifts, ground unit a second.
+    """
+
+    name: Annotated[str, Field(example='"GNSS"')]
+    cameras: Annotated[tuple[str, ...], Field(names_record=True, heading="Cameras", example='["P4RTK"]')] = ()
+    lever_arm: Annotated[
+        tuple[float, float, float],
+        Field(units=_LENGTHS, heading="Lever arm", example="[0.02, -0.01, 0.18]", elements=LEVER_ARM),
+    ] = (0.0, 0.0, 0.0)
+    lever_arm_error: Annotated[
+        tuple[float, float, float] | None,
+        Field(above=0, units=_LENGTHS, example="[0.01, 0.01, 0.02]", elements=LEVER_ARM),
+    ] = None
+    boresight: Annotated[
+        tuple[float, float, float],
+        Field(units=("degrees",), heading="Boresight", example="[0.2, -0.1, 0.0]", elements=BORESIGHT),
+    ] = (0.0, 0.0, 0.0)
+    boresight_error: Annotated[
+        tuple[float, float, float] | None,
+        Field(above=0, units=("degrees",), example="[0.5, 0.5, 1.0]", elements=BORESIGHT),
+    ] = None
+    time_offset: Annotated[float, Field(units=("s",), example="0.0")] = 0.0
+    time_offset_error: Annotated[float | None, Field(above=0, units=("s",), example="0.01")] = None
+    unknown: Annotated[tuple[str, ...], Field(heading="Unknown", example='["LX", "LY", "LZ"]')] = ()
+    shift: Annotated[Extent, Field(heading="Shift", example='"strip"')] = "none"
+    shift_error: Annotated[
+        tuple[float, float, float] | None,
+        Field(above=0, units=_LENGTHS, example="[1.0, 1.0, 1.0]", elements=SHIFT),
+    ] = None
+    strips: Annotated[tuple[str, ...], Field(example='["2"]')] = ()
+    drift: Annotated[Extent, Field(heading="Drift", example='"none"')] = "none"
+    drift_error: Annotated[
+        tuple[float, float, float] | None,
+        Field(above=0, units=("ground unit/s",), example="[0.001, 0.001, 0.001]", elements=DRIFT),
+    ] = None
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Return the values of `ANTENNA_PARAMETERS`, boresight in degrees."""
+        return (*self.lever_arm, *self.boresight, self.time_offset)
+
+    @property
+    def errors(self) -> tuple[float | None, ...]:
+        """Return the a-priori errors of `ANTENNA_PARAMETERS`; None where nothing is known of them."""
+        none = (None, None, None)
+        return (*(self.lever_arm_error or none), *(self.boresight_error or none), self.time_offset_error)
+
+
+class ReportDetails(Struct, frozen=True):
+    """The table `[report]` of orip.toml; texts that are not given are empty.
+
+    Parameters
+    ----------
+    title : str
+        Heading of the report; empty: the project's name.
+    client, contractor, author : str
+        For whom, by which company and by whom the work was done.
+    order : str
+        Number or name of the order.
+    location : str
+    flown : str
+        When the photos were taken.
+    date : str
+        Of the report; it is not taken from the clock, so that equal inputs give equal pages.
+    equipment : str
+        Camera, aircraft, receiver.
+    remarks : tuple of str
+        Paragraphs.
+    """
+
+    title: Annotated[str, Field(text="line", example='"Quarry Hohenfels, flight 3"')] = ""
+    client: Annotated[str, Field(text="line", example='"Kalkwerk Hohenfels GmbH"')] = ""
+    contractor: Annotated[str, Field(text="line", example='"Vermessung Huber"')] = ""
+    author: Annotated[str, Field(text="line", example='"K. Huber"')] = ""
+    order: Annotated[str, Field(text="line", example='"2026-117"')] = ""
+    location: Annotated[str, Field(text="line", example='"Hohenfels"')] = ""
+    flown: Annotated[str, Field(text="date", example="2026-04-28")] = ""
+    date: Annotated[str, Field(text="date", example="2026-05-04")] = ""
+    equipment: Annotated[str, Field(text="line", example='"DJI M3E, RTK by SAPOS"')] = ""
+    remarks: Annotated[
+        tuple[str, ...], Field(text="line", example='["Signalled points were set out by the client."]')
+    ] = ()
 
 
 class Precision(Struct, frozen=True):
@@ -123,3 +274,72 @@ class ProjectDefinition(Struct, frozen=True):
     antennas: tuple[Antenna, ...] = ()
     output_folder: str | None = None
     test_level: float | None = None
+
+
+_OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}
+
+
+class StagePlan(Struct, frozen=True):
+    """Stages of the photos that have one or are in a model, by `record_key`, and the models that they do not suit."""
+
+    stages: Mapping[str, Stage]
+    unsuited: tuple[StereoModel, ...]
+
+
+def plan_stages(photos: Sequence[Photo], templates: Sequence[Template], models: Sequence[StereoModel]) -> StagePlan:
+    """Find the stages that are not set by two-colouring the models.
+
+    A template's photos share its stage. Stages that are set stay; where nothing is set, the left photo of the first
+    model is on the upper stage. A model whose photos end up on one stage is among the unsuited.
+    """
+    carrier = _carriers(photos)
+    stages = _set_stages(photos, templates)
+    neighbours: dict[str, list[str]] = defaultdict(list)
+    for model in models:
+        left, right = _carrier_of(model.left, carrier), _carrier_of(model.right, carrier)
+        neighbours[left].append(right)
+        neighbours[right].append(left)
+    _spread(list(stages), neighbours, stages)
+    for model in models:
+        left = _carrier_of(model.left, carrier)
+        if left not in stages:
+            stages[left] = "UPPER"
+            _spread([left], neighbours, stages)
+    unsuited = tuple(m for m in models if stages[_carrier_of(m.left, carrier)] == stages[_carrier_of(m.right, carrier)])
+    return StagePlan({photo: stages[node] for photo, node in carrier.items() if node in stages}, unsuited)
+
+
+def _carriers(photos: Sequence[Photo]) -> dict[str, str]:
+    """Return what is mounted for each photo: its template, or the photo itself."""
+    return {
+        record_key(photo.name): f"template {record_key(photo.template)}"
+        if photo.template is not None
+        else f"photo {record_key(photo.name)}"
+        for photo in photos
+    }
+
+
+def _carrier_of(photo: str, carrier: Mapping[str, str]) -> str:
+    return carrier.get(record_key(photo), f"photo {record_key(photo)}")
+
+
+def _set_stages(photos: Sequence[Photo], templates: Sequence[Template]) -> dict[str, Stage]:
+    stages: dict[str, Stage] = {}
+    for template in templates:
+        if template.stage is not None:
+            stages[f"template {record_key(template.name)}"] = template.stage
+    for photo in photos:
+        if photo.stage is not None and photo.template is None:
+            stages[f"photo {record_key(photo.name)}"] = photo.stage
+    return stages
+
+
+def _spread(start: Sequence[str], neighbours: Mapping[str, Sequence[str]], stages: dict[str, Stage]) -> None:
+    """Assign the other stage to all connected photos that have none yet, breadth first."""
+    waiting = deque(start)
+    while waiting:
+        node = waiting.popleft()
+        for other in neighbours.get(node, ()):
+            if other not in stages:
+                stages[other] = _OTHER[stages[node]]
+                waiting.append(other)

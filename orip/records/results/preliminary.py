@@ -1,6 +1,6 @@
 """Preliminary values: what each step of their computation found, as listings and the terminal show it.
 
-Indices of photos and points are those of one `orip.prelim.rays.image_rays.ImageRays`. Everything is radians;
+Indices of photos and points are those of one `orip.prelim.rays.ImageRays`. Everything is radians;
 coordinates are those of the system that a class names. A model's own system is that of its left photo: origin in the
 left projection centre, axes of the left photo, unit the metre at photo scale (millimetres of the photo / 1000).
 """

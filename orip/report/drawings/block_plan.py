@@ -11,19 +11,14 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.coded_names import coded
-from orip.records.names import places_of_names
+from orip.records.names import coded, places_of_names
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
-from orip.report.drawings.block_view import frame_rays
-from orip.report.drawings.doubted_photos import doubted_photos
+from orip.report.drawings.block_view import BlockSide, doubted_photos, frame_rays, side_of_block, vertical
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
-from orip.report.drawings.labels import labels
-from orip.report.drawings.map_plane import MapPlane, map_plane
+from orip.report.drawings.labels import MapPlane, labels, map_plane
 from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
-from orip.report.photo_scale import camera_of_photo, photo_scale
-from orip.report.report_input import ReportInput
-from orip.report.vertical import BlockSide, side_of_block, vertical
+from orip.report.report_input import ReportInput, camera_of_photo, photo_scale
 from orip.wording import joined
 
 MOST_POINTS = 1500

@@ -11,10 +11,9 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.coded_names import coded
+from orip.records.names import coded
 from orip.records.results.solution import Estimates, Solution
-from orip.report.drawings.labels import labels
-from orip.report.drawings.map_plane import WIDTH, MapPlane, labels_of, map_plane
+from orip.report.drawings.labels import WIDTH, MapPlane, labels, labels_of, map_plane
 from orip.report.drawings.svg import drawing, number, numbers, round_step, text
 
 MOST_ELLIPSES = 600

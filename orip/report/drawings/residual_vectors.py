@@ -10,12 +10,11 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.mounting import frame_corners
 from orip.records.names import record_key
 from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
-from orip.report.numbers import counted, probability
-from orip.report.photo_vectors import PhotoVectors
-from orip.report.report_input import ReportInput
+from orip.report.report_input import PhotoVectors, ReportInput
+from orip.report.table import counted, probability
 
 MOST_PHOTOS = 48
 MOST_VECTORS = 250

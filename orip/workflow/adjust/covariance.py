@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.bundle.methods import Method
-from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.results.figures import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, UsageError

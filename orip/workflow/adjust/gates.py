@@ -12,7 +12,7 @@ from orip.files.project.toml_lines import TomlLines
 from orip.files.text.gate import GATE_FORM, parse_gate
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
-from orip.records.results.gate import GATE_FIGURES, Gate, GateResult
+from orip.records.results.result_tests import GATE_FIGURES, Gate, GateResult
 from orip.records.results.solution import Solution
 from orip.wording import joined
 from orip.workflow.project.folder import ProjectFolder

@@ -12,14 +12,12 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
-from orip.prelim.ground.project_coordinates import absolute_in_project, block_in_project
-from orip.prelim.model_steps import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
-from orip.prelim.rays.image_rays import ImageRays, image_rays
-from orip.prelim.rays.photo_index import photo_index
+from orip.prelim.ground import absolute_in_project, block_in_project
+from orip.prelim.rays import ImageRays, image_rays, photo_index
 from orip.prelim.relative.oriented_models import ListedModels
-from orip.prelim.similarity.bridging import JoinedSystems, bridge
+from orip.prelim.routes import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
+from orip.prelim.similarity.bridging import JoinedSystems, bridge, connect
 from orip.prelim.similarity.joining import Joined
-from orip.prelim.similarity.strip_connection import connect
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.project.definition import StereoModel
@@ -32,8 +30,7 @@ from orip.records.results.preliminary import (
     SimilarityStep,
     Stage,
 )
-from orip.solving.gathering import gather_bundle
-from orip.solving.starting_values import explained_preliminary_values, not_oriented
+from orip.solving.starting_values import explained_preliminary_values, gather_bundle, not_oriented
 from orip.wording import agreeing, first_names
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.project.bundle_state import BundleState

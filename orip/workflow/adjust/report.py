@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.progress import stage
-from orip.records.results.gate import GateResult
+from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Solution
 from orip.report.page import report_page
 from orip.report.report_input import ReportInput

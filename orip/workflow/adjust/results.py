@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from msgspec import Struct
 
-from orip.bundle.results.reliability import reliability_of
+from orip.bundle.results.misfits import reliability_of
 from orip.errors import UsageError
 from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
 from orip.files.listings.bundle_residuals import component_columns
@@ -19,8 +19,7 @@ from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.result.residuals_npz import residuals_npz_pieces
 from orip.files.text.atomic import replace_in_pieces, reporting_failure
 from orip.files.text.table import table_lines
-from orip.records.coded_names import coded
-from orip.records.names import record_key
+from orip.records.names import coded, record_key
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
 from orip.structs import replace
 from orip.workflow.project.folder import ProjectFolder

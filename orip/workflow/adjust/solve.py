@@ -10,12 +10,11 @@ from msgspec import Struct
 from orip.bundle.methods import Method
 from orip.bundle.problem import pose_problem
 from orip.bundle.solve import SolvedBlock
-from orip.prelim.ground.project_coordinates import absolute_in_project
-from orip.records.coded_names import coded
+from orip.prelim.ground import absolute_in_project
 from orip.records.ground import GroundSystem
-from orip.records.names import record_key
-from orip.records.results.gate import Gate, GateResult
+from orip.records.names import coded, record_key
 from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.result_tests import Gate, GateResult
 from orip.records.results.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
 from orip.structs import replace

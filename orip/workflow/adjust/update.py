@@ -13,12 +13,11 @@ from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.records.names import record_key
-from orip.records.project.antenna import ANTENNA_KEYS, ANTENNA_PARAMETERS
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS
+from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, lens_key
+from orip.records.project.definition import ANTENNA_KEYS, ANTENNA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.project.shared_lens import lens_key
-from orip.records.results.before_update import BeforeUpdate, RecordBefore
 from orip.records.results.solution import Estimates, Solution
+from orip.records.results.stations import BeforeUpdate, RecordBefore
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,

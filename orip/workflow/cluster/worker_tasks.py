@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import astuple
 
-from orip.adjustment.factorisation.dissection.passes import Topology, downward, upward
+from orip.adjustment.factorisation.dissection.tree import Topology, downward, upward
 from orip.workflow.cluster.task_files import StoredTask
 
 

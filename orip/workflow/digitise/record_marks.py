@@ -1,7 +1,7 @@
 """`orip digitise fiducials` and `ticks`: marks for the records of a camera or temtick, measured on a bare stage.
 
 The coordinates of fiducial marks are plate coordinates that are taken into the system of the marks when the log is
-replayed (`orip.interior.fiducial_system`); tick marks keep their plate coordinates.
+replayed (`orip.interior.mounting`); tick marks keep their plate coordinates.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.log.writing import fiducials_header, measurement_line, ticks_header
-from orip.interior.fiducial_system import fiducials_from_plate
+from orip.interior.mounting import fiducials_from_plate
 from orip.multimodel.state import Position
 from orip.records.names import name_fault, near_names, record_key
 from orip.records.observations.measurement import MeasuredMarks

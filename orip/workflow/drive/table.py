@@ -19,9 +19,8 @@ from orip.multimodel.table import TableIngredients, drive_table, frame_size, obj
 from orip.multimodel.table_checks import drivable_name_fault, table_faults
 from orip.records.drive_table import DriveFault, DriveTable
 from orip.records.names import record_key
-from orip.records.project.definition import StereoModel
+from orip.records.project.definition import StereoModel, plan_stages
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Stage
-from orip.records.project.stages import plan_stages
 from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change

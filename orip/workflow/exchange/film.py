@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.exchange.sources.assumed_frame import PIXEL_MM
-from orip.interior.pixels import sensor_transformation
+from orip.interior.image_coordinates import sensor_transformation
 from orip.records.names import record_key
 from orip.records.project.camera import Camera, Sensor
 from orip.structs import replace

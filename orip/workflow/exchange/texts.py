@@ -22,9 +22,8 @@ from orip.files.project.text import project_document, project_text
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint
-from orip.records.project.antenna import Antenna
 from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition
+from orip.records.project.definition import Antenna, BundleDefinition, Precision, ProjectDefinition
 from orip.records.project.photo import Photo
 from orip.structs import replace
 from orip.wording import counted

@@ -18,17 +18,14 @@ from orip.errors import ProjectWarning, UsageError
 from orip.files.log.text import read_measurements
 from orip.files.text.regular_file import file_of
 from orip.geometry.plane import IDENTITY, PlaneTransformation
-from orip.interior.definitions import Definitions
-from orip.interior.in_force import Interior
-from orip.interior.log_coordinates import stored_to_log
-from orip.interior.pixels import scan_transformation
+from orip.interior.image_coordinates import scan_transformation
+from orip.interior.in_force import Definitions, Interior, stored_to_log
 from orip.interior.replay import replay
 from orip.multimodel.state import Position
 from orip.records.names import near_names, record_key
 from orip.records.observations.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
-from orip.records.project.definition import BundleDefinition
+from orip.records.project.definition import BundleDefinition, plan_stages
 from orip.records.project.photo import Photo, Scan, Stage, Template
-from orip.records.project.stages import plan_stages
 from orip.structs import replace
 from orip.workflow.observations.measure import with_digitised
 from orip.workflow.project.folder import ProjectFolder

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
-from orip.bundle.local_frame import ground_system
-from orip.bundle.results.prediction import predict_photo_coordinates
-from orip.interior.fiducial_system import frame_corners
-from orip.interior.log_coordinates import stored_to_log
+from orip.bundle.ground_system import ground_system
+from orip.bundle.results.figures import predict_photo_coordinates
+from orip.interior.in_force import stored_to_log
+from orip.interior.mounting import frame_corners
 from orip.records.names import record_key
-from orip.records.results.listed_observation import Pair
+from orip.records.results.interior import Pair
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 

@@ -14,7 +14,7 @@ from orip.files.text.natural_order import natural_key
 from orip.interior.replay import replay
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.results.listed_observation import ListedObservation, Pair, PointToMeasure, WhyAgain
+from orip.records.results.interior import ListedObservation, Pair, PointToMeasure, WhyAgain
 from orip.workflow.observations.listed import listed_observations, outdated_warnings, require_observations
 from orip.workflow.observations.names import without_kills
 from orip.workflow.observations.places import NOWHERE, Places, PredictedPlace

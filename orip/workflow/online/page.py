@@ -8,7 +8,7 @@ from itertools import groupby
 
 import numpy as np
 
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.mounting import frame_corners
 from orip.link.watch import Document
 from orip.online.answers import words_of
 from orip.online.measuring import Measuring

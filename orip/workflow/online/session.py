@@ -20,7 +20,7 @@ from orip.errors import UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.edits_text import edit_line
 from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
-from orip.interior.log_coordinates import stored_to_log
+from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer
 from orip.online.first_values import THOROUGH
 from orip.online.measuring import Measuring

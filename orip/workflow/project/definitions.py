@@ -10,12 +10,11 @@ from orip.errors import InputError
 from orip.files.stores.contents import cameras, exterior, photos, templates, temticks
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.transaction import Stores
-from orip.interior.definitions import Definitions
+from orip.interior.in_force import Definitions
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
+from orip.records.project.camera import Camera, lens_key, with_shared_lenses
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo, Template, Temtick
-from orip.records.project.shared_lens import lens_key, with_shared_lenses
 from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.project.folder import ProjectFolder

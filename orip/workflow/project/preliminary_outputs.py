@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.files.listings.preliminary import preliminary_listing
-from orip.prelim.ground.project_coordinates import orientations_in_project, points_in_project
+from orip.prelim.ground import orientations_in_project, points_in_project
 from orip.records.ground import GroundSystem
 from orip.records.observations.control import PreliminaryPoint
 from orip.records.results.preliminary import PreliminaryValues

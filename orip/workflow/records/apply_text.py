@@ -64,7 +64,7 @@ def with_polynomial(camera: Camera) -> Camera:
 
 
 def _polynomial(camera: Camera) -> list[float]:
-    from orip.interior.distortion_forms import polynomial_from_curve, polynomial_from_isp  # few cameras have them
+    from orip.interior.distortion import polynomial_from_curve, polynomial_from_isp  # few cameras have them
 
     if camera.distortion_isp is not None:
         coefficients = polynomial_from_isp(camera.distortion_isp)

@@ -10,8 +10,8 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import UsageError
-from orip.interior.distortion_forms import curve_from_polynomial, isp_from_polynomial
-from orip.interior.fiducial_system import frame_corners
+from orip.interior.distortion import curve_from_polynomial, isp_from_polynomial
+from orip.interior.mounting import frame_corners
 from orip.records.names import near_names, record_key
 from orip.records.project.camera import RADIAL_PLACES, Camera
 from orip.workflow.project.state import ProjectState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.factorisation.triangular import solve_lower
+from orip.adjustment.factorisation.lapack import solve_lower
 
 LOWER = np.array([[2.0, np.nan, np.nan], [1.0, 4.0, np.nan], [3.0, 5.0, 8.0]])
 """What stands above the diagonal is not read."""

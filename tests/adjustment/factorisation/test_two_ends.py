@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.adjustment.factorisation.band_panels import add_product
+from orip.adjustment.factorisation.band import add_product
 from orip.adjustment.factorisation.two_ends import factorise_from_both_ends
 from orip.arrays import FloatArray
 

@@ -10,7 +10,7 @@ from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
 from orip.records.observations.control import ControlDistance
 from orip.records.observations.station import Station
-from orip.records.project.antenna import Antenna
+from orip.records.project.definition import Antenna
 from orip.structs import replace
 
 _POINTS_A_PHOTO = 40

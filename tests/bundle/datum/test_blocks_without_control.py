@@ -8,7 +8,7 @@ from bundle.blocks_without_control import MADE, first_model, from_nothing, off_t
 from bundle.solving import redefined, with_photo_points, with_rays
 from support.synthetic_block import SyntheticBlock
 
-from orip.bundle.station_orientations import with_orientations_of_stations
+from orip.bundle.antennas import with_orientations_of_stations
 from orip.records.block import Block
 from orip.records.observations.control import ControlDistance, ControlElement
 from orip.records.observations.station import Station

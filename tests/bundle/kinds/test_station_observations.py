@@ -11,7 +11,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.station import NOT_GIVEN, Station
-from orip.records.project.antenna import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
+from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
 from orip.structs import replace
 
 

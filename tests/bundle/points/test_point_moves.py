@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bundle.aerial_block import aerial_block
 
-from orip.bundle.points.moves import with_points_moved
+from orip.bundle.points.consensus import with_points_moved
 from orip.bundle.problem import pose_problem, starting_state
 from orip.structs import replace
 

@@ -7,7 +7,7 @@ import pytest
 from bundle.solving import solved
 from scipy.spatial.transform import Rotation
 
-from orip.bundle.results.covariance import covariance, photo_figures
+from orip.bundle.results.figures import covariance, photo_figures
 from orip.bundle.results.rigs import RIG_PARAMETERS, rig_estimates
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
@@ -17,7 +17,7 @@ from orip.records.observations.station import Station
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo
-from orip.report.photos.rigs import rig_table
+from orip.report.photos import rig_table
 from orip.structs import replace
 
 BASE, TURN = np.array([0.8, 0.02, -0.05]), np.array([1.5, -6.0, 0.4])

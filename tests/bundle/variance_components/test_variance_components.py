@@ -11,11 +11,15 @@ from monte_carlo.grouped_blocks import grouped_block
 
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings
-from orip.bundle.variance_components.estimation import EstimatedErrors, estimate_errors
-from orip.bundle.variance_components.helmert import VarianceEquations, variance_equations
+from orip.bundle.variance_components.estimation import (
+    EstimatedErrors,
+    VarianceEquations,
+    estimate_errors,
+    variance_equations,
+)
 from orip.bundle.variance_components.variance_groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
-from orip.records.results.variance_component import VarianceComponent
+from orip.records.results.solution import VarianceComponent
 from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")

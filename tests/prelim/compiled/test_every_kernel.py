@@ -19,25 +19,21 @@ from scipy.spatial.transform import Rotation
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.growing.growing_block import GrowingBlock
-from orip.prelim.growing.misplaced_photos import residual_lengths
-from orip.prelim.intersection.consensus import with_consensus
-from orip.prelim.intersection.intersection import intersect
+from orip.prelim.growing.growing_block import GrowingBlock, residual_lengths
+from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.refinement import refinement
-from orip.prelim.refinement.camera_corrections import no_corrections
+from orip.prelim.refinement.problem import no_corrections
 from orip.prelim.refinement.refinement import refine
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
-from orip.prelim.relative.pair_selection import common_point_counts
+from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import solve
-from orip.prelim.resection.best_orientations import best_orientations
 from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 from orip.prelim.resection.known_points import KnownPoints
 from orip.prelim.resection.resection import Resected, resect
-from orip.prelim.resection.start import starting_orientations
+from orip.prelim.resection.start import best_orientations, starting_orientations
 from orip.prelim.similarity.adjustment import adjust_similarity
-from orip.prelim.similarity.in_common import common_places, in_common
 from orip.prelim.similarity.joining import Joined, join
-from orip.prelim.similarity.partial_blocks import assembled, transformed
+from orip.prelim.similarity.partial_blocks import assembled, common_places, in_common, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.structs import replace
 

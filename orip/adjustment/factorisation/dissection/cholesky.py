@@ -11,17 +11,17 @@ from functools import partial
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.factorisation.dissection.fronts import (
+from orip.adjustment.factorisation.dissection.matrix import (
+    DissectedMatrix,
     Shape,
+    dissected_matrix,
     eliminate_front,
     invert_front,
     pivots_of,
     reduce_front,
     substitute_front,
 )
-from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
-from orip.adjustment.factorisation.dissection.passes import Handles, Passes
-from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.dissection.tree import DissectionTree, Handles, Passes
 from orip.adjustment.factorisation.null_space import factor_of_determined
 from orip.arrays import BoolArray, FloatArray
 

@@ -1,20 +1,21 @@
-"""Nested dissection: a tree of separators, with the unknowns that each node eliminates and those it is reduced to.
-
-Helmert (1880) reduced the normal equations of each part of a network to the stations at its border, and added what
-remained. Here every part is divided again until it is small, by separators: photos without which no point is seen from
-both sides (George 1973). A node of the tree is a separator or an undivided part. Its *front* are its own unknowns and
-its *border*: the unknowns of nodes above that are coupled with it.
-"""
+"""Nested dissection: a tree of separators, and how functions are applied to all of its nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from msgspec import Struct, field
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+
+# Helmert (1880) reduced the normal equations of each part of a network to the stations at its border, and added what
+# remained. Here every part is divided again until it is small, by separators: photos without which no point is seen
+# from both sides (George 1973). A node of the tree is a separator or an undivided part. Its *front* are its own
+# unknowns and its *border*: the unknowns of nodes above that are coupled with it.
+
 
 _BORDER_SHARE = 0.25
 """Part of all groups of unknowns; one without a position that is coupled with more of them goes to the root."""
@@ -234,3 +235,114 @@ def _unknowns_of(border: IntArray, first: IntArray, place: IntArray) -> IntArray
     found = [np.arange(first[group], first[group + 1]) for group in border]
     unknowns = np.concatenate([np.zeros(0, dtype=np.int64), *found])
     return np.asarray(unknowns[np.argsort(place[unknowns])])
+
+
+# The mathematics of the nodes know nothing of where they are computed. What they return stays where that was, and is
+# passed on as a handle; only what is gathered comes back.
+
+
+Handles = Any
+"""Results of all nodes: the values themselves, or what stands for them in other processes."""
+
+
+class Passes(Protocol):
+    """What applies functions to the nodes of a tree. Items are handles, or sequences with a value for each node."""
+
+    def kept(self, items: Sequence[Any]) -> Handles:
+        """Return handles of values that are used more than once."""
+
+    def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Handles:
+        """Apply a function to the items of every node, or of some: values are those of these alone then."""
+
+    def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Handles:
+        """Apply a function to the items of every node and, as further arguments, what its children passed up.
+
+        It returns what is kept, and what is passed up.
+        """
+
+    def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Handles:
+        """Apply a function to the items of every node and what its parent passed down to it, None for the root.
+
+        It returns what is kept, and what is passed down to each of its children.
+        """
+
+    def gathered(self, handles: Handles) -> Iterator[Any]:
+        """Yield the values of handles, node after node."""
+
+
+class InTurn(Struct, frozen=True):
+    """All nodes of a tree in this process, one after the other."""
+
+    tree: DissectionTree
+
+    def kept(self, items: Sequence[Any]) -> Handles:
+        """Return the values themselves."""
+        return items
+
+    def each(self, function: Callable[..., Any], *items: Any, only: Sequence[int] | None = None) -> Handles:
+        """Apply a function to the items of every node."""
+        numbers = range(len(self.tree)) if only is None else only
+        columns = [item if len(item) == len(numbers) else [item[number] for number in numbers] for item in items]
+        return [function(*of_node) for of_node in zip(*columns, strict=True)]
+
+    def upward(self, function: Callable[..., tuple[Any, Any]], *items: Any) -> Handles:
+        """Apply a function from the bottom up."""
+        return upward(topology(self.tree), list(zip(*items, strict=True)), function, {})[0]
+
+    def downward(self, function: Callable[..., tuple[Any, Sequence[Any]]], *items: Any) -> Handles:
+        """Apply a function from the root down."""
+        return downward(topology(self.tree), list(zip(*items, strict=True)), function, None)[0]
+
+    def gathered(self, handles: Handles) -> Iterator[Any]:
+        """Yield the values themselves."""
+        return iter(handles)
+
+
+Topology = Sequence[tuple[int, tuple[int, ...]]]
+"""Numbers of nodes, children before parents and a root last, with the numbers of their children."""
+
+
+def topology(tree: DissectionTree) -> Topology:
+    """Return the topology of a whole tree."""
+    return [(number, node.children) for number, node in enumerate(tree.nodes)]
+
+
+def upward(
+    nodes: Topology, rows: Sequence[Sequence[Any]], function: Callable[..., tuple[Any, Any]], passed: dict[int, Any]
+) -> tuple[list[Any], Any]:
+    """Apply a function to nodes from the bottom up; `passed` has what children outside of these passed up.
+
+    Returns
+    -------
+    list
+        What is kept, for each node.
+    object
+        What the root passed up.
+    """
+    kept = []
+    passed = dict(passed)
+    for (number, children), row in zip(nodes, rows, strict=True):
+        found, passed[number] = function(*row, *(passed.pop(child) for child in children))
+        kept.append(found)
+    return kept, passed.pop(nodes[-1][0])
+
+
+def downward(
+    nodes: Topology, rows: Sequence[Sequence[Any]], function: Callable[..., tuple[Any, Sequence[Any]]], given: Any
+) -> tuple[list[Any], dict[int, Any]]:
+    """Apply a function to nodes from the root down; `given` is what was passed to the root.
+
+    Returns
+    -------
+    list
+        What is kept, for each node.
+    dict
+        What was passed to children outside of these nodes.
+    """
+    kept: list[Any] = [None] * len(nodes)
+    passed = {nodes[-1][0]: given}
+    for place in reversed(range(len(nodes))):
+        number, children = nodes[place]
+        kept[place], down = function(*rows[place], passed.pop(number))
+        passed.update(zip(children, down, strict=True))
+    return kept, passed

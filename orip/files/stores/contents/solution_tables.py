@@ -12,9 +12,8 @@ from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integ
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS, Projection
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.group_test import GroupKind
-from orip.records.results.status import Status
-from orip.records.results.variance_component import VarianceGroupKind
+from orip.records.results.result_tests import GroupKind
+from orip.records.results.solution import Status, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 

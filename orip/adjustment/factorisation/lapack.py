@@ -1,0 +1,188 @@
+"""Routines of LAPACK and BLAS for triangles and bands, in place and without Python's lock."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cython_blas, cython_lapack, lapack
+
+from orip.arrays import FloatArray
+
+# Small blocks have hundreds of systems of some unknowns, which take less time than the checks of SciPy's
+# `solve_triangular`.
+
+
+def solve_lower(lower: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """Return L^-1 or L^-T times vectors.
+
+    Parameters
+    ----------
+    lower : array (m, m)
+        L; what stands above its diagonal is not read, and need not be finite.
+    right : array (m,) or (m, k)
+    transposed : bool
+        Whether L^-T is wanted.
+
+    Raises
+    ------
+    ValueError
+        If a vector is not finite.
+    numpy.linalg.LinAlgError
+        If an element of the diagonal is zero.
+    """
+    finite = np.asarray_chkfinite(right)
+    if not finite.size:
+        return np.zeros(finite.shape)
+    if lower.flags.f_contiguous:
+        found, info = lapack.dtrtrs(lower, finite, lower=1, trans=int(transposed))
+    else:  # LAPACK has columns where NumPy has rows
+        found, info = lapack.dtrtrs(lower.T, finite, lower=0, trans=int(not transposed))
+    if info != 0:
+        message = f"element {info} of the diagonal is zero"
+        raise np.linalg.LinAlgError(message)
+    return np.asarray(found)
+
+
+# SciPy's own wrappers keep the lock, and copy parts of a band; SciPy offers the routines themselves to compiled code in
+# `scipy.linalg.cython_lapack` and `scipy.linalg.cython_blas`.
+#
+# A band (n, w + 1) has column j from its element j on. So the columns of a panel, from any row below its diagonal on,
+# are a matrix whose columns lie w numbers apart.
+
+
+_name_of_capsule = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
+_pointer_in_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
+    ("PyCapsule_GetPointer", ctypes.pythonapi)
+)
+
+
+def _routine(name: str, arguments: int, library: Any = cython_lapack) -> Callable[..., None]:
+    """Return a routine of LAPACK, or of BLAS, with so many arguments, all of which are pointers."""
+    capsule = library.__pyx_capi__[name]
+    address = _pointer_in_capsule(capsule, _name_of_capsule(capsule))
+    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)(address)
+
+
+_FACTORISE, _SOLVE, _FACTORISE_FULL = _routine("dpbtrf", 6), _routine("dtbtrs", 11), _routine("dpotrf", 5)
+_SOLVE_FULL, _SUBTRACT_SQUARE = _routine("dtrsm", 11, cython_blas), _routine("dsyrk", 10, cython_blas)
+_MULTIPLY, _MULTIPLY_SYMMETRIC = _routine("dgemm", 13, cython_blas), _routine("dsymm", 12, cython_blas)
+
+_INTEGER = np.intc if b", int *" in _name_of_capsule(cython_lapack.__pyx_capi__["dpbtrf"]) else np.int64
+"""SciPy may have been built with a LAPACK of long integers; the name of a routine's capsule has its types."""
+
+
+def factorise_in_place(band: FloatArray) -> int:
+    """Replace a band (n, w + 1), in LAPACK's lower storage by columns, by its factor L; return LAPACK's `info`."""
+    count, stored = band.shape
+    info = _number(0)
+    _call(_FACTORISE, _letter("L"), _number(count), _number(stored - 1), band, _number(stored), info)
+    return int(info)
+
+
+def reduce_in_place(band: FloatArray, vectors: FloatArray) -> None:
+    """Replace vectors (k, n) by L^-1 of them, with L in a band (n, w + 1); zeros that all begin with stay zeros."""
+    places = np.flatnonzero(vectors.any(axis=0))
+    if places.size:
+        _solve(band[places[0] :], vectors, int(places[0]), "N")
+
+
+def substitute_in_place(band: FloatArray, vectors: FloatArray) -> None:
+    """Replace vectors (k, n) by L^-T of them, with L in a band (n, w + 1)."""
+    if vectors.size:
+        _solve(band, vectors, 0, "T")
+
+
+def _solve(band: FloatArray, vectors: FloatArray, first: int, trans: str) -> None:
+    """Replace the elements of vectors (k, n) from a first one on, with what a band has from its column there on."""
+    count, stored = band.shape
+    _call(
+        _SOLVE, _letter("L"), _letter(trans), _letter("N"), _number(count), _number(stored - 1), _number(len(vectors)),
+        band, _number(stored), vectors[0, first:], _number(vectors.shape[1]), _number(0),
+    )  # fmt: skip
+
+
+def eliminate_panel(band: FloatArray, start: int, end: int, reach: int) -> int:
+    """Factorise a panel of columns, and subtract its product from the columns after it; return LAPACK's `info`.
+
+    Its columns, from `start` on to that before `end`, reach down to the row before `reach`.
+    """
+    stride, count, rest = _number(band.shape[1] - 1), _number(end - start), _number(reach - end)
+    diagonal, below, after = (_part(band, row, column) for row, column in ((start, start), (end, start), (end, end)))
+    info = _number(0)
+    _call(_FACTORISE_FULL, _letter("L"), count, diagonal, stride, info)
+    if not info and reach > end:
+        _call(
+            _SOLVE_FULL, _letter("R"), _letter("L"), _letter("T"), _letter("N"), rest, count, _ONE, diagonal, stride,
+            below, stride,
+        )  # fmt: skip
+        _call(_SUBTRACT_SQUARE, _letter("L"), _letter("N"), rest, count, _MINUS_ONE, below, stride, _ONE, after, stride)
+    return int(info)
+
+
+def solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
+    """Replace the panel's part of vectors (k, n) by that of L^-1 of them, and subtract what it takes off the rest."""
+    _solve_in_panel(band, start, end, vectors, "N")
+    if reach > end and vectors.size:
+        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
+        _call(
+            _MULTIPLY, _letter("N"), _letter("N"), _number(reach - end), _number(len(vectors)), _number(end - start),
+            _MINUS_ONE, _part(band, end, start), stride, vectors[0, start:], size, _ONE, vectors[0, end:], size,
+        )  # fmt: skip
+
+
+def transposed_solve_panel(band: FloatArray, start: int, end: int, reach: int, vectors: FloatArray) -> None:
+    """Replace the panel's part of vectors (k, n) by that of L^-T of them; that of the rows after it has been."""
+    if reach > end and vectors.size:
+        stride, size = _number(band.shape[1] - 1), _number(vectors.shape[1])
+        _call(
+            _MULTIPLY, _letter("T"), _letter("N"), _number(end - start), _number(len(vectors)), _number(reach - end),
+            _MINUS_ONE, _part(band, end, start), stride, vectors[0, end:], size, _ONE, vectors[0, start:], size,
+        )  # fmt: skip
+    _solve_in_panel(band, start, end, vectors, "T")
+
+
+def symmetric_times(band: FloatArray, start: int, factor: FloatArray) -> FloatArray:
+    """Return the symmetric matrix of n rows and columns of a band from a first one on times a matrix (n, k)."""
+    result = np.zeros(factor.shape[::-1])
+    if factor.size:
+        size, columns = factor.shape
+        _call(
+            _MULTIPLY_SYMMETRIC, _letter("L"), _letter("L"), _number(size), _number(columns), _ONE,
+            _part(band, start, start), _number(band.shape[1] - 1), np.ascontiguousarray(factor.T), _number(size), _ZERO,
+            result, _number(size),
+        )  # fmt: skip
+    return result.T
+
+
+def _solve_in_panel(band: FloatArray, start: int, end: int, vectors: FloatArray, trans: str) -> None:
+    if vectors.size:
+        _call(
+            _SOLVE_FULL, _letter("L"), _letter("L"), _letter(trans), _letter("N"), _number(end - start),
+            _number(len(vectors)), _ONE, _part(band, start, start), _number(band.shape[1] - 1), vectors[0, start:],
+            _number(vectors.shape[1]),
+        )  # fmt: skip
+
+
+_ZERO, _ONE, _MINUS_ONE = np.array(0.0), np.array(1.0), np.array(-1.0)
+
+
+def _part(band: FloatArray, row: int, column: int) -> FloatArray:
+    """Return what a routine takes as the part of a band from an element (row, column) on."""
+    return band.reshape(-1)[column * (band.shape[1] - 1) + row :]
+
+
+def _number(value: int) -> NDArray[Any]:
+    return np.array(value, dtype=_INTEGER)
+
+
+def _letter(value: str) -> NDArray[Any]:
+    return np.array(value.encode())
+
+
+def _call(routine: Callable[..., None], *arguments: NDArray[Any]) -> None:
+    assert all(array.flags.c_contiguous for array in arguments), "a routine of LAPACK takes whole arrays"
+    routine(*(array.ctypes.data for array in arguments))

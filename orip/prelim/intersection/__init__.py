@@ -1,1 +1,0 @@
-"""Intersection of all points of a block at once from oriented photos."""
