@@ -28,7 +28,8 @@ from orip.files.project.reader import checked_tables
 from orip.files.project.records import project_definition
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import printable, shown_token
-from orip.interior.in_force import Definitions, interior_orientation
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import interior_orientation
 from orip.records.names import record_key
 from orip.records.observations.control import PHOTO_ERRORS, Control, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations

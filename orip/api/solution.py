@@ -18,8 +18,7 @@ from orip.files.result.json_text import result_text
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results import solution as records
-from orip.records.results.result_tests import GATE_FIGURES
-from orip.records.results.solution import Status
+from orip.records.results.result_tests import GATE_FIGURES, Status
 
 if TYPE_CHECKING:
     import pandas as pd

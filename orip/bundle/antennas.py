@@ -15,7 +15,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.names import record_key
 from orip.records.observations.control import ControlElement
-from orip.records.observations.measurement import photos_per_point
+from orip.records.observations.repeated import photos_per_point
 from orip.records.observations.station import Station
 from orip.records.project.definition import Antenna, Extent
 from orip.structs import replace

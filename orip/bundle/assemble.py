@@ -15,10 +15,12 @@ from orip.bundle.ground_system import constants_in_frame, frame_complaints, grou
 from orip.bundle.points.starting import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
-from orip.interior.in_force import Definitions, Interior
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
-from orip.records.names import coded, places_of_names, record_key
+from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.observations.station import Station

@@ -11,7 +11,8 @@ from msgspec import Struct
 
 from orip.bundle.groups.words import CODE, group_name
 from orip.bundle.results.misfits import has_suspects
-from orip.records.results.solution import NOT_DETERMINED, Diagnosis, Solution
+from orip.records.results.result_tests import NOT_DETERMINED
+from orip.records.results.solution import Diagnosis, Solution
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]

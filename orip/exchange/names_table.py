@@ -23,6 +23,9 @@ NAMES_FILE = "names.csv"
 SOURCE_FILE = "exchange.toml"
 TRACK_MARK = "T"
 
+_LARGEST_SOURCE_FILE = 1 << 16
+"""Bytes: what orip writes there are two lines; a larger file is not its own."""
+
 _HEADING = ["kind", "orip", "original"]
 _RECORDS = ("camera", "photo")
 
@@ -109,7 +112,10 @@ def place_from(folder: Path, source: Path) -> str:
 
 def read_original(folder: Path) -> Original | None:
     """Read where a project folder was imported from; None where it does not say."""
-    data, _ = read_bytes(folder / SOURCE_FILE, SOURCE_FILE, may_be_absent=True)
+    path = folder / SOURCE_FILE
+    if path.is_file() and path.stat().st_size > _LARGEST_SOURCE_FILE:
+        return None
+    data, _ = read_bytes(path, SOURCE_FILE, may_be_absent=True)
     try:
         table = toml_document((data or b"").decode("utf-8")).get("source", {})
         return Original(table["format"], Path(os.path.normpath(folder / table["path"])))

@@ -14,7 +14,8 @@ from orip.arrays import BoolArray, FloatArray, IntArray, distinct
 from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
-from orip.records.names import coded, joined, record_key, repeated, rows_of_records
+from orip.records.coded_names import coded, joined, repeated, rows_of_records
+from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
 from orip.records.project.photo import Photo
 from orip.structs import replace

@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import OrientationError
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.in_force import Definitions, unknown_record
+from orip.interior.definitions import Definitions, unknown_record
 from orip.records.names import record_key
 from orip.records.observations.measurement import (
     EditRecord,

@@ -15,8 +15,8 @@ from msgspec import Struct
 
 from orip.errors import Complaint, OrientationError, ProjectWarning
 from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.interior.definitions import Definitions, unknown_record
 from orip.interior.image_coordinates import pixel_size, scan_transformation
-from orip.interior.in_force import Definitions, unknown_record
 from orip.interior.measured_points import Findings, MeasuredPoints, PointsOfPhoto, points_of_record
 from orip.interior.mounting import (
     STORED,

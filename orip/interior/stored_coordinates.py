@@ -12,8 +12,8 @@ import numpy as np
 
 from orip.errors import OrientationError
 from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.interior.definitions import Definitions
 from orip.interior.image_coordinates import pixel_size
-from orip.interior.in_force import Definitions
 from orip.interior.measured_points import Findings, MeasuredPoints
 from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import orient_photo, orient_template

@@ -7,7 +7,7 @@ import numpy as np
 from orip.arrays import IntArray
 from orip.mistakes.fit_comparison import Fit
 from orip.records.block import Block
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 
 _DOUBTED = 0.5

@@ -13,7 +13,7 @@ from msgspec import Struct
 from orip.adjustment.weights import MEDIAN_OF_NORMAL
 from orip.arrays import FloatArray, parts
 from orip.bundle.solve import SolvedBlock
-from orip.records.names import CodedNames, joined, repeated
+from orip.records.coded_names import CodedNames, joined, repeated
 
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""

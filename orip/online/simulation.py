@@ -18,7 +18,8 @@ from orip.arrays import FloatArray
 from orip.bundle.assemble import BlockInput
 from orip.geometry.plane import IDENTITY
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.in_force import Definitions, Interior
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.online.measurements import Measurement
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlElement, ControlPoint

@@ -10,7 +10,8 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.groups.words import group_name, unit_of_group
 from orip.bundle.results.figures import figure
-from orip.records.names import coded, places_of_names
+from orip.records.coded_names import coded
+from orip.records.names import places_of_names
 from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.records.results.result_tests import GroupTest

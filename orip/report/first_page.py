@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 from orip.records.results.stations import POSITION_KINDS
 from orip.report.photos import rms_of_photos

@@ -41,7 +41,8 @@ from orip.report.precision import (
     variance_component_table,
     zero_direction_table,
 )
-from orip.report.report_input import RUN_NAME, ReportInput
+from orip.report.report_input import ReportInput
+from orip.report.run_mark import RUN_NAME
 from orip.report.table import counted, fixed, probability, significant
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.report.trust import check_point_table, gate_table, verdict

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from orip.arrays import FloatArray
 from orip.number_text import decimals_for
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.solution import RigEstimate, Solution
 from orip.records.results.stations import StationResiduals, station_residuals

@@ -8,9 +8,10 @@ import numpy as np
 from markupsafe import Markup
 from msgspec import Struct
 
-from orip.records.names import CodedNames, coded, places_of_names
-from orip.records.observations.measurement import point_of_measurement
+from orip.records.coded_names import CodedNames, coded
+from orip.records.names import places_of_names
 from orip.records.observations.observation_kinds import unit_of_unknown
+from orip.records.observations.repeated import point_of_measurement
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart

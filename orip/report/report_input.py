@@ -1,4 +1,4 @@
-"""What a report is made from: the mark of its run, the result, residuals as vectors, scales of photos."""
+"""What a report is made from, residuals of photo points as vectors, and scales of photos."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import pixel_size
-from orip.records.names import coded, record_key
+from orip.records.coded_names import coded
+from orip.records.names import record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, ReportDetails
@@ -20,15 +21,6 @@ from orip.records.project.photo import Photo, Template
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Residuals, Solution
 from orip.units import DEGREES_PER_RADIAN
-
-RUN_NAME = "orip-run"
-"""Name of the page's meta element with the run id."""
-
-
-def run_of_page(head: str) -> str | None:
-    """Return the run id that the beginning of a page names, None where there is none."""
-    _, found, rest = head.partition(f'<meta name="{RUN_NAME}" content="')
-    return rest.partition('"')[0] if found else None
 
 
 class PhotoVectors(Struct, frozen=True):

@@ -10,7 +10,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo

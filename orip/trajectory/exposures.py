@@ -12,7 +12,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
 from orip.records.names import record_key
-from orip.records.observations.station import Epochs, Quality
+from orip.records.observations.epochs import Epochs, Quality
 from orip.structs import replace
 from orip.trajectory.interpolation import Interpolated, in_seconds_of_week, interpolate, moved, time_complaints
 from orip.trajectory.matching import NO_EVENT, match_at_offset, match_by_time

@@ -9,7 +9,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.rotation import rotation_from_navigation
-from orip.records.observations.station import SECONDS_PER_WEEK, Epochs
+from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs
 from orip.trajectory.velocities import WGS84, velocities
 
 LONGEST_GAP = 2.5

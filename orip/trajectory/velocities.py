@@ -9,7 +9,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.ground_ellipsoid import metres_per_radian
-from orip.records.observations.station import Epochs
+from orip.records.observations.epochs import Epochs
 from orip.structs import replace
 
 WGS84 = (6_378_137.0, 6_356_752.314245)

@@ -10,7 +10,7 @@ from orip.errors import ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
-from orip.report.report_input import run_of_page
+from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.solve_step import solve_step
 from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState

@@ -335,12 +335,12 @@ def run(place: Path, told: Path, words: list[str], *, tell_modules: bool = False
 
 
 def _removed(place: Path) -> None:
+    place.chmod(0o700)
     for root, folders, _ in os.walk(place):
         for name in folders:
             path = Path(root, name)
             if not path.is_symlink():
                 path.chmod(0o700)
-    place.chmod(0o700)
     shutil.rmtree(place)
 
 

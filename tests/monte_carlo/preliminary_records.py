@@ -15,7 +15,8 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import angles_from_rotation
-from orip.interior.in_force import Definitions, Interior
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlPoint, PreliminaryPoint

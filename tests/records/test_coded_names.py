@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.records.names import coded, joined
+from orip.records.coded_names import coded, joined
 
 COLUMN = st.lists(st.sampled_from(["A", "B", "a", "1", "01", ""]))
 

@@ -12,8 +12,7 @@ from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition
 from orip.records.project.photo import Photo
-from orip.records.results.result_tests import GroupTest
-from orip.records.results.solution import VarianceComponent
+from orip.records.results.result_tests import GroupTest, VarianceComponent
 from orip.report.control_points import group_table
 from orip.report.drawings.block_plan import block_plan
 from orip.report.drawings.block_view import doubted_photos

@@ -23,7 +23,8 @@ from orip.records.project.photo import Photo
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Blunder, Estimates, Residuals, Solution
 from orip.report.page import MOST_BYTES, report_page
-from orip.report.report_input import ReportInput, run_of_page
+from orip.report.report_input import ReportInput
+from orip.report.run_mark import run_of_page
 from orip.structs import replace
 
 DRAWING = re.compile(r"<svg class=.*?</svg>(?=\s*</?(?:figure|div|svg|p)\b)", re.DOTALL)

@@ -13,7 +13,7 @@ from workflow.commands import project_status
 from workflow.quiet import run_quietly
 from workflow.small_projects import first_project, replace_in, two_bundles
 
-from orip.report.report_input import run_of_page
+from orip.report.run_mark import run_of_page
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.in_force import Definitions, Interior
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.control import Control, ControlPoint

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from orip.geometry.rotation import rotation_from_navigation
-from orip.records.observations.station import Epochs, epochs
+from orip.records.observations.epochs import Epochs, epochs
 from orip.trajectory.interpolation import interpolate, moved, time_complaints
 from orip.trajectory.velocities import without_contradicting_velocities
 

@@ -17,8 +17,9 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
-from orip.records.names import coded, record_key
+from orip.records.names import record_key
 from orip.records.observations.observation_kinds import CONTROL_POINT
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution

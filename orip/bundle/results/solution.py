@@ -23,11 +23,13 @@ from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.names import CodedNames, joined, places_of_names, record_key, repeated
+from orip.records.coded_names import CodedNames, joined, repeated
+from orip.records.names import places_of_names, record_key
 from orip.records.observations.control import PointKind
-from orip.records.observations.measurement import photos_per_point
+from orip.records.observations.repeated import photos_per_point
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
+from orip.records.results.result_tests import Status
 from orip.records.results.solution import (
     AdditionalEstimate,
     AntennaEstimate,
@@ -40,7 +42,6 @@ from orip.records.results.solution import (
     Residuals,
     SingularUnknown,
     Solution,
-    Status,
     ZeroDirection,
 )
 from orip.set_aside import set_aside

@@ -22,7 +22,7 @@ from orip.bundle.variance_components.variance_groups import (
     with_errors_times,
 )
 from orip.records.block import Block
-from orip.records.results.solution import VarianceComponent
+from orip.records.results.result_tests import VarianceComponent
 from orip.structs import replace
 
 # With the residuals v of observations divided by their a-priori errors, l, the matrix R of v = -R l is a projection.

@@ -16,7 +16,7 @@ from orip.records.observations.control import ControlElement, ControlPoint
 from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
 from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import VarianceGroupKind
+from orip.records.results.result_tests import VarianceGroupKind
 from orip.structs import replace
 
 _POSITION, _ROTATION = " ".join(PHOTO_PARAMETERS[:3]), " ".join(PHOTO_PARAMETERS[3:])

@@ -15,7 +15,8 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.records.observations.station import Quality, Station
+    from orip.records.observations.epochs import Quality
+    from orip.records.observations.station import Station
     from orip.workflow.stations.imported import ImportedStations
 
 _ACCEPTED: dict[str, tuple[Quality, ...]] = {

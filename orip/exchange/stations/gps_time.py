@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from datetime import datetime, timedelta
 
-from orip.records.observations.station import SECONDS_PER_WEEK
+from orip.records.observations.epochs import SECONDS_PER_WEEK
 
 _START = datetime(1980, 1, 6)
 

@@ -21,7 +21,7 @@ from orip.files.text.natural_order import natural_key
 from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import open_regular
 from orip.records.names import name_fault
-from orip.records.observations.station import Epochs, Quality, epochs
+from orip.records.observations.epochs import Epochs, Quality, epochs
 from orip.units import RADIANS_PER_DEGREE
 
 ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".dng", ".heic", ".png")

@@ -20,7 +20,7 @@ from orip.errors import Complaint
 from orip.exchange.stations.rows import LARGEST_PLACE, MOST_COMPLAINTS
 from orip.files.text.lines import read_bytes
 from orip.files.text.parsed import Parsed
-from orip.records.observations.station import Epochs, epochs
+from orip.records.observations.epochs import Epochs, epochs
 from orip.units import RADIANS_PER_DEGREE
 
 _FIELDS, _DEVIATION_FIELDS = 17, 10

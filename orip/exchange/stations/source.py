@@ -14,7 +14,7 @@ from orip.exchange.stations.rtklib_pos import read_rtklib_pos
 from orip.exchange.stations.sbet import read_sbet
 from orip.exchange.stations.station_table import read_station_table
 from orip.files.text.parsed import Parsed
-from orip.records.observations.station import Epochs, epochs
+from orip.records.observations.epochs import Epochs, epochs
 
 _SBET_ENDINGS = (".sbet", ".out")
 

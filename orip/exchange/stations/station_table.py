@@ -19,7 +19,7 @@ from orip.files.text.lines import read_bytes
 from orip.files.text.parsed import Parsed
 from orip.files.text.shown import shown_token
 from orip.records.names import name_fault
-from orip.records.observations.station import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs
+from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs
 from orip.units import RADIANS_PER_DEGREE
 
 HEADINGS: Final[Mapping[str, str]] = MappingProxyType(

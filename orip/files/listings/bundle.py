@@ -24,7 +24,7 @@ from orip.files.listings.bundle_stations import STATION_KINDS, station_lines
 from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, one_fixed, root_mean_square
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.results.solution import MOST_AS_TEXT, Reliability, Solution
 

@@ -13,9 +13,11 @@ from orip.arrays import FloatArray, IntArray
 from orip.files.text.fixed_cells import FixedCells
 from orip.files.text.table import Column, Table, table_lines, xy_pair
 from orip.number_text import decimals_for, fixed, measure, root_mean_square
-from orip.records.names import coded, record_key
-from orip.records.observations.measurement import PhotoObservations, measurement_name, observed_before
+from orip.records.coded_names import coded
+from orip.records.names import record_key
+from orip.records.observations.measurement import PhotoObservations
 from orip.records.observations.observation_kinds import unit_of_observation
+from orip.records.observations.repeated import measurement_name, observed_before
 from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 

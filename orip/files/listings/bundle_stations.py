@@ -10,7 +10,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, table_lines
 from orip.number_text import decimals_for, fixed, root_mean_square
-from orip.records.observations.station import SECONDS_PER_WEEK
+from orip.records.observations.epochs import SECONDS_PER_WEEK
 from orip.records.results.solution import Solution
 from orip.records.results.stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.files.text.table import Column, table_lines, xy_columns
 from orip.number_text import fixed
-from orip.records.observations.measurement import measurement_name
+from orip.records.observations.repeated import measurement_name
 from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from orip.files.listings.identification import RUN_LABEL
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
-from orip.records.results.solution import Status
+from orip.records.results.result_tests import Status
 from orip.version import __version__
 
 if TYPE_CHECKING:

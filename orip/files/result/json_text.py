@@ -15,8 +15,8 @@ from orip.files.result.identification import SCHEMA
 from orip.files.result.json_points import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupTest
-from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution, VarianceComponent
+from orip.records.results.result_tests import GroupTest, VarianceComponent
+from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 from orip.records.results.stations import station_residuals
 
 RESIDUALS_FILE = "residuals.csv"

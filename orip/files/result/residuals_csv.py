@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.number_text import shortest_texts
-from orip.records.names import CodedNames, coded
+from orip.records.coded_names import CodedNames, coded
 from orip.records.results.solution import Reliability, Residuals
 
 HEADER = (

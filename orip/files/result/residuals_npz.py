@@ -14,7 +14,7 @@ from typing import IO, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.results.solution import Reliability, Residuals
 
 _SAMPLE, _GAIN = 1 << 14, 0.5

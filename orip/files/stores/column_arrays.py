@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orip.arrays import IntArray
 from orip.files.stores.packed_columns import unpacked_column
 from orip.files.stores.table import StoreColumn
-from orip.records.names import CodedNames, coded, joined
+from orip.records.coded_names import CodedNames, coded, joined
 
 ColumnValues = Sequence[Any] | NDArray[Any]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from orip.files.stores.packed_parts import AS_IT_IS, DEFLATED, HEAD, LENGTH, ONE_BYTE, WIDTH, unpacked_parts
 from orip.files.stores.table import StoreColumn
-from orip.records.names import CodedNames, coded
+from orip.records.coded_names import CodedNames, coded
 
 _LEVEL = 1
 _SAMPLE = 1 << 12

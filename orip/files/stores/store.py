@@ -302,7 +302,7 @@ class Store(Struct, frozen=True):
     def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
         from orip.files.stores.column_arrays import positions
-        from orip.records.names import repeated
+        from orip.records.coded_names import repeated
 
         for name, first, count, *blobs in self.packed_rows(table, owner):
             columns = zip(table.packed_columns, blobs, strict=True)

@@ -12,7 +12,8 @@ from orip.errors import ProjectWarning
 from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
 from orip.mistakes.length_units import LENGTH_UNITS
 from orip.records.block import Block
-from orip.records.names import coded, places_of_names
+from orip.records.coded_names import coded
+from orip.records.names import places_of_names
 from orip.records.observations.control import ControlDistance
 from orip.records.results.solution import Solution
 

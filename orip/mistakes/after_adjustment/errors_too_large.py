@@ -13,7 +13,7 @@ import numpy as np
 from orip.errors import ProjectWarning
 from orip.mistakes.length_units import smallest_pixel
 from orip.records.block import Block
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.results.solution import Solution
 
 _TOO_GOOD = 0.2

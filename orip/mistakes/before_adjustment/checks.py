@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from orip.errors import ProjectWarning
-from orip.interior.in_force import Definitions, Interior
+from orip.interior.definitions import Definitions
+from orip.interior.in_force import Interior
 from orip.mistakes.before_adjustment.coordinate_units import coordinates_in_other_units
 from orip.mistakes.before_adjustment.free_datum import observations_without_weight
 from orip.mistakes.before_adjustment.impossible_camera import camera_warnings

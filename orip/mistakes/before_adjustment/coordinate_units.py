@@ -12,7 +12,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera, Sensor

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.in_force import Definitions
-from orip.records.names import record_key, rows_of_records
+from orip.interior.definitions import Definitions
+from orip.records.coded_names import rows_of_records
+from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from orip.arrays import IntArray
-from orip.interior.in_force import Definitions
-from orip.records.names import coded, record_key
+from orip.interior.definitions import Definitions
+from orip.records.coded_names import coded
+from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from orip.errors import ProjectWarning
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 
 CODE = "resolution"

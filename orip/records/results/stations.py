@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.records.names import coded
+from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, CONSTANT_STATION, STATION
 from orip.records.results.solution import Exposure, Solution
 

@@ -11,7 +11,8 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.names import coded, places_of_names
+from orip.records.coded_names import coded
+from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
 from orip.report.control_points import check_differences, control_differences
 from orip.report.drawings.block_view import BlockSide, doubted_photos, frame_rays, side_of_block, vertical

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from msgspec import Struct
 
 from orip.errors import ProjectWarning, UsageError
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Status
+from orip.records.results.result_tests import GateResult, Status
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM
 from orip.workflow.adjust.solve_step import solve_step

@@ -19,7 +19,8 @@ from orip.files.result.residuals_csv import residuals_csv_pieces
 from orip.files.result.residuals_npz import residuals_npz_pieces
 from orip.files.text.atomic import replace_in_pieces, reporting_failure
 from orip.files.text.table import table_lines
-from orip.records.names import coded, record_key
+from orip.records.coded_names import coded
+from orip.records.names import record_key
 from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
 from orip.structs import replace
 from orip.workflow.project.folder import ProjectFolder

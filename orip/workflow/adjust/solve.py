@@ -11,8 +11,9 @@ from orip.bundle.methods import Method
 from orip.bundle.problem import pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.prelim.ground import absolute_in_project
+from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
-from orip.records.names import coded, record_key
+from orip.records.names import record_key
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.result_tests import Gate, GateResult
 from orip.records.results.solution import InteriorSummary, Solution

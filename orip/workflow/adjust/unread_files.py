@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.files.text.named_numbers import tables_in_folder
-from orip.records.names import coded, record_key
+from orip.records.coded_names import coded
+from orip.records.names import record_key
 from orip.records.observations.control import Control
 from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState

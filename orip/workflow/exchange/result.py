@@ -19,8 +19,9 @@ from orip.exchange.format import Conventions
 from orip.exchange.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
+from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
-from orip.records.names import coded, record_key
+from orip.records.names import record_key
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution

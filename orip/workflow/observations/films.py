@@ -18,8 +18,9 @@ from orip.errors import ProjectWarning, UsageError
 from orip.files.log.text import read_measurements
 from orip.files.text.regular_file import file_of
 from orip.geometry.plane import IDENTITY, PlaneTransformation
+from orip.interior.definitions import Definitions
 from orip.interior.image_coordinates import scan_transformation
-from orip.interior.in_force import Definitions, Interior, stored_to_log
+from orip.interior.in_force import Interior, stored_to_log
 from orip.interior.replay import replay
 from orip.multimodel.state import Position
 from orip.records.names import near_names, record_key

@@ -11,7 +11,7 @@ from orip.arrays import FloatArray
 from orip.bundle.results.misfits import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.records.names import near_names, record_key
-from orip.records.observations.measurement import measurement_name, observed_before
+from orip.records.observations.repeated import measurement_name, observed_before
 from orip.records.results.interior import ListedObservation, Pair, StereoPartner
 from orip.records.results.solution import Solution
 from orip.workflow.observations.places import NOWHERE, Places

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from orip.errors import Complaint, InputError
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.interior.replay import replay
 from orip.records.names import near_names, record_key
 from orip.records.observations.measurement import EditRecord, LogRecord, Measured

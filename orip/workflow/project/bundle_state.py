@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from orip.errors import InputError
 from orip.files.stores.digest import record_digest
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.records.names import record_key
 from orip.records.observations.measurement import PhotoObservations, no_observations
 from orip.records.project.definition import BundleDefinition
@@ -131,7 +131,7 @@ class BundleState(Struct, frozen=True, dict=True):
     @cached_property
     def photos(self) -> Mapping[str, str]:
         """Return the names of the bundle's photos by `record_key`: those of its models, observations and solution."""
-        from orip.records.names import coded
+        from orip.records.coded_names import coded
 
         of_models = [photo for model in self.definition.models for photo in (model.left, model.right)]
         adjusted = self.solution.photos.names if self.solution else ()

@@ -10,7 +10,7 @@ from orip.errors import InputError
 from orip.files.stores.contents import cameras, exterior, photos, templates, temticks
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.transaction import Stores
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.records.names import record_key
 from orip.records.project.camera import Camera, lens_key, with_shared_lenses
 from orip.records.project.definition import BundleDefinition

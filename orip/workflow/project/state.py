@@ -18,7 +18,7 @@ from orip.files.stores.contents import observations
 from orip.files.stores.contents.solution_tables import SolutionHead, read_head
 from orip.files.stores.provenance import read_inputs
 from orip.files.stores.transaction import Stores, reading
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
 from orip.structs import replace

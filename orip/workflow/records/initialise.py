@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 
 from orip.errors import Complaint, ProjectWarning
-from orip.interior.in_force import Definitions
+from orip.interior.definitions import Definitions
 from orip.interior.replay import replay_complaints
 from orip.progress import stage
 from orip.records.names import record_key

@@ -11,7 +11,8 @@ from orip.files.stores.provenance import run_of, set_run
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores
 from orip.files.text.regular_file import file_of
-from orip.records.names import coded, record_key
+from orip.records.coded_names import coded
+from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.structs import replace
 from orip.wording import counted

@@ -17,7 +17,8 @@ from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
 from orip.files.text.parsed import Parsed
 from orip.records.names import record_key
-from orip.records.observations.station import Epochs, Station
+from orip.records.observations.epochs import Epochs
+from orip.records.observations.station import Station
 from orip.structs import replace
 from orip.trajectory.exposures import Matching, Sources, find_exposures
 from orip.trajectory.stations import stations_in_project

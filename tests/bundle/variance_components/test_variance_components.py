@@ -19,7 +19,7 @@ from orip.bundle.variance_components.estimation import (
 )
 from orip.bundle.variance_components.variance_groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
-from orip.records.results.solution import VarianceComponent
+from orip.records.results.result_tests import VarianceComponent
 from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")

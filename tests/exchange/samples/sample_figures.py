@@ -15,7 +15,8 @@ from orip.conversion.poses import orip_poses
 from orip.exchange.stations.source import read_epochs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
-from orip.records.observations.station import Epochs, Station
+from orip.records.observations.epochs import Epochs
+from orip.records.observations.station import Station
 
 Figures = Mapping[str, float]
 FiguresOf = Callable[[ExchangedProject, Path], Figures]

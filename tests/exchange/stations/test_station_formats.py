@@ -9,7 +9,7 @@ import pytest
 from reference.published_data import REFERENCE_DATA
 
 from orip.exchange.stations.source import read_epochs
-from orip.records.observations.station import Epochs
+from orip.records.observations.epochs import Epochs
 from orip.trajectory.velocities import without_contradicting_velocities
 
 POS = (

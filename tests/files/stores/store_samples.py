@@ -10,7 +10,8 @@ from msgspec.structs import astuple
 from orip.files.project.file_names import file_name_fault
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
-from orip.records.names import CodedNames, name_fault, record_key
+from orip.records.coded_names import CodedNames
+from orip.records.names import name_fault, record_key
 from orip.records.observations.control import PointKind
 from orip.records.observations.measurement import (
     MeasuredMarks,

@@ -5,7 +5,7 @@ import pytest
 
 from orip.files.stores.packed_columns import packed_column, unpacked_column
 from orip.files.stores.table import StoreColumn
-from orip.records.names import CodedNames, coded
+from orip.records.coded_names import CodedNames, coded
 
 NOISE = np.random.default_rng(5).normal(size=5000)
 COLUMNS = {

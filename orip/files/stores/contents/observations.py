@@ -63,7 +63,7 @@ def read(store: Store) -> PhotoObservations | None:
 
 
 def _set_aside(names: Sequence[str]) -> Sequence[str]:
-    from orip.records.names import CodedNames, coded
+    from orip.records.coded_names import CodedNames, coded
     from orip.set_aside import set_aside
 
     column = coded(names)
@@ -117,7 +117,7 @@ def write(store: Store, observations: PhotoObservations) -> None:
     """Replace all photo observations."""
     import numpy as np
 
-    from orip.records.observations.measurement import observed_before
+    from orip.records.observations.repeated import observed_before
 
     store.delete(BUNDLE)
     store.insert(BUNDLE, [(1, observations.bundle)])

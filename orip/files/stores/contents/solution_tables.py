@@ -12,8 +12,7 @@ from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integ
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS, Projection
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupKind
-from orip.records.results.solution import Status, VarianceGroupKind
+from orip.records.results.result_tests import GroupKind, Status, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 

@@ -25,10 +25,10 @@ from orip.files.stores.contents.solution_tables import (
 from orip.files.stores.digest import same_record
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
-from orip.records.names import CodedNames, repeated
+from orip.records.coded_names import CodedNames, repeated
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupTest
+from orip.records.results.result_tests import GroupTest, VarianceComponent
 from orip.records.results.solution import (
     AdditionalEstimate,
     AntennaEstimate,
@@ -45,7 +45,6 @@ from orip.records.results.solution import (
     RigEstimate,
     SingularUnknown,
     Solution,
-    VarianceComponent,
     ZeroDirection,
 )
 
