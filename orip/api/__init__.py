@@ -3,7 +3,6 @@
 A facade over the functions of the commands; nothing is computed here.
 """
 
-from orip.api.block import Block
 from orip.api.estimates import (
     AdjustedCamera,
     AdjustedCameras,
@@ -23,6 +22,7 @@ from orip.api.given import (
     PreliminaryPoints,
     Stations,
 )
+from orip.api.method import Block
 from orip.api.project import Project, open_project
 from orip.api.solution import Solution
 from orip.api.tables import ObservationResiduals

@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import asdict
 
 from orip.api import control_tables
-from orip.api.columns import Columns
+from orip.api.control_tables import Columns
 from orip.api.given import (
     Camera,
     ControlPoints,
@@ -26,8 +26,7 @@ from orip.bundle.assemble import BlockInput
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.project.reader import checked_tables
 from orip.files.project.records import project_definition
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import printable, shown_token
+from orip.files.text.shown import Parsed, printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
 from orip.records.names import record_key
@@ -36,7 +35,7 @@ from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.project.definition import ProjectDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import listed_names
-from orip.workflow.records.apply_text import with_polynomial
+from orip.workflow.records.reconcile import with_polynomial
 
 _PROJECT = "BLOCK"
 """A name that a project must have; it appears nowhere."""

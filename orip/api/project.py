@@ -27,8 +27,8 @@ from orip.workflow.observations.measure import MEASURED_FROM, measure
 from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, carry_out, commit
+from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_checked_project
-from orip.workflow.project.step import Step
 from orip.workflow.project.texts import raise_complaints
 from orip.workflow.records.initialise import INITIALISED_FROM, initialise
 from orip.workflow.records.initialise_step import initialise_step

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orip.cli.completion import lines_of_control
-from orip.cli.confirm import require_confirmation
+from orip.cli.conversion import require_confirmation
 from orip.cli.editing import DryRunOption, EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import BundleOption, Invocation, command
@@ -17,7 +17,7 @@ from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.files.control.forms import ControlKind
+    from orip.files.control.editing import ControlKind
     from orip.workflow.control.edits import ControlOutcome, Weighting
     from orip.workflow.project.commit import Change
     from orip.workflow.project.state import ProjectState

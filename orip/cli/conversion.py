@@ -1,12 +1,10 @@
-"""Values of the command line: texts, paths and numbers, converted without a library and refused in orip's words.
-
-typer converts and checks the others with pydantic, which takes longer to load than `orip status` takes to answer.
-"""
+"""Values of the command line, converted without a library; and asking before what cannot be undone."""
 
 from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -14,6 +12,12 @@ from typing import Any, get_args, get_origin
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
+
+from orip.errors import UsageError
+from orip.files.text.shown import visible
+
+# typer converts and checks the others with pydantic, which takes longer to load than `orip status` takes to answer.
+
 
 Parameter = TyperArgument | TyperOption
 
@@ -138,3 +142,21 @@ class Group(TyperGroup):
     def get_params(self, ctx: Any) -> Any:
         """Return the parameters, that for help among them."""
         return convert_at_once(super().get_params(ctx))
+
+
+def require_confirmation(question: str, yes: bool) -> None:
+    """Go on if the user has agreed in advance (``--yes``) or agrees on the terminal.
+
+    Raises
+    ------
+    UsageError
+        If there is nobody to ask, as in a script.
+    typer.Abort
+        If the answer is no.
+    """
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        message = f"{question} Say so with --yes"
+        raise UsageError(message)
+    typer.confirm(visible(question), abort=True, err=True)

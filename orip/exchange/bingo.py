@@ -18,7 +18,7 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays, Phot
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.short_names import with_original_names
 from orip.exchange.sources.text import numbered_words, text_lines
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.wording import counted

@@ -8,7 +8,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
 
 Given = Literal["control points", "check points", "stations", "distances", "tie points", "measurements"]

@@ -23,8 +23,8 @@ from orip.exchange.stations.image_metadata import (
     image_files,
     image_tags,
 )
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import open_regular
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference
 from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE

@@ -1,16 +1,21 @@
-"""The sample projects that come with orip, and a copy of one to work with."""
+"""Sample projects, and a new project: empty, or with commented texts that its user fills in."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import UsageError
-from orip.files.project.ignored import IGNORE_FILE, IGNORED
-from orip.files.text.leftovers import remove_leftovers
+from orip.errors import Complaint, InputError, UsageError
+from orip.files.project.file_names import IGNORE_FILE, IGNORED
+from orip.files.project.reader import parse_project
+from orip.files.project.starting_texts import BlockKind, Start, starting_texts
+from orip.files.project.toml_text import toml_table
+from orip.files.text.atomic import remove_leftovers, reporting_failure
 from orip.files.text.new_folder import was_left, write_new_folder
+from orip.geometry.ground_crs import geodetic_of
 from orip.workflow.project.folder import PROJECT_FILE
 
 SAMPLES: Mapping[str, str] = {
@@ -95,3 +100,91 @@ def _require_room(folder: Path, texts: Mapping[str, str]) -> None:
         return
     message = f"{folder} {what}; a sample is written into a new or empty folder: name another one"
     raise UsageError(message)
+
+
+_HEADING = """\
+# Cameras, templates, photos and bundles of this project are defined by commands (orip camera add ...) and kept in
+# its stores; 'orip export-toml' writes them here. They may as well be written here by hand: see 'orip init --help'.
+"""
+
+
+class ProjectMade(Struct, frozen=True):
+    """A project that was made: its name, its folder, its texts, and what to do next (an orip command, or words)."""
+
+    name: str
+    folder: Path
+    files: tuple[str, ...]
+    next: str
+
+
+def make_project(name: str, user: str, folder: Path) -> ProjectMade:
+    """Write the orip.toml of a new project, and a .gitignore; the folder is made where there is none.
+
+    Parameters
+    ----------
+    name, user : str
+        Of the project and its operator.
+    folder : Path
+        Files in it stay: measurements and control may be there already, and a .gitignore.
+
+    Raises
+    ------
+    InputError
+        If the names are not allowed; nothing is written then.
+    UsageError
+        If there is a project in the folder already.
+    OripError
+        If the folder or the disk refuses.
+    """
+    names = {"name": name, **({"user": user} if user else {})}
+    text = f"{_HEADING}\n{toml_table('[project]', names)}"
+    _write(folder, {PROJECT_FILE: text}, "orip init NAME DIR")
+    return ProjectMade(name, folder, (PROJECT_FILE,), "camera add NAME c=...")
+
+
+STARTS: Mapping[BlockKind, Start] = {
+    "drone": Start(""),
+    "object": Start(
+        "", kind="object", focal_length=24.0, columns=6000, rows=4000, pixel=3.92, photo_error=0.3, control_error=0.001
+    ),
+    "film": Start("", kind="film", camera="RC30", focal_length=153.0, pixel=14.0, control_error=0.05),
+}
+"""What is usual for each kind of block."""
+
+
+def make_started_project(start: Start, folder: Path) -> ProjectMade:
+    """Write the commented texts of a new project, and a .gitignore; raises as `make_project` does."""
+    texts = starting_texts(start)
+    if start.crs:
+        geodetic_of(start.crs)  # raises where it is not known, or no projected system
+    _write(folder, texts, "orip new NAME DIR")
+    return ProjectMade(start.name, folder, tuple(texts), _NEXT[start.kind])
+
+
+_NEXT: Mapping[BlockKind, str] = {
+    "drone": "stations import FILE",
+    "object": "photo add NAME camera=...",
+    "film": "photo add NAME camera=...",
+}
+
+
+def _write(folder: Path, texts: Mapping[str, str], example: str) -> None:
+    """Write texts of a new project, all or, where one is there already, none.
+
+    If it is killed while it writes, there is no half project: a new folder appears as a whole, and in an existing one
+    orip.toml is written last. When repeated, it goes on from there.
+    """
+    faults = parse_project(texts[PROJECT_FILE]).complaints
+    if faults:
+        raise InputError([Complaint(fault.message) for fault in faults])
+    if os.path.lexists(folder) and not folder.is_dir():  # a link to nothing is not followed
+        message = f"{folder} is not a folder: name another one, '{example}'"
+        raise UsageError(message)
+    ordered = {name: texts[name] for name in sorted(texts, key=PROJECT_FILE.__eq__)}
+    there = [path for path in map(folder.joinpath, ordered) if os.path.lexists(path) and not was_left(path, ordered)]
+    if there:
+        message = f"{folder} has the file {there[0].name} already: name another folder, '{example}'"
+        raise UsageError(message)
+    ignored = {} if os.path.lexists(folder / IGNORE_FILE) else {IGNORE_FILE: IGNORED}
+    with reporting_failure(str(folder / PROJECT_FILE), "name another folder"):
+        write_new_folder(folder, {**ignored, **ordered})

@@ -16,8 +16,8 @@ from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
+from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState
-from orip.workflow.project.step import Step
 from orip.workflow.records.initialise_step import initialise_step
 
 STATUS_FROM: tuple[Part, ...] = ("definitions", "digests", "replay", "heads")

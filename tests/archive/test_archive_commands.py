@@ -17,7 +17,7 @@ from workflow.small_projects import first_project
 from orip.archive.tables import SCHEMA
 from orip.errors import OripError
 from orip.files.archive.layout import ResultsFolder
-from orip.files.text.lock import locked
+from orip.files.text.own_files import locked
 from orip.workflow.cluster.connection import require_fit_workers
 from orip.workflow.cluster.facts import WorkerFacts, worker_facts
 

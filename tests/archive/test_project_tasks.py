@@ -19,7 +19,7 @@ from orip.bundle.methods import Method
 from orip.errors import OripError
 from orip.files.archive.finished import read_head, read_rows
 from orip.files.archive.layout import ResultsFolder, name_digest
-from orip.files.stores.older import OLDER_STORES
+from orip.files.stores.identity import OLDER_STORES
 from orip.structs import replace
 from orip.version import __version__
 from orip.workflow.archive import task as tasks

@@ -207,7 +207,7 @@ def test_kill_all_on_a_terminal_is_asked_for(film: Path, monkeypatch: pytest.Mon
         if not next(answers):
             raise typer.Abort
 
-    monkeypatch.setattr("orip.cli.confirm.typer.confirm", confirm)
+    monkeypatch.setattr("orip.cli.conversion.typer.confirm", confirm)
     before = contents(film)
     assert observe(film, "kill", "point", "left", "*").code == 130
     assert contents(film) == before

@@ -13,7 +13,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import REPOSITORY, contents
 
-from orip.files.project.ignored import IGNORED
+from orip.files.project.file_names import IGNORED
 from orip.workflow.sample_projects import SAMPLES
 
 FOLDER = REPOSITORY / "sample_projects"

@@ -12,7 +12,7 @@ import pytest
 from command_tree import SHARED, commands, is_group, options_of
 from documentation.pages import pages, shown
 
-from orip.files.control.forms import FORMS
+from orip.files.control.editing import FORMS
 from orip.files.project.tables import keys_of as keys_of_table
 from orip.files.project.tables import table_of
 from orip.records.project.definition import RECORD_TYPES

@@ -15,10 +15,10 @@ from workflow.small_projects import film_project
 
 from orip.errors import INTERRUPTED, OripError
 from orip.files.control.text import ELEMENT_KINDS
-from orip.files.log.headers import ACTIONS, BLOCK_KINDS
+from orip.files.log.blocks import ACTIONS, BLOCK_KINDS
 from orip.files.project import tables as project_tables
 from orip.files.result.json_text import result_document
-from orip.files.result.residuals_csv import HEADER
+from orip.files.result.residuals import HEADER
 from orip.records.observations.control import DistanceCode
 from orip.records.project.definition import RECORD_TYPES, ReportDetails
 

@@ -14,7 +14,7 @@ from hostile.fuzzing import mutated, require_words
 from hostile.structured import mutated_structure
 
 from orip.errors import OripError
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedProject
 
 _ZIP = b"PK"

@@ -20,7 +20,7 @@ from orip.exchange.metashape.source import READING
 from orip.exchange.names_table import read_names
 from orip.files.control.text import parse_points
 from orip.files.log.text import read_measurements
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedPoints, ExchangedProject
 from orip.records.names import record_key
 from orip.records.observations.control import ControlPoint

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orip.bundle.results.misfits import reliability, suspect_rows
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
-from orip.files.result.residuals_csv import residuals_csv_pieces
+from orip.files.result.residuals import residuals_csv_pieces
 from orip.records.observations.control import PointKind
 from orip.records.observations.measurement import MeasuredMarks, PhotoObservations
 from orip.records.results.interior import MarkAdjustment

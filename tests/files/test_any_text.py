@@ -27,9 +27,9 @@ from orip.files.project.reader import read_project
 from orip.files.project.toml_lines import TomlLines
 from orip.files.stores.dump import dump
 from orip.files.stores.load import load
-from orip.files.text.gate import parse_gate
+from orip.files.text.decimal_numbers import parse_gate
 from orip.files.text.lines import read_lines
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.names import name_fault
 
 Reader = Callable[[Path, str], Parsed[Any]]

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from orip.files.text.atomic import replace_text
-from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.atomic import remove_leftovers, replace_text, temporary_beside
 from orip.files.text.regular_file import NoRegularFileError
 
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and process numbers are those of POSIX")

@@ -16,7 +16,7 @@ from orip.files.control.text import (
     read_control,
     read_control_file,
 )
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 
 Parser = Callable[[Parsed[list[str]], str], Parsed[Any]]
 

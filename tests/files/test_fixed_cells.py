@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.text.fixed_cells import FixedCells, deviation_cells
-from orip.files.text.table import Column, Table
+from orip.files.text.table import Column, FixedCells, Table, deviation_cells
 from orip.number_text import deviations, fixed
 
 NUMBERS = st.floats() | st.floats(-1e4, 1e4) | st.integers(-(10**6), 10**6).map(lambda number: number / 2**6)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.text.gate import parse_gate
+from orip.files.text.decimal_numbers import parse_gate
 from orip.records.results.result_tests import OPERATORS, Gate
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from orip.files.log.plain_lines import is_compiled, plain_lines
 from orip.files.log.text import read_measurements
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.observations.measurement import (
     EditRecord,
     FiducialsRecord,

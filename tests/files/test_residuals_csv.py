@@ -23,7 +23,7 @@ from hand_built_solutions import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.result import residuals_csv as module
+from orip.files.result import residuals as module
 from orip.number_text import shortest_texts
 from orip.records.results.solution import Residuals
 

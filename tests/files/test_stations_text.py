@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from orip.files.control.stations_text import read_stations
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.observations.station import Station
 
 POSITION = "P1 10 20 30 0.02 -0.03 0"

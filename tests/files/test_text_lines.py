@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files.text.decimal_numbers import is_number, parse_number, parse_photo_error
-from orip.files.text.digest import file_digest
 from orip.files.text.lines import decode_lines, field_lines, read_lines, split_line
+from orip.files.text.regular_file import file_digest
 
 
 @pytest.mark.parametrize(

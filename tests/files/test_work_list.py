@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orip.files.log.work_list import read_work_list
+from orip.files.log.writing import read_work_list
 
 
 def listed(tmp_path, text):

@@ -33,13 +33,12 @@ from orip.files.drive.table_text import read_drive_table
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.result.reader import read_result
-from orip.files.stores.dump import dump
-from orip.files.stores.dump_reader import read_dump
+from orip.files.stores.dump import dump, read_dump
 from orip.files.stores.identity import create
 from orip.files.stores.load import PRIVATE
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import connected
-from orip.files.text.gate import parse_gate
+from orip.files.text.decimal_numbers import parse_gate
 from orip.files.text.lines import decode_lines
 from orip.link.protocol import answer
 from orip.workflow.digitise.operator import script_requests

@@ -49,7 +49,7 @@ from workflow.small_projects import film_project, first_project, many_bundles, r
 from orip.cli.main import main as orip
 from orip.files.log.text import read_measurements
 from orip.files.stores.dump import dump
-from orip.files.stores.schema import TABLES_OF_KIND
+from orip.files.stores.identity import TABLES_OF_KIND
 
 PROJECT = "project"
 _AGAIN = 0.3

@@ -16,7 +16,7 @@ from files.stores.store_samples import rich_solution
 from plotly.offline import get_plotlyjs
 from report.sample_pages import SAMPLES, Page, sample
 
-from orip.files.text.gate import parse_gate
+from orip.files.text.decimal_numbers import parse_gate
 from orip.records.project.camera import Camera
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.records.project.photo import Photo

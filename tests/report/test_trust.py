@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from orip.bundle.groups.words import CODE
 from orip.bundle.verdict import GlobalTest, Untested, global_test, sigma0_finding
-from orip.files.text.gate import parse_gate
+from orip.files.text.decimal_numbers import parse_gate
 from orip.records.project.definition import BundleDefinition
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Solution

@@ -31,12 +31,12 @@ from orip.workflow.records import export_toml as _export_toml
 from orip.workflow.records import initialise as _initialise
 from orip.workflow.records import lists
 from orip.workflow.records.commands import RecordsOutcome
+from orip.workflow.records.document import RecordKind
 from orip.workflow.records.edits import RecordName
 from orip.workflow.records.export_toml import ExportedToml
 from orip.workflow.records.initialise import INITIALISED_FROM, Initialised
 from orip.workflow.records.lists import RecordList
 from orip.workflow.records.reconcile import Prefer
-from orip.workflow.records.references import RecordKind
 from orip.workflow.status import STATUS_FROM, ProjectStatus
 from orip.workflow.status import project_status as status_of
 

@@ -10,7 +10,7 @@ from cli.command_line import orip
 from support.driven_projects import ZURICH_MODELS, add_models
 from workflow.small_projects import film_project, replace_in
 
-from orip.files.text.leftovers import temporary_beside
+from orip.files.text.atomic import temporary_beside
 
 OUTPUTS = {
     "BUNDLE_ERROR.OUT", "BUNDLE_RESULT.OUT", "INTERIOR_RESULT.OUT", "PRELIM_RESULT.OUT", "report.html",

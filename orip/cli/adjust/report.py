@@ -46,8 +46,7 @@ def register(app: typer.Typer) -> None:
         Example: orip report --output outcrop.html
         """
         _refuse_the_other_kind(output, pdf=pdf)
-        from orip.workflow.adjust.report import REPORTED_FROM, report
-        from orip.workflow.adjust.report_pdf import print_pdf
+        from orip.workflow.adjust.report import REPORTED_FROM, print_pdf, report
         from orip.workflow.project.bundle_state import read_bundle
         from orip.workflow.project.commit import commit
         from orip.workflow.project.named_output import require_replaceable

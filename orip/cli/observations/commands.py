@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from orip.cli.completion import photos, points
-from orip.cli.confirm import require_confirmation
+from orip.cli.conversion import require_confirmation
 from orip.cli.editing import DryRunOption, EditOptions, YesOption
 from orip.cli.observations.output import list_document, tell_edited, tell_list, tell_todo, todo_document
 from orip.cli.options import BundleOption, Invocation, command, group_of_commands

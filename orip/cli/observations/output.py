@@ -13,8 +13,7 @@ from orip.cli.terminal import Terminal, warning_rows
 if TYPE_CHECKING:
     from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
     from orip.workflow.observations.edits import AddedEdits
-    from orip.workflow.observations.listed import ObservationList
-    from orip.workflow.observations.rays import LeftAlone
+    from orip.workflow.observations.listed import LeftAlone, ObservationList
     from orip.workflow.observations.todo import Todo
 
 

@@ -103,8 +103,7 @@ def _sample(invocation: Invocation, name: str | None, folder: Path | None, prefe
 
 
 def _make(invocation: Invocation, name: str, user: str, folder: Path | None, prefer: str | None) -> None:
-    from orip.workflow.new_project import make_project
-    from orip.workflow.sample_projects import SAMPLES
+    from orip.workflow.sample_projects import SAMPLES, make_project
 
     if prefer is not None:
         message = "--prefer is for 'orip init' without a name; leave one of them out"
@@ -134,7 +133,7 @@ def tell(terminal: Terminal, outcome: Initialised) -> None:
 
 def _tell_differences(terminal: Terminal, outcome: Initialised) -> None:
     """Show the values that have changed, a few of them always."""
-    from orip.workflow.records.values import shown_value
+    from orip.workflow.records.changes import shown_value
 
     lines = [
         f"         {record.kind} {record.name}: {value.key} {shown_value(value.old)} -> {shown_value(value.new)}"

@@ -76,7 +76,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip new QUARRY --kind drone --frame 5280x3956 --pixel 3.3 --c 12.3 --crs EPSG:25832
         """
-        from orip.workflow.new_project import make_started_project
+        from orip.workflow.sample_projects import make_started_project
 
         start = _start(name, user, kind, options)
         tell_made(invocation.terminal, make_started_project(start, invocation.folder / (folder or name)))
@@ -84,7 +84,7 @@ def register(app: typer.Typer) -> None:
 
 def _start(name: str, user: str, kind: Literal["drone", "object", "film"] | None, options: StartOptions) -> Start:
     """Return what options say, then what the user answers, then defaults of the kind of block."""
-    from orip.workflow.new_project import STARTS
+    from orip.workflow.sample_projects import STARTS
 
     asks = sys.stdin.isatty() and sys.stderr.isatty()
     if kind is None and asks:

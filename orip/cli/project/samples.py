@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from orip.cli.terminal import Terminal
 
 if TYPE_CHECKING:
-    from orip.workflow.new_project import ProjectMade
-    from orip.workflow.sample_projects import SampleWritten
+    from orip.workflow.sample_projects import ProjectMade, SampleWritten
 
 
 def list_samples(terminal: Terminal) -> None:

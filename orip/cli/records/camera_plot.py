@@ -59,7 +59,7 @@ def _register_plot(group: typer.Typer) -> None:
 
 
 def _plot(found: DistortionCurve, *, ascii_only: bool) -> list[str]:
-    from orip.files.listings.distortion import distortion_lines
+    from orip.files.listings.observations import distortion_lines
     from orip.files.text.plot import ASCII, UNICODE, text_plot
 
     width = max(min(shutil.get_terminal_size().columns, 120) - _MARGIN, 20)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from orip.cli.completion import of_group
-from orip.cli.confirm import require_confirmation
+from orip.cli.conversion import require_confirmation
 from orip.cli.editing import EditOptions, YesOption, edit_document, tell_edit
 from orip.cli.late_groups import add_group
 from orip.cli.options import BundleOption, Invocation, command
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from orip.workflow.project.state import ProjectState
     from orip.workflow.records.changes import RecordChange
     from orip.workflow.records.commands import RecordsOutcome
+    from orip.workflow.records.document import RecordKind
     from orip.workflow.records.edits import RecordName
-    from orip.workflow.records.references import RecordKind
+
 
 Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=of_group)]
 DeletedName = Annotated[str | None, typer.Argument(metavar="NAME", autocompletion=of_group)]
@@ -216,7 +217,7 @@ def tell(terminal: Terminal, command_name: str, outcome: RecordsOutcome) -> None
 
 
 def _tell_change(terminal: Terminal, change: RecordChange) -> None:
-    from orip.workflow.records.values import shown_value
+    from orip.workflow.records.changes import shown_value
 
     name = f"{change.old_name} -> {change.name}" if change.old_name else change.name
     terminal.say(f"{change.action:<8} {change.kind} {name}")

@@ -10,8 +10,7 @@ import numpy as np
 
 from orip.errors import Complaint
 from orip.exchange.colmap.model import CAMERA_MODELS, MODEL_NAMES, ColmapCamera, ColmapImage, ColmapPoints, no_points
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import printable
+from orip.files.text.shown import Parsed, printable
 
 T = TypeVar("T")
 

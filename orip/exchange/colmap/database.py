@@ -16,8 +16,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import Complaint
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import printable
+from orip.files.text.shown import Parsed, printable
 from orip.records.observations.station import IN_PROJECT, Station, StationReference
 
 DATABASE = "database.db"

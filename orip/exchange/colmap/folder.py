@@ -13,8 +13,7 @@ from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap import binary, text
 from orip.exchange.colmap.model import LARGEST_FRAME, ColmapCamera, ColmapImage, ColmapModel, ColmapPoints, no_points
 from orip.files.text.lines import read_bytes
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import printable
+from orip.files.text.shown import Parsed, printable
 
 T = TypeVar("T")
 Form = Literal["bin", "txt"]

@@ -11,7 +11,7 @@ from orip.arrays import BoolArray, IntArray
 from orip.exchange.colmap.database import pose_priors
 from orip.exchange.colmap.folder import form_of, model_folder, read_folder
 from orip.exchange.colmap.model import CAMERA_MODELS, ColmapCamera, ColmapImage, ColmapModel, ColmapPoints
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import (
     ExchangedCamera,
     ExchangedPhoto,

@@ -13,8 +13,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap.model import CAMERA_MODELS, ColmapCamera, ColmapImage, ColmapPoints, no_points
 from orip.files.text.lines import decode_lines
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 
 _LARGEST_WHOLE = float(1 << 53)
 _IMAGE_FIELDS, _POINT_FIELDS = 10, 8

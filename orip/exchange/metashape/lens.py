@@ -7,8 +7,8 @@ from pathlib import Path
 from orip.exchange.metashape.sensors import read_lens_file
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedProject
 
 _BEGINNING = 1000

@@ -12,7 +12,7 @@ from orip.exchange.metashape.chunk import DEFAULT_POSITION, LEAST_RADIUS
 from orip.exchange.metashape.reference_table import Reference, ReferenceTable, read_reference_table
 from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.faults import Faults
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import NOT_GIVEN, Station, StationReference

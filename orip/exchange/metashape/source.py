@@ -18,8 +18,8 @@ from orip.exchange.metashape.ties import add_ties
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.wording import counted
 

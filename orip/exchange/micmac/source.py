@@ -15,8 +15,8 @@ from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation,
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.xml_tree import read_xml
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import is_there
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.wording import counted

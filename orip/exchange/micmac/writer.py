@@ -12,7 +12,7 @@ from xml.sax.saxutils import escape
 
 from orip.exchange.micmac.copy import ORIENTATION, copied_files
 from orip.exchange.micmac.source import find_orientations
-from orip.files.text.exported_names import exported_file_names
+from orip.files.text.new_folder import exported_file_names
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _HEAD = '<?xml version="1.0" ?>\n<ExportAPERO>\n'

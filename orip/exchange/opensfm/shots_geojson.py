@@ -14,9 +14,8 @@ from orip.exchange.opensfm.point_lists import crs_of_heading
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import JsonValue, read_json
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 
 READING = PoseReading("y_down", "to_camera", "rotation_vector", "radian", "centre")

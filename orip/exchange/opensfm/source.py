@@ -19,7 +19,7 @@ from orip.exchange.opensfm.tracks import Features, read_features
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import IN_PROJECT, Station, StationReference

@@ -18,8 +18,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.exchange.stations.gps_time import seconds_of_week_time
 from orip.exchange.stations.rows import LARGEST_PLACE, Row, RowReader, text_rows
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.observations.epochs import Epochs, Quality, epochs
 from orip.units import RADIANS_PER_DEGREE
 

@@ -17,9 +17,8 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.exchange.stations.gps_time import seconds_of_date
-from orip.files.text.natural_order import natural_key
-from orip.files.text.parsed import Parsed
-from orip.files.text.regular_file import open_regular
+from orip.files.text.regular_file import natural_key, open_regular
+from orip.files.text.shown import Parsed
 from orip.records.names import name_fault
 from orip.records.observations.epochs import Epochs, Quality, epochs
 from orip.units import RADIANS_PER_DEGREE

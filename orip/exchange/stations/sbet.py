@@ -19,7 +19,7 @@ from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.exchange.stations.rows import LARGEST_PLACE, MOST_COMPLAINTS
 from orip.files.text.lines import read_bytes
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.observations.epochs import Epochs, epochs
 from orip.units import RADIANS_PER_DEGREE
 

@@ -13,7 +13,7 @@ from orip.exchange.stations.image_metadata import ENDINGS, image_files, read_ima
 from orip.exchange.stations.rtklib_pos import read_rtklib_pos
 from orip.exchange.stations.sbet import read_sbet
 from orip.exchange.stations.station_table import read_station_table
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.observations.epochs import Epochs, epochs
 
 _SBET_ENDINGS = (".sbet", ".out")

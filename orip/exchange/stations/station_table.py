@@ -16,8 +16,7 @@ from orip.errors import Complaint
 from orip.exchange.stations.gps_time import seconds_of_date
 from orip.exchange.stations.rows import LARGEST_PLACE, Row, RowReader, rows_of
 from orip.files.text.lines import read_bytes
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.names import name_fault
 from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs
 from orip.units import RADIANS_PER_DEGREE

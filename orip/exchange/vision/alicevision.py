@@ -33,8 +33,8 @@ from orip.exchange.vision.openmvg import (
     require_plain,
 )
 from orip.files.text.decimal_numbers import parse_number
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject, Lens, PoseReading
 from orip.wording import counted
 

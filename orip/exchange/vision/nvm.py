@@ -14,8 +14,8 @@ from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.text import quoted_words, text_lines
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import (
     PIXELS,
     ExchangedCamera,

@@ -22,8 +22,8 @@ from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import JsonValue, read_json
 from orip.exchange.sources.short_names import short_names
 from orip.exchange.sources.tracks import places_in_photos, tracks
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, Lens, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.wording import counted

@@ -19,8 +19,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.files.text.atomic import reporting_failure
-from orip.files.text.leftovers import remove_leftovers, temporary_beside
+from orip.files.text.atomic import remove_leftovers, reporting_failure, temporary_beside
 from orip.files.text.own_files import make_file, make_folder, new_file, remove_folder, rename
 from orip.files.text.regular_file import open_regular
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from orip.errors import Complaint
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.names import name_fault
 from orip.records.observations.control import PreliminaryPoint
 

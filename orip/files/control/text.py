@@ -1,4 +1,4 @@
-"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR); all of a project."""
+"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR), read and written."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import field_lines, read_lines
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.names import look_alikes, record_key
 from orip.records.observations.control import (
     ANGLE_ERRORS,
@@ -31,6 +30,29 @@ from orip.records.observations.control import (
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted
+
+_UNKNOWN = "-"
+
+
+def points_text(points: Sequence[ControlPoint]) -> str:
+    """Return the lines of a .PNT file; errors of a coordinate that is known are known."""
+    return "".join(
+        " ".join([point.name, *map(_field, (*point.coordinates, *point.errors)), *(["x"] if point.rejected else [])])
+        + "\n"
+        for point in points
+    )
+
+
+def distances_text(distances: Sequence[ControlDistance]) -> str:
+    """Return the lines of a .LEN file."""
+    return "".join(
+        f"{one.name} {one.start} {one.end} {one.code} {_field(one.distance)} {_field(one.error)}\n" for one in distances
+    )
+
+
+def _field(value: float | None) -> str:
+    return _UNKNOWN if value is None else repr(float(value))
+
 
 ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
     "CAMERA": CAMERA_PARAMETERS,

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.files.text.fixed_cells import FixedCells, deviation_cells
-from orip.files.text.table import Column, each_table_line, paragraph, table_lines
+from orip.files.text.table import Column, FixedCells, deviation_cells, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
 from orip.records.observations.observation_kinds import unit_of_unknown
 from orip.records.project.camera import CAMERA_PARAMETERS, CAMERA_UNITS

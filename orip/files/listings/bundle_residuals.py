@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
-from orip.files.text.fixed_cells import FixedCells
-from orip.files.text.table import Column, Table, table_lines, xy_pair
+from orip.files.text.table import Column, FixedCells, Table, table_lines, xy_pair
 from orip.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.records.coded_names import coded
 from orip.records.names import record_key

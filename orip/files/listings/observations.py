@@ -1,4 +1,4 @@
-"""Photo observations as text: those that fit badly, the stereo partners of points, and what to measure again."""
+"""Photo observations as text: what fits badly, what to measure; and a camera's radial distortion."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from orip.arrays import FloatArray
 from orip.files.text.table import Column, table_lines, xy_columns
-from orip.number_text import fixed
+from orip.number_text import fixed, root_mean_square
 from orip.records.observations.repeated import measurement_name
+from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
 from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
 
 
@@ -91,3 +93,39 @@ def _remarks(row: PointToMeasure) -> Iterator[str]:
     for label, xy in (("measured", row.before), ("predicted", row.predicted)):
         if not np.isnan(xy).any():
             yield "{} {} {}".format(label, *fixed(xy, 4))
+
+
+def distortion_lines(
+    coefficients: Sequence[float],
+    isp: Sequence[float] | None,
+    radius: FloatArray,
+    given: FloatArray,
+    residual: FloatArray,
+) -> list[str]:
+    """Return the terms of the polynomial, the ISP form, and of a given curve its points and residuals.
+
+    Parameters
+    ----------
+    coefficients : (A1, A3, A5, A7, A9)
+    isp : (R0, A1, A2, A3) or None
+    radius, given, residual : arrays (n,)
+        Points of the curve and polynomial minus given, mm; empty without a curve.
+    """
+    terms = {name: value for name, value in zip(RADIAL_PARAMETERS, coefficients, strict=True) if value} or {"A1": 0.0}
+    lines = [_named("polynomial", list(terms), list(terms.values()))]
+    if isp is not None:
+        lines.append(_named("ISP form", ISP_PARAMETERS, isp))
+    if len(radius):
+        columns = [
+            Column("R", fixed(radius, 3), "mm"),
+            Column("D given", fixed(given, 5), "mm"),
+            Column("D fitted", fixed(given + residual, 5), "mm"),
+            Column("Residual", fixed(residual, 5), "mm"),
+        ]
+        lines += ["", *table_lines(columns), f"  RMS of the residuals {root_mean_square(residual):.5f} mm"]
+    return lines
+
+
+def _named(label: str, names: Sequence[str], values: Sequence[float]) -> str:
+    terms = "  ".join(f"{name} = {value:.9g}" for name, value in zip(names, values, strict=True))
+    return f"  {label + ':':<13}{terms}"

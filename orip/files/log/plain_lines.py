@@ -10,7 +10,7 @@ import re
 from array import array
 from typing import NamedTuple
 
-from orip.files.log.headers import KEYWORDS
+from orip.files.log.blocks import KEYWORDS
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.records.names import RESERVED_NAMES
 

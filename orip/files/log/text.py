@@ -1,29 +1,40 @@
-"""Measurement text (.MEA): a log of what was measured, in the order in which it is replayed.
-
-A line is the first line of a block, an edit, or a measurement of the block above. A point, mark or tick may be called
-like a keyword: a line whose second and third fields are both numbers is a measurement, with one exception. In
-``POINTS 1 101`` two unsigned whole numbers are taken as the names of a bundle and a photo, because such names are
-common and a point called POINTS is not; ``POINTS 1.0 101.0`` measures such a point. Outside a block a keyword is always
-one. An edit ends the block above it.
-"""
+"""Measurement text (.MEA): a log of what was measured, in the order in which it is replayed; and its points at once."""
 
 from __future__ import annotations
 
 import difflib
+from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
 
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint
-from orip.files.log.blocks import MeasurementBlock, read_measurement
-from orip.files.log.headers import ACTIONS, BLOCK_KINDS, KEYWORDS, read_edit, read_header
+from orip.files.log.blocks import (
+    ACTIONS,
+    BLOCK_KINDS,
+    KEYWORDS,
+    MeasurementBlock,
+    read_edit,
+    read_header,
+    read_measurement,
+)
 from orip.files.log.plain_lines import PlainLines, plain_lines
+from orip.files.log.writing import points_header
 from orip.files.text.decimal_numbers import is_number
 from orip.files.text.field_reader import FieldReader
 from orip.files.text.lines import read_sound_bytes, split_line
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
+from orip.number_text import shortest_texts
 from orip.progress import stage
 from orip.records.observations.measurement import LogRecord
+
+# A line is the first line of a block, an edit, or a measurement of the block above. A point, mark or tick may be called
+# like a keyword: a line whose second and third fields are both numbers is a measurement, with one exception. In
+# ``POINTS 1 101`` two unsigned whole numbers are taken as the names of a bundle and a photo, because such names are
+# common and a point called POINTS is not; ``POINTS 1.0 101.0`` measures such a point. Outside a block a keyword is
+# always one. An edit ends the block above it.
 
 
 def read_measurements(path: Path, shown: str) -> Parsed[tuple[LogRecord, ...]]:
@@ -152,3 +163,49 @@ def _is_like_keyword(reader: FieldReader) -> bool:
 
 def _near_keywords(word: str) -> list[str]:
     return difflib.get_close_matches(shown_token(word).upper(), sorted(KEYWORDS), 1)
+
+
+def points_blocks(
+    bundle: str, photo: str, names: Sequence[str], image: FloatArray, errors: FloatArray, is_active: BoolArray
+) -> str:
+    """Return the measurements of a photo: a block, and further ones for points that are measured again.
+
+    Parameters
+    ----------
+    bundle, photo : str
+    names : sequence of k str
+        Of points.
+    image : array (k, 2)
+        Pixels or millimetres, as the photo is measured.
+    errors : array (k,)
+        A-priori errors of both coordinates, pixels; NaN: that of the bundle.
+    is_active : array (k,) of bool
+        False: the line is disregarded.
+    """
+    columns, rows = (shortest_texts(values, "nan") for values in np.ascontiguousarray(image.T))
+    ends = [""] * len(names)
+    if np.isfinite(errors).any() or not is_active.all():
+        texts = shortest_texts(errors, "")
+        ends = [_end(error, active) for error, active in zip(texts, is_active.tolist(), strict=True)]
+    lines = [f"  {name} {x} {y}{end}" for name, x, y, end in zip(names, columns, rows, ends, strict=True)]
+    header = points_header(bundle, photo)
+    return "".join("\n".join([header, *(lines[n] for n in block.tolist()), ""]) for block in _blocks(names))
+
+
+def _end(error: str, is_active: bool) -> str:
+    own = f" {error}px {error}px" if error else ""
+    return own if is_active else f"{own} -"
+
+
+def _blocks(names: Sequence[str]) -> list[IntArray]:
+    """Return the places of names in blocks in which none occurs twice."""
+    left = list(range(len(names)))
+    if len(set(names)) == len(names):
+        return [np.arange(len(names))]
+    blocks = []
+    while left:
+        seen: set[str] = set()
+        block = [n for n in left if not (names[n] in seen or seen.add(names[n]))]  # type: ignore[func-returns-value]
+        blocks.append(np.array(block, dtype=np.int64))
+        left = sorted(set(left) - set(block))
+    return blocks

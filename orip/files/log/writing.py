@@ -1,20 +1,26 @@
-"""Writing a measurement log (.MEA) while it is being measured: every measurement is on the disk before the next one.
-
-What one command measures is a chapter at the end of the file: a comment, and below it one block for each photo or
-template. With every measurement the file is replaced as a whole, so that whoever reads it, or finds it after the
-machine went down, has a log that can be replayed, with everything that was measured until then.
-"""
+"""Writing a measurement log while it is measured, EDITS.MEA, and lists of points to digitise."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from hashlib import sha256
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
+from msgspec import Struct
+
+from orip.errors import Complaint
+from orip.files.log.blocks import ACTIONS, BLOCK_KINDS
 from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
-from orip.files.text.lines import existing_text
-from orip.records.observations.measurement import TransformationKind
+from orip.files.text.lines import TextLine, existing_text, field_lines, field_name_fault, read_lines
+from orip.files.text.shown import Parsed, shown_token
+from orip.records.observations.measurement import EditRecord, TransformationKind
 from orip.records.project.photo import Stage
+
+# What one command measures is a chapter at the end of the file: a comment, and below it one block for each photo or
+# template. With every measurement the file is replaced as a whole, so that whoever reads it, or finds it after the
+# machine went down, has a log that can be replayed, with everything that was measured until then.
+
 
 DECIMALS = 4
 """Decimals of what is measured: a tenth of a micrometre, or of a thousandth of a pixel."""
@@ -180,3 +186,129 @@ def kill_line(bundle: str, photo: str, point: str) -> str:
 def _ended(text: str) -> str:
     """Return the text so that a line can follow."""
     return text if not text or text.endswith(("\n", "\r")) else f"{text}\n"
+
+
+HEADING = "! Edits and repeated measurements; replayed after all other measurement files."
+
+
+class EditsText(Struct, frozen=True):
+    """EDITS.MEA as it was read.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it.
+    text : str or None
+        None: there is no such file yet.
+    """
+
+    path: Path
+    shown: str
+    text: str | None
+
+    @property
+    def line_count(self) -> int:
+        """Return how many lines the file will have before what is appended: its own, or those of its heading."""
+        return len(self._lines_end().splitlines())
+
+    def digest_with(self, lines: Sequence[str]) -> str:
+        """Return the SHA-256 of the file with lines appended."""
+        return sha256(self.text_with(lines).encode()).hexdigest()
+
+    @property
+    def digest(self) -> str | None:
+        """Return the SHA-256 of the file as it was read; None if there was none."""
+        return None if self.text is None else sha256(self.text.encode()).hexdigest()
+
+    def text_with(self, lines: Sequence[str]) -> str:
+        """Return the text with lines appended; what is there stays to the letter."""
+        return self._lines_end() + "".join(f"{line}{self._line_end}" for line in lines)
+
+    def _lines_end(self) -> str:
+        """Return the text so that a line can follow."""
+        if self.text is None:
+            return f"{HEADING}\n"
+        return self.text if not self.text or self.text.endswith(("\n", "\r")) else self.text + self._line_end
+
+    @property
+    def _line_end(self) -> str:
+        return "\r\n" if "\r\n" in (self.text or "") else "\n"
+
+
+def read_edits(path: Path, shown: str) -> EditsText:
+    """Read EDITS.MEA as it stands.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not UTF-8.
+    """
+    return EditsText(path, shown, existing_text(path, shown))
+
+
+def edit_line(record: EditRecord) -> str:
+    """Return the line of an edit, such as ``DISREGARD POINT MAIN P101 1001``."""
+    bundle = [record.bundle] if record.bundle is not None else []
+    new_name = [record.new_name] if record.new_name is not None else []
+    return " ".join([record.action, record.what, *bundle, record.owner, record.name, *new_name])
+
+
+# 1001                      a point, wherever it is to be found
+#     POINTS MAIN P101          what follows is meant in that photo
+#       1002   ! predicted 1.2 3.4
+#       1003   35.2310  -12.0040
+#
+# What follows a name is ignored, as are blocks of templates and photos, and edits.
+
+
+_POINTS = "POINTS"
+
+
+class ListedPoint(NamedTuple):
+    """A point, and where it is meant if the list says so; `line` is where it stands."""
+
+    point: str
+    photo: str | None
+    bundle: str | None
+    line: int
+
+
+def read_work_list(path: Path, shown: str) -> Parsed[tuple[ListedPoint, ...]]:
+    """Read a list of points.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it.
+    """
+    text = read_lines(path, shown)
+    listed = work_list(field_lines(text.value), shown)
+    return Parsed(listed.value, (*text.complaints, *listed.complaints))
+
+
+def work_list(lines: Iterable[TextLine], shown: str) -> Parsed[tuple[ListedPoint, ...]]:
+    """Return the points of lines."""
+    points: list[ListedPoint] = []
+    complaints: list[Complaint] = []
+    bundle: str | None = None
+    photo: str | None = None
+    counts = True
+    for line in lines:
+        words = [field.text for field in line.fields]
+        keyword = words[0].upper()
+        if keyword in ACTIONS:
+            continue
+        if keyword in BLOCK_KINDS and len(words) > 1:
+            counts = keyword == _POINTS
+            if counts and len(words) != 3:
+                complaints.append(Complaint(f"write POINTS bundle photo, not {len(words)} words", shown, line.number))
+            bundle, photo = words[1], words[-1]
+            continue
+        fault = field_name_fault(words[0])
+        if fault is not None:
+            complaints.append(Complaint(f"{shown_token(words[0])}: {fault}", shown, line.number))
+        elif counts:
+            points.append(ListedPoint(words[0], photo, bundle, line.number))
+    return Parsed(tuple(points), tuple(complaints))

@@ -1,4 +1,4 @@
-"""Rules between the records of orip.toml: names, references, templates and photos, models."""
+"""Rules between the records of orip.toml: names, references, templates and photos, models, antennas."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from orip.files.project.record_checks import parameter_names
 from orip.files.project.source import Located, NamePlace, ProjectSource
-from orip.files.project.toml_faults import Fault, unknown_name
+from orip.files.project.tables import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.names import name_fault, record_key
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.project.definition import StereoModel
+from orip.records.project.definition import ANTENNA_PARAMETERS, StereoModel
 from orip.records.project.photo import Photo, Template
 
 LineOf = Callable[[KeyPath], int]
@@ -254,3 +255,26 @@ def check_models(source: ProjectSource, references: References, line_of: LineOf)
                 line = line_of((*first.place, "row"))
                 message = f"{where} is at {at} like model '{first.record.name}' on line {line}; give it its own place"
                 yield (*model.place, "row"), message
+
+
+_EVERY = ""
+"""Key of an antenna for all cameras."""
+
+
+def check_antennas(source: ProjectSource, references: References) -> Iterator[Fault]:
+    """Check that the cameras of antennas are defined and have one each, and the names of unknown parameters."""
+    taken: dict[str, str] = {}
+    for antenna in source.antennas:
+        record, where = antenna.record, f"antenna '{shown_token(antenna.record.name)}'"
+        place = (*antenna.place, "cameras")
+        for index, camera in enumerate(record.cameras):
+            for message in references.check("camera", camera, where):
+                yield (*place, index), message
+        for key in map(record_key, record.cameras or (_EVERY,)):
+            other = taken.get(key, taken.get(_EVERY) if key != _EVERY else next(iter(taken.values()), None))
+            if other is not None:
+                cameras = f"camera {key}" if key else "all cameras"
+                yield place, f"{where} is for {cameras}, but antenna '{other}' too; give each its own cameras = [...]"
+            taken.setdefault(key, shown_token(record.name))
+        unknown = (*antenna.place, "unknown")
+        yield from parameter_names(unknown, record.unknown, ANTENNA_PARAMETERS, f"unknown of {where}")

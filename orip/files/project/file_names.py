@@ -1,10 +1,10 @@
-"""Rules for the names of a project's files, checked before any file is opened."""
+"""Rules for the names of a project's files, and which of them are not kept under version control."""
 
 from __future__ import annotations
 
 from pathlib import PurePath
 
-from orip.files.text.exported_names import is_device
+from orip.files.text.new_folder import is_device
 from orip.records.names import name_fault
 
 _UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')
@@ -82,3 +82,45 @@ def _length_fault(path: str) -> str | None:
         return f"has {longest} bytes, and names of files have up to {_LONGEST_NAME}"
     size = len(path.encode("utf-8", "surrogatepass"))
     return f"has {size} bytes, and paths have up to {_LONGEST_PATH}" if size > _LONGEST_PATH else None
+
+
+IGNORE_FILE = ".gitignore"
+
+IGNORED = """\
+# What orip makes of the texts: 'orip run' makes it again.
+
+# Stores. What commands have changed (orip update, orip camera edit ...) is in them alone, until 'orip export-toml'
+# writes it into orip.toml.
+*.CAM
+*.TIK
+*.PHO
+*.TEM
+*.EXT
+*.EXO
+older-stores/
+before_update.json
+
+# listings, results, reports, drive tables
+*_RESULT.OUT
+*_ERROR.OUT
+result.json
+*_result.json
+residuals.csv
+*_residuals.csv
+residuals.npz
+*_residuals.npz
+report.html
+*_report.html
+*.DRV
+
+# photo points by sub-blocks, which the workers of 'orip solve --dask' read
+.orip-sub-blocks/
+
+# left by a run that was killed
+*-journal
+*-mj*
+*-undo
+*-pact
+.orip-*.tmp
+"""
+"""Names by which git leaves files alone; none of them is that of a text that a user writes."""

@@ -9,16 +9,15 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import Complaint, ProjectWarning
-from orip.files.project import antenna_checks, record_checks
+from orip.files.project import checks as antenna_checks
 from orip.files.project import checks as project_checks
+from orip.files.project import record_checks
 from orip.files.project.records import project_definition
 from orip.files.project.source import ProjectSource, project_source
-from orip.files.project.toml_faults import Fault
-from orip.files.project.toml_lines import KeyPath, TomlLines
-from orip.files.project.toml_syntax import syntax_complaint
+from orip.files.project.tables import Fault
+from orip.files.project.toml_lines import KeyPath, TomlLines, syntax_complaint
 from orip.files.text.lines import decode_lines, read_bytes
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import printable
+from orip.files.text.shown import Parsed, printable
 from orip.files.text.toml import NestingError, toml_document
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition, plan_stages

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from orip.errors import ProjectWarning
 from orip.files.project.file_names import file_name_fault, fit_file_name, pattern_fault, store_path_fault
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import ProjectTable
-from orip.files.project.toml_faults import Fault, instead
+from orip.files.project.tables import Fault, ProjectTable, instead
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.names import look_alikes, name_fault, record_key

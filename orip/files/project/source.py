@@ -9,8 +9,7 @@ from msgspec import Struct, field
 
 from orip.files.project.forms import Finding
 from orip.files.project.record_values import record_of
-from orip.files.project.tables import SECTIONS, CheckTable, ProjectTable, table_of
-from orip.files.project.toml_faults import Fault, table_faults, unknown_key
+from orip.files.project.tables import SECTIONS, CheckTable, Fault, ProjectTable, table_faults, table_of, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.project.camera import Camera

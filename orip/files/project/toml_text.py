@@ -1,11 +1,19 @@
-"""TOML as orip writes it: a table below its header, tables inside a table in braces, long lists one item a line."""
+"""TOML as orip writes it, and values for a record as words of a command line."""
 
 from __future__ import annotations
 
+import copy
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
+
+from orip.files.project.forms import Choice, Form, ListOf, Table, Text
+from orip.files.project.record_values import TomlTable
+from orip.files.project.tables import keys_of, table_of, unknown_key
+from orip.files.text.shown import printable, shown_token
+from orip.files.text.toml import toml_document
+from orip.records.project.definition import RECORD_TYPES
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _WIDEST = 100
@@ -51,3 +59,112 @@ def _broken(value: Any) -> str:
     if not isinstance(value, list) or (len(text) <= _WIDEST and not any(isinstance(item, dict) for item in value)):
         return text
     return "[\n" + "".join(f"    {toml_value(item)},\n" for item in value) + "]"
+
+
+# A key may have parts: ``distortion.A3``, and ``fiducials.3.x`` for the mark called 3. A value is TOML, but texts need
+# no quotation marks, and lists no brackets (``camera=OLYMPUS``, ``unknown=C,A3``); none at all (``stage=``) takes the
+# key away.
+
+
+def with_assignments(kind: str, table: TomlTable, words: Iterable[str]) -> tuple[TomlTable, tuple[str, ...]]:
+    """Return a record's table with values assigned, and what is wrong with the words.
+
+    Whether the record's table knows the keys and allows the values is looked at where orip.toml is checked.
+    """
+    changed, faults = copy.deepcopy(table), []
+    for word in words:
+        key, equals, text = word.partition("=")
+        fault = _word_fault(kind, key.strip(), equals)
+        if fault is None:
+            fault = _assign(table_of(RECORD_TYPES[kind]), changed, key.strip().split("."), text.strip())
+        if fault is not None:
+            faults.append(printable(f"{shown_token(word)}: {fault}"))
+    return changed, tuple(faults)
+
+
+def _word_fault(kind: str, key: str, equals: str) -> str | None:
+    if not equals or not all(key.split(".")):
+        return "this is not KEY=VALUE; write the key of orip.toml, = and the value in one word"
+    if key == "name":
+        return f"a name is not a value; give the record another one with 'orip {kind} rename'"
+    if kind == "bundle" and key.split(".", maxsplit=1)[0] == "model":
+        return "models are records of their own; change them with 'orip model'"
+    return None
+
+
+def _assign(known: Table, table: TomlTable, path: Sequence[str], text: str) -> str | None:
+    """Assign in place; return what is wrong, or None."""
+    key, *rest = path
+    form = known.keys[key].form if key in known.keys else None
+    if not rest:
+        if not text and form is None:
+            return unknown_key(key, "the record", keys_of(known))
+        return _set(table, key, form, text)
+    if isinstance(form, ListOf):
+        return _assign_to_named(form.item, table, key, rest, text)
+    if not isinstance(table.setdefault(key, {}), dict):
+        return f"{key} has no parts"
+    return _assign(form if isinstance(form, Table) else Table({}), table[key], rest, text)
+
+
+def _assign_to_named(form: Form, table: TomlTable, key: str, rest: Sequence[str], text: str) -> str | None:
+    """Assign to an element of a list of tables, which is found by its name; a new name is a new element."""
+    name, *inner = rest
+    if not isinstance(form, Table):
+        return f"the items of {key} have no names; write all of them in one list"
+    elements: list[TomlTable] = table.setdefault(key, [])
+    known = next((element for element in elements if element["name"] == name), None)
+    if not text and not inner:
+        if known is None:
+            names = ", ".join(element["name"] for element in elements)
+            return f"{key} has no item of that name; known are: {names or 'none'}"
+        elements.remove(known)
+        return None
+    if known is None:
+        known = {"name": name}
+        elements.append(known)
+    if inner:
+        return _assign(form, known, inner, text)
+    holder: TomlTable = {}
+    fault = _set(holder, "value", None, text)
+    if fault is None and not isinstance(holder["value"], dict):
+        fault = "write the values in braces, for example '{x=-12.0, y=18.0}'"
+    known.update(holder["value"] if fault is None else {})
+    return fault
+
+
+def _set(table: TomlTable, key: str, form: Form | None, text: str) -> str | None:
+    if not text:
+        table.pop(key, None)
+        return None
+    value = _toml(text)
+    if value is None and isinstance(form, ListOf):
+        value = _toml(f"[{text}]")
+    if isinstance(form, Text | Choice):
+        value = value if isinstance(value, str) else text
+    elif isinstance(form, ListOf) and isinstance(form.item, Text | Choice):
+        value = value if _is_texts(value) else _words(text)
+    elif value is None and text[0] in "[{\"'":
+        return "this is not TOML; check brackets and quotation marks, and keep the shell from removing them: '...'"
+    elif value is None:
+        value = text
+    table[key] = value
+    return None
+
+
+def _toml(text: str) -> Any:
+    """Return the value of a text that is TOML, None for any other text."""
+    try:
+        document = toml_document(f"value = {text}")
+    except ValueError:
+        return None
+    return document["value"] if len(document) == 1 else None
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(item, str) for item in value)
+
+
+def _words(text: str) -> list[str]:
+    """Return ``[C, "A3"]`` or ``C,A3`` as words, whichever brackets and quotation marks a shell has removed."""
+    return list(filter(None, (word.strip().strip("\"'") for word in text.strip("[]").split(","))))

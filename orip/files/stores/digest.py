@@ -1,14 +1,18 @@
-"""The digest of a record: tells whether a text or a store has changed it."""
+"""The digest of a record, and what a store records about itself: its kind, its run, the texts it was made from."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import asdict, astuple
+
+from orip.files.stores.checksum import CHECKSUM
+from orip.files.stores.store import Store
+from orip.files.stores.table import StoreTable, position, text
 
 
 def record_digest(record: object) -> str:
@@ -67,3 +71,42 @@ def _number(value: float) -> float | int:
         return float(value) + 0.0 if float(value) == value or value != value else value
     except OverflowError:
         return value
+
+
+META = StoreTable("meta", (text("key"), text("value")), key=("key",))
+TEXT_INPUT = StoreTable(
+    "text_input",
+    (text("command"), position(), text("file"), text("sha256")),
+    key=("command", "position"),
+    unique=(("command", "file"),),
+    by_owner=True,
+)
+TABLES = (META, TEXT_INPUT, CHECKSUM)
+
+
+def read_meta(store: Store) -> dict[str, str]:
+    """Return the keys and values of the table `meta`; empty for an absent store."""
+    return dict(store.rows(META))
+
+
+def run_of(store: Store) -> str | None:
+    """Return the id of the run that wrote the store last, None if the store is absent or has none."""
+    return read_meta(store).get("run")
+
+
+def set_run(store: Store, run: str | None) -> None:
+    """Record the id of the run that writes the store; None: it is not known."""
+    meta = {**read_meta(store), "run": run}
+    store.delete(META)
+    store.insert(META, ((key, value) for key, value in meta.items() if value is not None))
+
+
+def read_inputs(store: Store, command: str) -> tuple[tuple[str, str], ...]:
+    """Return (file, SHA-256) of the text files that `command` read when it last made this store, in their order."""
+    return tuple((file, sha256) for _command, _position, file, sha256 in store.rows(TEXT_INPUT, command))
+
+
+def write_inputs(store: Store, command: str, inputs: Iterable[tuple[str, str]]) -> None:
+    """Replace what `read_inputs` returns for `command`; other commands' inputs stay."""
+    store.delete(TEXT_INPUT, command)
+    store.insert(TEXT_INPUT, ((command, number, *item) for number, item in enumerate(inputs)))

@@ -1,18 +1,137 @@
-"""Whether a file is a store, of which kind and version; and the creation of a new one."""
+"""The kinds of stores with the tables of each; whether a file is one, or one of an older orip; creation of new ones."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 
-from orip.errors import InputError
+from orip.errors import InputError, UsageError
+from orip.files.stores import digest as provenance
 from orip.files.stores.checksum import CHECKSUM, ContentSums, Sum
+from orip.files.stores.contents import cameras, exterior, observations, photos, solution_tables, templates, temticks
+from orip.files.stores.digest import META
 from orip.files.stores.explain import opened
-from orip.files.stores.older import older_stores_refused
-from orip.files.stores.provenance import META
-from orip.files.stores.schema import APPLICATION_ID, SCHEMA_VERSION, TABLES_OF_KIND, summed_tables
 from orip.files.stores.store import Store, damage
 from orip.files.stores.table import StoreTable
+from orip.files.text.own_files import make_folder, rename
+from orip.files.text.regular_file import kind_of_no_file
 from orip.files.text.shown import shown_token
+
+APPLICATION_ID = int.from_bytes(b"ORIP", "big")
+SCHEMA_VERSION = 16
+"""15: no solution was not determined; 14: checksums were of BLAKE2; 13: all rows of a long list were one; 12: there
+were no rigs; 11: long lists were rows; 10: photos had three correlations; 8: cameras had no projection; 7: they had
+no A9; 6: there were no times of exposures; 5: there were no antennas; 4: a photo had each point once, and there were
+no variance components; 3: there were no checksums and no zero directions; 2: no groups of observations, no
+alternatives of a blunder; 1: no correlations of coordinates. A store of an older version is refused.
+"""
+DUMP_VERSION = 11
+"""Of the tables that a dump has; checksums are not among them."""
+
+TABLES_OF_KIND: dict[str, tuple[StoreTable, ...]] = {
+    "CAM": (*provenance.TABLES, *cameras.TABLES),
+    "TIK": (*provenance.TABLES, *temticks.TABLES),
+    "PHO": (*provenance.TABLES, *photos.TABLES),
+    "TEM": (*provenance.TABLES, *templates.TABLES),
+    "EXT": (*provenance.TABLES, *exterior.TABLES, *solution_tables.TABLES),
+    "EXO": (*provenance.TABLES, *observations.TABLES),
+}
+"""Tables by kind of store, parents before their lists."""
+
+
+def summed_tables(kind: str) -> tuple[StoreTable, ...]:
+    """Return the tables that have checksums: all but that of the checksums."""
+    return tuple(table for table in TABLES_OF_KIND[kind] if table is not CHECKSUM)
+
+
+def kind_of(path: Path) -> str:
+    """Return the kind of store that a file's extension tells; case does not count.
+
+    Raises
+    ------
+    UsageError
+        If no store has that extension.
+    """
+    kind = path.suffix.removeprefix(".").upper()
+    if kind not in TABLES_OF_KIND:
+        known = ", ".join(f".{name}" for name in TABLES_OF_KIND)
+        message = f"'{path}' is not a record store: stores end in {known}"
+        raise UsageError(message)
+    return kind
+
+
+OLDER_STORES = "older-stores"
+"""The folder, beside the stores, into which they are moved."""
+
+_VERSION, _APPLICATION, _END = 60, 68, 72
+"""Where the header of an SQLite file has user_version and application_id, four bytes each (sqlite.org/fileformat)."""
+
+
+def is_older_store(path: Path) -> bool:
+    """Return whether a file is a store of orip with an earlier schema."""
+    # a file of the running system may keep its reader waiting
+    if not path.is_file() or kind_of_no_file(path.stat()) is not None:
+        return False
+    with path.open("rb") as file:
+        header = file.read(_END)
+    application = int.from_bytes(header[_APPLICATION:_END], "big", signed=True)
+    return application == APPLICATION_ID and int.from_bytes(header[_VERSION : _VERSION + 4], "big") < SCHEMA_VERSION
+
+
+def refuse_older_stores(paths: Iterable[Path]) -> None:
+    """Refuse all of the stores that an older orip wrote at once.
+
+    Raises
+    ------
+    InputError
+        If there is one.
+    """
+    older = list[Path]()
+    for path in paths:
+        with suppress(OSError):  # whoever opens the store tells what is in the way
+            older += [path] if is_older_store(path) else []
+    if older:
+        raise older_stores_refused(older)
+
+
+def older_stores_refused(paths: Sequence[Path]) -> InputError:
+    """Return the error that names stores which an older orip wrote, and says what to do."""
+    these, them, new = (
+        ("this store was", "it", "a new one") if len(paths) == 1 else ("these stores were", "them", "new ones")
+    )
+    message = (
+        f"{these} written by an older orip (this one writes schema {SCHEMA_VERSION}); bring what was edited in {them} "
+        f"into the text with that orip ('orip export-toml'), and move {them} away: 'orip run' creates {new}"
+    )
+    return InputError.single(message, ", ".join(map(str, paths)))
+
+
+def set_older_stores_aside(paths: Iterable[Path]) -> list[Path]:
+    """Move those of the stores that an older orip wrote into a folder of their own, and return where they are.
+
+    What is there from an earlier time stays.
+
+    Raises
+    ------
+    OSError
+        If they cannot be moved.
+    """
+    moved = []
+    for path in filter(is_older_store, paths):
+        folder = path.parent / OLDER_STORES
+        make_folder(folder)
+        target = folder / path.name
+        number = 1
+        while os.path.lexists(target):
+            number += 1
+            target = folder / f"{path.name}.{number}"
+        rename(path, target)
+        moved.append(target)
+    return moved
+
 
 _Objects = dict[tuple[str, str], str]
 """What a schema says of each object, by its type and name."""

@@ -29,8 +29,7 @@ from pathlib import Path
 
 from orip.files.stores.store import damage
 from orip.files.text.atomic import flush_folder, replace_bytes
-from orip.files.text.lock import locked
-from orip.files.text.own_files import STORE_NAME, remove_file
+from orip.files.text.own_files import STORE_NAME, locked, remove_file
 from orip.files.text.regular_file import NoRegularFileError, open_regular, regular_bytes
 from orip.files.text.shown import shown_token
 

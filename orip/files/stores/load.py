@@ -7,11 +7,9 @@ from contextlib import closing
 from pathlib import Path
 
 from orip.files.stores.contents import exterior
-from orip.files.stores.dump import dumped_tables
-from orip.files.stores.dump_reader import read_dump
-from orip.files.stores.identity import create
-from orip.files.stores.provenance import set_run
-from orip.files.stores.schema import kind_of
+from orip.files.stores.digest import set_run
+from orip.files.stores.dump import dumped_tables, read_dump
+from orip.files.stores.identity import create, kind_of
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import connected, writing
 from orip.structs import replace

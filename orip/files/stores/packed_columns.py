@@ -1,23 +1,25 @@
-"""Columns of a long list as blocks of bytes: numbers by their bytes' places, names once with a number for each row.
-
-A million rows take SQLite longer than the adjustment; a column is one value. Of 64-bit numbers the first bytes of all
-come first, then the second ones and so on: those of sign and exponent compress well, the last digits of measured and
-adjusted values not at all, and what does not compress is left as it is.
-"""
+"""The columns of long lists as blocks of bytes, and as arrays and names."""
 
 from __future__ import annotations
 
 import zlib
-from itertools import repeat
+from collections.abc import Sequence
+from itertools import chain, repeat
 from typing import Any
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from orip.arrays import IntArray
 from orip.files.stores.packed_parts import AS_IT_IS, DEFLATED, HEAD, LENGTH, ONE_BYTE, WIDTH, unpacked_parts
 from orip.files.stores.table import StoreColumn
-from orip.records.coded_names import CodedNames, coded
+from orip.records.coded_names import CodedNames, coded, joined
+
+# A million rows take SQLite longer than the adjustment; a column is one value. Of 64-bit numbers the first bytes of all
+# come first, then the second ones and so on: those of sign and exponent compress well, the last digits of measured and
+# adjusted values not at all, and what does not compress is left as it is.
+
 
 _LEVEL = 1
 _SAMPLE = 1 << 12
@@ -97,3 +99,73 @@ def _judged_part(data: bytes | memoryview) -> bytes:
 
 def _compressed(data: bytes | memoryview) -> bytes:
     return zlib.compress(data, _LEVEL)
+
+
+# In a module of its own, since arrays take longer to load than `orip status` to answer.
+
+
+ColumnValues = Sequence[Any] | NDArray[Any]
+
+_TYPES_OF_ARRAYS = {"INTEGER": np.int64, "REAL": np.float64}
+
+
+def positions(first: int, count: int) -> IntArray:
+    """Return the positions of so many items of a list."""
+    return np.arange(first, first + count)
+
+
+def unpacked_values(column: StoreColumn, blob: bytes, count: int) -> ColumnValues:
+    """Return the values of a packed column.
+
+    Raises
+    ------
+    ValueError, OverflowError, MemoryError
+        If they are not those of the column.
+    """
+    values: ColumnValues = unpacked_column(column, blob, count)
+    if column.type == "REAL":
+        _require_numbers(column, np.asarray(values))
+    return values
+
+
+def same_column(one: ColumnValues, other: ColumnValues) -> bool:
+    """Tell whether two columns have the same values."""
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return one == coded(other)
+
+
+def part_of_column(values: ColumnValues, first: int, count: int) -> ColumnValues:
+    """Return some values of a packed list, which are in one row of the file."""
+    part = values[first : first + count]
+    return part.without_unused() if isinstance(part, CodedNames) else part
+
+
+def column_values(column: StoreColumn, values: tuple[Any, ...], known: dict[str, str]) -> ColumnValues:
+    """Return the values of a column as SQLite gives them: texts, each kept once in `known`, or an array."""
+    if column.type == "TEXT":
+        return tuple(map(known.setdefault, values, values))
+    array = np.array(values, dtype=_TYPES_OF_ARRAYS[column.type])
+    if column.type == "REAL":
+        _require_numbers(column, array)
+    return array.astype(np.bool_) if column.flag else array
+
+
+def _require_numbers(column: StoreColumn, values: NDArray[Any]) -> None:
+    if column.null == "never" and np.isnan(values).any():
+        message = "null, but a number is needed"
+        raise ValueError(message)
+    if not column.infinite and np.isinf(values).any():
+        message = "infinite, but a finite number is needed"
+        raise ValueError(message)
+
+
+def joined_column(column: StoreColumn, parts: list[ColumnValues]) -> ColumnValues:
+    """Return a column from its parts."""
+    if len(parts) == 1:
+        return parts[0]
+    if column.type == "TEXT":
+        names = [part for part in parts if isinstance(part, CodedNames)]
+        return joined(names) if names else tuple(chain.from_iterable(parts))
+    empty: NDArray[Any] = np.empty(0, dtype=np.bool_ if column.flag else _TYPES_OF_ARRAYS[column.type])
+    return np.concatenate([empty, *parts])

@@ -18,7 +18,7 @@ from orip.files.stores.table import StoreColumn, StoreTable, quoted
 from orip.records.names import record_key
 
 if TYPE_CHECKING:
-    from orip.files.stores.column_arrays import ColumnValues
+    from orip.files.stores.packed_columns import ColumnValues
 
 Row = tuple[Any, ...]
 
@@ -122,7 +122,7 @@ class Store(Struct, frozen=True):
 
     def columns(self, table: StoreTable, owner: str | None = None) -> tuple[ColumnValues, ...]:
         """Return the columns in reading order: float64, int64 and bool arrays, tuples of str."""
-        from orip.files.stores.column_arrays import column_values, joined_column
+        from orip.files.stores.packed_columns import column_values, joined_column
 
         if table.packed:
             chunks: list[list[ColumnValues]] = [[] for _ in table.columns]
@@ -156,7 +156,7 @@ class Store(Struct, frozen=True):
         InputError
             If the store is damaged.
         """
-        from orip.files.stores.column_arrays import part_of_column, same_column
+        from orip.files.stores.packed_columns import part_of_column, same_column
 
         self._require_sum(table, owner, self._sum_of(table, owner))
         length, place = len(columns[0]), 0
@@ -274,8 +274,7 @@ class Store(Struct, frozen=True):
 
     def _packed(self, table: StoreTable, columns: Sequence[ColumnValues]) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list."""
-        from orip.files.stores.column_arrays import part_of_column
-        from orip.files.stores.packed_columns import packed_column
+        from orip.files.stores.packed_columns import packed_column, part_of_column
         from orip.threads import by_threads
 
         owner, _position, *rest = columns
@@ -301,7 +300,7 @@ class Store(Struct, frozen=True):
 
     def _unpacked(self, table: StoreTable, owner: str | None) -> Iterator[tuple[ColumnValues, ...]]:
         """Yield the columns of each row that the file has of a packed list, of one owner or of all."""
-        from orip.files.stores.column_arrays import positions
+        from orip.files.stores.packed_columns import positions
         from orip.records.coded_names import repeated
 
         for name, first, count, *blobs in self.packed_rows(table, owner):
@@ -310,7 +309,7 @@ class Store(Struct, frozen=True):
             yield (repeated(name, count), positions(first, count), *values)
 
     def _unpacked_column(self, table: StoreTable, column: StoreColumn, blob: bytes, count: int) -> ColumnValues:
-        from orip.files.stores.column_arrays import unpacked_values
+        from orip.files.stores.packed_columns import unpacked_values
 
         try:
             return unpacked_values(column, blob, count)

@@ -1,10 +1,15 @@
-"""Numbers as people and Fortran programs write them, and the messages about what is not a number."""
+"""Numbers as people and Fortran programs write them, gates, and tables of names with numbers."""
 
 from __future__ import annotations
 
+import math
 import re
+from pathlib import Path
+from typing import cast
 
+from orip.files.text.regular_file import beginning
 from orip.files.text.shown import shown_token
+from orip.records.results.result_tests import OPERATORS, Gate, GateOperator
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"([+-]?)([0-9]*),([0-9]+(?:[eEdD][+-]?[0-9]+)?)")
@@ -77,3 +82,68 @@ def _likely_number(token: str) -> str:
     sign = candidate[0] if candidate[0] in "+-" else ""
     digits = candidate[len(sign) :]
     return f"{sign}0{digits}" if digits.startswith(".") else candidate
+
+
+GATE_FORM = "name operator number, for example 'sigma0<=1.5'; operators are < <= > >= == !="
+"""How a gate is written, for messages."""
+
+_OPERATOR = "|".join(map(re.escape, sorted(OPERATORS, key=len, reverse=True)))
+_GATE = re.compile(
+    rf"""
+    \s* (?P<name> [A-Za-z_][A-Za-z0-9_.]* )
+    \s* (?P<operator> {_OPERATOR} )
+    \s* (?P<limit> [+-]? (?: [0-9]+ (?: \.[0-9]* )? | \.[0-9]+ ) (?: [eE] [+-]? [0-9]+ )? )
+    \s*""",
+    re.VERBOSE,
+)
+
+
+def parse_gate(text: str) -> Gate:
+    """Return the gate that a text means; whether its name is that of a figure is not looked at.
+
+    Raises
+    ------
+    ValueError
+        With what is wrong and what is allowed.
+    """
+    match = _GATE.fullmatch(text)
+    if match is None or not math.isfinite(limit := float(match["limit"])):
+        message = f"'{shown_token(text)}' is not a gate; write {GATE_FORM}"
+        raise ValueError(message)
+    return Gate(match["name"], cast("GateOperator", match["operator"]), limit)
+
+
+_ENDINGS = frozenset({".csv", ".dat", ".pnt", ".pts", ".tsv", ".txt", ".xyz"})
+
+_MOST_FILES, _MOST_CHARACTERS = 50, 200_000
+
+_SEPARATORS = re.compile(r"[,;\s]+")
+_COORDINATES = 3
+
+
+def tables_in_folder(folder: Path) -> dict[Path, tuple[str, ...]]:
+    """Return the files of a folder with lines of a name and three numbers or more, and these names.
+
+    Of large files only the beginning is looked at; files that cannot be read are left out.
+    """
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in _ENDINGS and path.is_file()]
+    return {path: names for path in files[:_MOST_FILES] if (names := _names_with_numbers(path))}
+
+
+def _names_with_numbers(path: Path) -> tuple[str, ...]:
+    try:
+        text = beginning(path, _MOST_CHARACTERS)
+    except (OSError, UnicodeDecodeError):
+        return ()
+    rows = (_SEPARATORS.split(line.strip()) for line in text.splitlines())
+    return tuple(
+        dict.fromkeys(row[0].strip("'\"") for row in rows if len(row) > _COORDINATES and all(map(_is_number, row[1:4])))
+    )
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field)
+    except ValueError:
+        return False
+    return True

@@ -10,9 +10,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import NoRegularFileError, regular_bytes
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.names import COMMENT_MARKS, name_fault
 
 _FIELD = re.compile(r"\S+")

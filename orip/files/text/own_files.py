@@ -1,10 +1,4 @@
-"""The one place where files are made, renamed and removed, and which of them may be.
-
-A project may come from anybody: its files name others, and links, pipes or files of somebody else may stand where orip
-keeps its own. So nothing is removed but regular files and folders under names that orip gives, and never through a
-link; nothing is made through a link either. What is written for the user goes through `orip.files.text.atomic`, which
-puts a whole new file in the place of an old one.
-"""
+"""The one place where files are made, renamed and removed, and which of them may be; and locks on texts."""
 
 from __future__ import annotations
 
@@ -13,8 +7,21 @@ import os
 import re
 import shutil
 import stat
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
+
+from orip.errors import LockedError
+from orip.files.text.regular_file import open_regular
+
+# A project may come from anybody: its files name others, and links, pipes or files of somebody else may stand where
+# orip keeps its own. So nothing is removed but regular files and folders under names that orip gives, and never through
+# a link; nothing is made through a link either. What is written for the user goes through `orip.files.text.atomic`,
+# which puts a whole new file in the place of an old one.
+
 
 STORE_NAME = r"[^/]+\.(?i:CAM|TIK|PHO|TEM|EXT|EXO)"
 TEMPORARY_NAME = r"\.orip-[0-9a-f]{8}-[0-9]{1,18}-[0-9]{1,20}-[0-9a-f]{16}\.tmp"
@@ -203,3 +210,52 @@ def require_no_link_between(folder: Path, within: Path) -> None:
 def _require_own_name(path: Path) -> None:
     if not _OWN_NAME.fullmatch(path.name):
         raise NotOwnFileError(path, "is no name that orip gives a file")
+
+
+_PAUSE_SECONDS = 0.05
+
+
+@contextmanager
+def locked(path: Path, shown: str, *, timeout: float = 10.0) -> Iterator[None]:
+    """Let one process at a time into the block; whoever is killed leaves no lock behind.
+
+    Where the operating system or the disk knows no such locks, the block runs without one.
+
+    Parameters
+    ----------
+    path : Path
+        A file that is there; it is not changed.
+    shown : str
+        As the user would name it.
+    timeout : float
+        Seconds to wait for another process.
+
+    Raises
+    ------
+    LockedError
+        If another process holds the lock after `timeout`.
+    OSError
+        If the file cannot be opened, or is no regular file.
+    """
+    with open_regular(path) as file:
+        deadline = time.monotonic() + timeout
+        while not _taken(file):
+            if time.monotonic() > deadline:
+                message = f"{shown} is locked by another run of orip; wait for it, or end it, and repeat the command"
+                raise LockedError(message)
+            time.sleep(_PAUSE_SECONDS)
+        yield  # closing the file releases the lock
+
+
+def _taken(file: BinaryIO) -> bool:
+    """Take the lock; tell whether nobody else holds it."""
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # a disk without locks
+            return True
+    return True

@@ -1,17 +1,19 @@
-"""Opening files of the user's: regular files alone, of a size that a text can have.
-
-A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are recognised by
-their kind and refused before anything is read.
-"""
+"""Opening files of the user's: regular files alone, of a size that a text can have; their order and digest."""
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
+import re
 import stat
 from functools import cache
 from io import BufferedReader
 from pathlib import Path
+
+# A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are recognised
+# by their kind and refused before anything is read.
+
 
 LARGEST_FILE = 1 << 30
 """Bytes that are read of a file: some ten million lines."""
@@ -133,3 +135,26 @@ def _system_devices() -> frozenset[int]:
         if folder.is_mount():
             devices.add(folder.stat().st_dev)
     return frozenset(devices)
+
+
+def text_digest(text: str) -> str:
+    """Return the digest that a file with a text has."""
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file's bytes as 64 hexadecimal digits.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read, or is no regular file.
+    """
+    with open_regular(path) as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Return a sort key in which runs of digits count as numbers."""
+    parts = re.findall(r"\d+|\D+", name)
+    return tuple((0, int(part), part) if part.isdecimal() else (1, 0, part) for part in parts)

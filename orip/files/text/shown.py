@@ -1,8 +1,13 @@
-"""User input as messages show it: short, on one line, and without control characters."""
+"""User input as messages show it, and what a reader of a file returns."""
 
 from __future__ import annotations
 
 import unicodedata
+from typing import Generic, TypeVar
+
+from msgspec import Struct
+
+from orip.errors import Complaint, ProjectWarning
 
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 _JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
@@ -56,3 +61,25 @@ def shown_token(token: str) -> str:
 
 def _escaped(character: str) -> str:
     return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+
+
+T = TypeVar("T")
+
+
+class Parsed(Struct, Generic[T], frozen=True):
+    """The outcome of reading one file.
+
+    A reader never stops at the first fault. The caller gathers the complaints of all files and raises one
+    `orip.errors.InputError`; the value is good for use only where there are no complaints.
+
+    Parameters
+    ----------
+    value : T
+    complaints : tuple of Complaint
+        In the order of the file's lines as far as they have one.
+    warnings : tuple of ProjectWarning
+    """
+
+    value: T
+    complaints: tuple[Complaint, ...] = ()
+    warnings: tuple[ProjectWarning, ...] = ()

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from orip.bundle.results.figures import figure
 from orip.errors import Complaint, UsageError
 from orip.files.project.toml_lines import TomlLines
-from orip.files.text.gate import GATE_FORM, parse_gate
+from orip.files.text.decimal_numbers import GATE_FORM, parse_gate
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
 from orip.records.results.result_tests import GATE_FIGURES, Gate, GateResult

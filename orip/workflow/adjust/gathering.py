@@ -1,11 +1,79 @@
-"""Gathering the input of a bundle's block from stores and control texts."""
+"""Gathering the input of a bundle's block from stores and control texts, and files that are not read."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from orip.bundle.assemble import BlockInput
-from orip.workflow.adjust.unread_files import unread_files
+from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.files.text.decimal_numbers import tables_in_folder
+from orip.records.coded_names import coded
+from orip.records.names import record_key
+from orip.records.observations.control import Control
+from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
+
+_FEWEST = 2
+"""Names that a table shares with the project; more than one, as a single one may be a number by chance."""
+
+_MOST = 0.5
+"""Part of the measured points that a table of control has at most: of all points it is a result."""
+
+_NAMED = 3
+_CONTROL = ".pnt"
+
+
+def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarning]:
+    """Yield a warning for each table of control points, or of projection centres, that the bundle has not.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With definitions and observations.
+    control : Control
+        What is read.
+    """
+    project = bundle.project
+    measured = coded(bundle.observations.points).occurring()
+    has_control = not {point.name for point in control.points}.isdisjoint(measured)
+    photos = (
+        {record_key(name): name for name in coded(bundle.observations.photos).occurring()}
+        if not control.stations
+        else {}
+    )
+    if has_control and not photos:
+        return
+    known_points = frozenset[str]() if has_control else frozenset(measured)
+    for path, names in tables_in_folder(project.folder).items():
+        known = [name for name in names if name in known_points]
+        placed = [photos[key] for name in names if (key := record_key(name.partition(".")[0])) in photos]
+        base = project.definition.control_files
+        if path.suffix.lower() == _CONTROL and not has_control and len(known) >= _FEWEST and path.stem != base:
+            text = _of_another_name(known, path.stem, base)
+        elif path.suffix.lower() == _CONTROL:
+            continue
+        elif not has_control and _FEWEST <= len(known) <= _MOST * len(measured):
+            text = _text(known, "control", f"{base}.PNT (name X Y Z and their errors, separated by blanks)")
+        elif len(placed) >= _FEWEST:
+            text = _text(placed, "projection centres", f"{base}.STA, see 'orip stations import'")
+        else:
+            continue
+        yield ProjectWarning(UNREAD_FILE, project.shown(path), text)
+
+
+def _of_another_name(names: Sequence[str], stem: str, base: str) -> str:
+    return (
+        f"this file is not read, but has coordinates of {first_names(names, _NAMED)}: the project's control is in "
+        f'files called {base}; rename it to {base}.PNT, or write control_files = "{stem}" in [project]'
+    )
+
+
+def _text(names: Sequence[str], what: str, where: str) -> str:
+    return (
+        f"this file is not read, but has coordinates of {first_names(names, _NAMED)}, which have no {what} in this "
+        f"project; {what} belong{'s' if what == 'control' else ''} into {where}"
+    )
 
 
 def block_input(bundle: BundleState) -> BlockInput:

@@ -19,8 +19,12 @@ from orip.units import DEGREES_PER_RADIAN
 from orip.workflow.adjust.prelim_steps import PrelimInput, prelim_input, values_of
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.preliminary_outputs import ListedValues, listed_values, preliminary_output
-from orip.workflow.project.preliminary_text import read_preliminary_text
+from orip.workflow.project.preliminary_outputs import (
+    ListedValues,
+    listed_values,
+    preliminary_output,
+    read_preliminary_text,
+)
 from orip.workflow.project.state import ProjectState, StoredParts
 
 _SAME = 1e-6

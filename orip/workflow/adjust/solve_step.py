@@ -6,7 +6,7 @@ from orip.files.stores.contents.solution_tables import SolutionHead
 from orip.records.names import record_key
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.outputs import stale_solution_outputs
-from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
+from orip.workflow.project.run_id import WRITTEN_BY, Step, changed_inputs
 from orip.workflow.project.texts import Digests, control_input_digests
 
 

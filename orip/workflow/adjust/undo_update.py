@@ -13,7 +13,7 @@ from orip.errors import Complaint, InputError
 from orip.files.result.before_update import before_update_text, read_before_update
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
-from orip.files.text.digest import text_digest
+from orip.files.text.regular_file import text_digest
 from orip.records.names import record_key
 from orip.records.results.stations import BeforeUpdate, RecordBefore, TextBefore
 from orip.structs import replace

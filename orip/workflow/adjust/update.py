@@ -35,7 +35,7 @@ from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.preliminary_text import read_preliminary_text
+from orip.workflow.project.preliminary_outputs import read_preliminary_text
 from orip.workflow.project.state import Part, StoredParts
 from orip.workflow.project.texts import control_digests
 

@@ -19,8 +19,7 @@ from orip.errors import LockedError, OripError
 from orip.files.archive.layout import ResultsFolder
 from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.files.text.atomic import reporting_failure
-from orip.files.text.lock import locked
-from orip.files.text.own_files import make_file, make_named_folder
+from orip.files.text.own_files import locked, make_file, make_named_folder
 from orip.version import __version__
 from orip.workflow.archive.collecting import Collected, collect
 from orip.workflow.archive.finding import find_projects

@@ -12,7 +12,7 @@ from orip.errors import LockedError
 from orip.files.archive.finished import read_heads
 from orip.files.archive.layout import ResultsFolder
 from orip.files.archive.plan import ArchivePlan, read_plan
-from orip.files.text.lock import locked
+from orip.files.text.own_files import locked
 
 
 class ArchiveStatus(Struct, frozen=True):

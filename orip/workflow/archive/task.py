@@ -19,9 +19,8 @@ from orip.bundle.methods import Method
 from orip.errors import InputError, LockedError, OripError
 from orip.files.archive.finished import FinishedHead, read_head, write_finished
 from orip.files.archive.layout import ResultsFolder
-from orip.files.stores.older import OLDER_STORES, set_older_stores_aside
-from orip.files.stores.schema import TABLES_OF_KIND
-from orip.files.text.digest import file_digest
+from orip.files.stores.identity import OLDER_STORES, TABLES_OF_KIND, set_older_stores_aside
+from orip.files.text.regular_file import file_digest
 from orip.solving.solve import NOBODY, PLAIN
 from orip.version import __version__
 from orip.wording import counted

@@ -18,7 +18,7 @@ from weakref import finalize
 from msgspec import Struct
 
 from orip.errors import OripError
-from orip.files.text.leftovers import temporary_beside
+from orip.files.text.atomic import temporary_beside
 from orip.files.text.own_files import make_folder, new_file, remove_file
 from orip.workflow.cluster.facts import UnfitWorkerError
 

@@ -9,19 +9,27 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning, UsageError
-from orip.files.control.forms import FORMS, REJECTED, UNKNOWN, ControlForm, ControlKind, Fields, with_words
-from orip.files.control.lines import ControlLines, read_control_lines
+from orip.files.control.editing import (
+    FORMS,
+    REJECTED,
+    UNKNOWN,
+    ControlForm,
+    ControlKind,
+    ControlLines,
+    Fields,
+    read_control_lines,
+    with_words,
+)
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextLine
-from orip.files.text.parsed import Parsed
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.wording import listed_names
 from orip.workflow.control.names import unknown_name_warnings
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText, digest_of_text
-from orip.workflow.records.measurements import is_written
+from orip.workflow.records.mentions import is_written
 
 Weighting = Literal["disregard", "include", "reject"]
 

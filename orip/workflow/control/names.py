@@ -7,8 +7,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.files.control.forms import FORMS, ControlKind
-from orip.files.control.lines import ControlLines
+from orip.files.control.editing import FORMS, ControlKind, ControlLines
 from orip.files.text.shown import shown_token
 from orip.records.names import record_key
 from orip.workflow.project.state import ProjectState

@@ -11,8 +11,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
-from orip.files.control.forms import ControlKind
-from orip.files.log.work_list import read_work_list
+from orip.files.control.editing import ControlKind
+from orip.files.log.writing import read_work_list
 from orip.multimodel.table import object_ground
 from orip.records.drive_table import Triple
 from orip.records.ground import GroundSystem

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from orip.errors import Complaint, InputError
 from orip.files.text.lines import field_lines, read_lines
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status

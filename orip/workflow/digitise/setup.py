@@ -31,8 +31,8 @@ from orip.workflow.digitise.operator import (
 )
 from orip.workflow.digitise.session import Ending, Entry, Rehearsal, Session
 from orip.workflow.observations.films import MountedFilms, films_of, mounted_films, plate_of_log, position
-from orip.workflow.project.leftovers import remove_leftovers_of_kills
 from orip.workflow.project.state import Part
+from orip.workflow.project.text_output import remove_leftovers_of_kills
 
 _SAME_PLACE = 0.5e-4
 """Plate units: half the last digit of a log."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
-from orip.files.log.work_list import ListedPoint, read_work_list
-from orip.files.text.natural_order import natural_key
+from orip.files.log.writing import ListedPoint, read_work_list
+from orip.files.text.regular_file import natural_key
 from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.digitising import DigitisedBlock, PhotoPair
 from orip.multimodel.state import Position
@@ -18,7 +18,7 @@ from orip.records.names import name_fault, near_names, record_key
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.workflow.digitise.session import DriveTarget
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
-from orip.workflow.observations.places import Places
+from orip.workflow.observations.listed import Places
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints
 

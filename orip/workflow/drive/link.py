@@ -16,8 +16,7 @@ from msgspec import Struct
 
 from orip.errors import LinkError, ProjectWarning, UsageError
 from orip.files.drive.table_text import read_drive_table
-from orip.files.text.digest import file_digest
-from orip.files.text.regular_file import regular_bytes
+from orip.files.text.regular_file import file_digest, regular_bytes
 from orip.link.client import PlateProcessorLink, ProcessorFault, observe_link, open_link
 from orip.link.reply_values import ProfilePoint
 from orip.multimodel.readout import ObjectReadout, PhotoReadout

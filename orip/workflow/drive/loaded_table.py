@@ -13,7 +13,7 @@ from typing import Protocol
 
 from orip.errors import InputError, LinkError, ProjectWarning
 from orip.files.drive.table_text import drive_table_text
-from orip.files.text.digest import file_digest
+from orip.files.text.regular_file import file_digest
 from orip.link.client import ProcessorFault, observe_link
 from orip.records.drive_table import DriveCode
 from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
@@ -21,8 +21,8 @@ from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import commit
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.step import Step
 from orip.workflow.project.texts import EDITS_FILE
 
 _DOWNLOAD = "run 'orip measure' and 'orip drive download'"

@@ -25,8 +25,8 @@ from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part
-from orip.workflow.project.step import Step
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import raise_complaints
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.files.text.digest import file_digest
-from orip.files.text.regular_file import regular_bytes
+from orip.files.text.regular_file import file_digest, regular_bytes
 from orip.link.watch import AXES, LOCAL_AXES, Watch
 from orip.link.watch_processor import LinkedProcessor, OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view

@@ -12,9 +12,8 @@ from orip.errors import InputError, UsageError
 from orip.exchange.format import Conventions, Format, Given
 from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.names_table import read_names, read_original
-from orip.files.text.atomic import replace_bytes, reporting_failure
-from orip.files.text.exported_names import is_one_file_name
-from orip.files.text.leftovers import remove_leftovers
+from orip.files.text.atomic import remove_leftovers, replace_bytes, reporting_failure
+from orip.files.text.new_folder import is_one_file_name
 from orip.files.text.regular_file import is_there
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedProject

@@ -15,7 +15,7 @@ from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_f
 from orip.exchange.names_table import SOURCE_FILE, place_from
 from orip.files.control.text import read_control
 from orip.files.log.text import read_measurements
-from orip.files.project.ignored import IGNORE_FILE, IGNORED
+from orip.files.project.file_names import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure

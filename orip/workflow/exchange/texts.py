@@ -13,12 +13,12 @@ from orip.conversion.cameras import ConvertedCamera
 from orip.conversion.names import unique_names
 from orip.conversion.poses import described_reading
 from orip.exchange.names_table import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text
-from orip.files.control.control_text import distances_text, points_text
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
-from orip.files.log.points_text import points_blocks
+from orip.files.control.text import distances_text, points_text
+from orip.files.log.text import points_blocks
 from orip.files.project.file_names import fit_file_name
-from orip.files.project.text import project_document, project_text
+from orip.files.project.records import project_document, project_text
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.observations.control import ControlDistance, ControlPoint

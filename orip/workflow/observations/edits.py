@@ -13,20 +13,19 @@ from typing import Literal
 from msgspec import Struct
 
 from orip.errors import Complaint, InputError, ProjectWarning
-from orip.files.log.edits_text import EditsText, edit_line, read_edits
 from orip.files.log.text import read_measurements
+from orip.files.log.writing import EditsText, edit_line, read_edits
 from orip.files.text.lines import field_name_fault, read_lines
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
-from orip.files.text.shown import shown_token
+from orip.files.text.shown import Parsed, shown_token
 from orip.interior.replay import Replayed, replay
 from orip.records.names import record_key
 from orip.records.observations.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.structs import replace
+from orip.workflow.observations.listed import LeftAlone, left_alone
 from orip.workflow.observations.measure import MEASURED_ON_TOP, replay_log
 from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.observations.names import Named, chosen_names, edited_owner
-from orip.workflow.observations.rays import LeftAlone, left_alone
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records

@@ -8,8 +8,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import ProjectWarning
-from orip.files.text.parsed import Parsed
 from orip.files.text.regular_file import file_of
+from orip.files.text.shown import Parsed
 from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
 from orip.mistakes.before_adjustment.checks import measurement_warnings

@@ -12,9 +12,8 @@ from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import is_interior_listing_stale
-from orip.workflow.project.run_id import digest_of_records
+from orip.workflow.project.run_id import WRITTEN_BY, Step, changed_inputs, digest_of_records
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.step import WRITTEN_BY, Step, changed_inputs
 from orip.workflow.project.texts import Digests, log_digests
 
 

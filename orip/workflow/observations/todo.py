@@ -10,14 +10,20 @@ from msgspec import Struct
 
 from orip.errors import ProjectWarning
 from orip.files.listings.observations import todo_text
-from orip.files.text.natural_order import natural_key
+from orip.files.text.regular_file import natural_key
 from orip.interior.replay import replay
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, PhotoObservations
 from orip.records.results.interior import ListedObservation, Pair, PointToMeasure, WhyAgain
-from orip.workflow.observations.listed import listed_observations, outdated_warnings, require_observations
+from orip.workflow.observations.listed import (
+    NOWHERE,
+    Places,
+    PredictedPlace,
+    listed_observations,
+    outdated_warnings,
+    require_observations,
+)
 from orip.workflow.observations.names import without_kills
-from orip.workflow.observations.places import NOWHERE, Places, PredictedPlace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.named_output import require_replaceable

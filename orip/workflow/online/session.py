@@ -18,8 +18,7 @@ from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
-from orip.files.log.edits_text import edit_line
-from orip.files.log.writing import DECIMALS, LogFile, measurement_line, points_header
+from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer
 from orip.online.first_values import THOROUGH
@@ -33,7 +32,7 @@ from orip.workflow.observations.films import mounted_films
 from orip.workflow.online.background import Background, Operation
 from orip.workflow.online.stored_solution import solution_of_what_is_measured
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.leftovers import remove_leftovers_of_kills
+from orip.workflow.project.text_output import remove_leftovers_of_kills
 from orip.workflow.project.texts import EDITS_FILE
 
 LOG = Path(EDITS_FILE)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from orip.records.results.solution import Solution
 from orip.workflow.adjust.solve_step import inputs_now
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.run_id import changed_inputs
 from orip.workflow.project.state import read_state
-from orip.workflow.project.step import changed_inputs
 
 _ENDED = ("converged", "doubtful")
 """What is doubtful about a solution shows in a session again."""

@@ -12,22 +12,26 @@ from msgspec import Struct
 from orip.errors import LockedError
 from orip.files.stores.contents import solutions
 from orip.files.stores.contents.solution_tables import read_head
-from orip.files.stores.provenance import set_run, write_inputs
+from orip.files.stores.digest import set_run, write_inputs
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import Stores, writing
 from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_link
-from orip.files.text.lock import locked
-from orip.files.text.own_files import remove_file
+from orip.files.text.own_files import locked, remove_file
 from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
 from orip.records.results.solution import Solution
 from orip.workflow.project.definitions import write_definitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
-from orip.workflow.project.leftovers import remove_leftovers_of_kills
 from orip.workflow.project.measurements import measured_stores, write_measured
 from orip.workflow.project.outputs import rewrite_stale_outputs
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts, read_stored
-from orip.workflow.project.text_output import EditedText, TextOutput, digest_of_text, write_output
+from orip.workflow.project.text_output import (
+    EditedText,
+    TextOutput,
+    digest_of_text,
+    remove_leftovers_of_kills,
+    write_output,
+)
 
 
 class _State(Protocol):

@@ -12,7 +12,7 @@ from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarnin
 from orip.files.project.reader import read_project
 from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
-from orip.files.stores.older import refuse_older_stores
+from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
 from orip.records.names import record_key
 from orip.records.project.definition import ProjectDefinition

@@ -8,8 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.files.stores.contents import observations, photos, templates
-from orip.files.stores.digest import record_digest
-from orip.files.stores.provenance import run_of
+from orip.files.stores.digest import record_digest, run_of
 from orip.files.stores.transaction import Stores
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured, no_observations

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.project.ignored import IGNORE_FILE
+from orip.files.project.file_names import IGNORE_FILE
 from orip.files.text.regular_file import open_regular
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.texts import is_measurement_file

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from orip.files.listings.identification import run_of_listing
 from orip.files.result.identification import run_of_result
-from orip.files.stores.provenance import run_of
+from orip.files.stores.digest import run_of
 from orip.files.stores.transaction import reading
 from orip.files.text.atomic import lines_in_pieces
 from orip.files.text.own_files import remove_file
@@ -69,10 +69,10 @@ def superseded_outputs(project: ProjectFolder, solution: Solution) -> tuple[Path
 def residuals_in_pieces(solution: Solution, found: Reliability) -> Iterable[str | bytes | memoryview]:
     """Return the residuals of a solution as a text table, or as arrays where they are many."""
     if solution.is_large:
-        from orip.files.result.residuals_npz import residuals_npz_pieces
+        from orip.files.result.residuals import residuals_npz_pieces
 
         return residuals_npz_pieces(solution.residuals, found)
-    from orip.files.result.residuals_csv import residuals_csv_pieces
+    from orip.files.result.residuals import residuals_csv_pieces
 
     return residuals_csv_pieces(solution.residuals, found)
 

@@ -1,10 +1,13 @@
-"""Run ids, which link stores and outputs to each other. Equal inputs give equal ids; no clock is involved."""
+"""Run ids, which link stores and outputs to each other, and whether each step of the work is up to date."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
+from typing import Literal
+
+from msgspec import Struct
 
 from orip.files.stores.digest import record_digest
 from orip.records.observations.measurement import PhotoObservations
@@ -54,3 +57,29 @@ def digest_of_columns(names: Iterable[Iterable[str]], numbers: Iterable[bytes]) 
     for piece in numbers:
         digest.update(piece)
     return digest.hexdigest()
+
+
+StepState = Literal["missing", "out of date", "failed", "up to date"]
+"""Failed: with this input it comes to nothing, and doing it again would not help."""
+
+WRITTEN_BY = "the next init, measure, solve or run writes it"
+
+
+class Step(Struct, frozen=True):
+    """One step of the work: its command, its state, and why; and what comes next where it is not this command."""
+
+    command: str
+    state: StepState
+    text: str
+    instead: str | None = None
+
+    @property
+    def following(self) -> str:
+        """Return what comes next while the step is not up to date."""
+        return self.command if self.instead is None else self.instead
+
+
+def changed_inputs(old: Sequence[tuple[str, str]], new: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the names of inputs that are new, gone or different."""
+    before, after = dict(old), dict(new)
+    return [name for name in {**before, **after} if before.get(name) != after.get(name)]

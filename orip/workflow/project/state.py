@@ -16,7 +16,7 @@ from msgspec import Struct, field
 
 from orip.files.stores.contents import observations
 from orip.files.stores.contents.solution_tables import SolutionHead, read_head
-from orip.files.stores.provenance import read_inputs
+from orip.files.stores.digest import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
 from orip.records.names import record_key

@@ -20,9 +20,8 @@ from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.stations_text import read_stations
 from orip.files.control.text import CONTROL_EXTENSIONS, read_control
 from orip.files.project.file_names import is_pattern
-from orip.files.text.digest import file_digest
-from orip.files.text.natural_order import natural_key
-from orip.files.text.parsed import Parsed
+from orip.files.text.regular_file import file_digest, natural_key
+from orip.files.text.shown import Parsed
 from orip.records.observations.control import Control, PreliminaryPoint
 from orip.records.observations.measurement import LogRecord
 from orip.records.observations.station import IN_PROJECT, Station

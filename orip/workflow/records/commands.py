@@ -14,7 +14,7 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning
-from orip.files.project.text import project_document
+from orip.files.project.records import project_document
 from orip.files.stores.transaction import Stores
 from orip.records.names import record_key
 from orip.structs import replace
@@ -27,8 +27,13 @@ from orip.workflow.records import edits as record_edits
 from orip.workflow.records.changes import RecordChange, Renaming, record_changes
 from orip.workflow.records.document import CheckedDocument, bound, checked, stored_document
 from orip.workflow.records.edits import Edit, EditedDocument, RecordName
-from orip.workflow.records.measurements import delete_measurements, is_written, measurements_of, rename_measurements
-from orip.workflow.records.mentions import mention_warnings
+from orip.workflow.records.mentions import (
+    delete_measurements,
+    is_written,
+    measurements_of,
+    mention_warnings,
+    rename_measurements,
+)
 from orip.workflow.records.renamed_bundle import (
     copy_preliminary,
     files_of_old_name,

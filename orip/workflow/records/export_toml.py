@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.project.merge import merged_project_text
-from orip.files.project.text import project_document
+from orip.files.project.records import project_document
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.lines import decode_lines, read_bytes
@@ -25,8 +25,8 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.named_output import require_replaceable
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import TextOutput, digest_of_text
-from orip.workflow.records.apply_text import apply_text
 from orip.workflow.records.document import checked, stored_definition
+from orip.workflow.records.reconcile import apply_text
 
 T = TypeVar("T", bound=NamedRecord)
 

@@ -24,10 +24,9 @@ from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, StoredParts
 from orip.workflow.project.texts import ProjectTexts, raise_complaints
-from orip.workflow.records.apply_text import TextApplied, apply_text
 from orip.workflow.records.changes import RecordChange, record_changes
 from orip.workflow.records.document import stored_document
-from orip.workflow.records.reconcile import AppliedChange, Prefer
+from orip.workflow.records.reconcile import AppliedChange, Prefer, TextApplied, apply_text
 
 INITIALISED_FROM: tuple[Part, ...] = ("definitions",)
 """What `initialise` needs of the stores."""

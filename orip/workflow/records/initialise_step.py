@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.step import Step
-from orip.workflow.records.apply_text import apply_text
-from orip.workflow.records.reconcile import counted_changes
+from orip.workflow.records.reconcile import apply_text, counted_changes
 
 
 def initialise_step(state: ProjectState) -> Step:

@@ -19,11 +19,10 @@ from orip.records.project.fields import headings_of
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.state import ProjectState
-from orip.workflow.records.apply_text import with_polynomial
-from orip.workflow.records.document import stored_document
+from orip.workflow.records.changes import RecordValue, shown_value, values_of
+from orip.workflow.records.document import DocumentRecord, RecordKind, records_of, referents, stored_document
 from orip.workflow.records.edits import RecordName, bundle_of_models, find
-from orip.workflow.records.references import DocumentRecord, RecordKind, records_of, referents
-from orip.workflow.records.values import RecordValue, shown_value, values_of
+from orip.workflow.records.reconcile import with_polynomial
 
 
 class RecordRow(Struct, frozen=True):

@@ -1,6 +1,6 @@
 """Renaming a bundle: its solution and its preliminary coordinates are renamed, result files of the old name removed.
 
-Its measurements are renamed in `orip.workflow.records.measurements`.
+Its measurements are renamed in `orip.workflow.records.mentions`.
 """
 
 from __future__ import annotations

@@ -10,12 +10,12 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.exchange.stations.source import read_epochs
-from orip.files.control.lines import ControlLines, read_control_lines
+from orip.files.control.editing import ControlLines, read_control_lines
 from orip.files.control.stations_text import is_heading, parse_stations, stations_text
 from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.names import record_key
 from orip.records.observations.epochs import Epochs
 from orip.records.observations.station import Station
@@ -27,7 +27,7 @@ from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText, digest_of_text
-from orip.workflow.records.measurements import is_written
+from orip.workflow.records.mentions import is_written
 
 
 class ImportFiles(Struct, frozen=True):

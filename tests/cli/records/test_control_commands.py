@@ -153,7 +153,7 @@ def test_kill_all_asks_on_a_terminal(project: Path, monkeypatch: pytest.MonkeyPa
             raise typer.Abort
 
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    monkeypatch.setattr("orip.cli.confirm.typer.confirm", confirm)
+    monkeypatch.setattr("orip.cli.conversion.typer.confirm", confirm)
     assert orip(project, "control", "points", "kill", "--all").code == (0 if answer else 130)
     assert len(done(project, "points list", "--json").document["records"]) == left
 

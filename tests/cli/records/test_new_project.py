@@ -14,7 +14,7 @@ import pytest
 from cli.command_line import orip
 
 from orip.files.project.starting_texts import BLOCK_KINDS
-from orip.workflow.new_project import STARTS
+from orip.workflow.sample_projects import STARTS
 
 FURTHER = {"drone": {"STA", "MEA"}, "object": {"LEN", "MEA"}, "film": {"MEA"}}
 

@@ -9,7 +9,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import contents, film_project, first_project, many_bundles
 
-from orip.files.project.ignored import IGNORED
+from orip.files.project.file_names import IGNORED
 
 PATTERNS = [line for line in IGNORED.splitlines() if line and not line.startswith("#")]
 WRITTEN_BY_USERS = (

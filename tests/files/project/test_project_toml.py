@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from workflow.small_projects import REPOSITORY
 
 from orip.files.project.reader import parse_project, read_project
-from orip.files.project.text import project_document, project_text
+from orip.files.project.records import project_document, project_text
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
 from orip.records.project.photo import Photo, Scan, Template, Temtick

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from msgspec import defstruct
 
 from orip.errors import InputError
-from orip.files.stores import provenance, store
+from orip.files.stores import digest as provenance
+from orip.files.stores import store
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import bundles

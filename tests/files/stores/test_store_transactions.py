@@ -14,11 +14,10 @@ import pytest
 import store_samples as samples
 
 from orip.errors import InputError, LockedError, OripError, UsageError
-from orip.files.stores import provenance
+from orip.files.stores import digest as provenance
 from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
-from orip.files.stores.older import is_older_store
-from orip.files.stores.schema import SCHEMA_VERSION
+from orip.files.stores.identity import SCHEMA_VERSION, is_older_store
 from orip.files.stores.transaction import reading, remove_empty, writing
 from orip.records.project.photo import Photo, Temtick
 

@@ -13,7 +13,7 @@ from workflow.small_projects import contents
 
 from orip.files.stores.contents import observations
 from orip.files.stores.transaction import reading, remove_empty, writing
-from orip.files.text.leftovers import temporary_beside
+from orip.files.text.atomic import temporary_beside
 from orip.workflow.records.edits import RecordName
 
 SUPER_JOURNAL = "CAMERAS.CAM-mj0A1B2C3D9"

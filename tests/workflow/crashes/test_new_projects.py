@@ -9,7 +9,7 @@ from workflow.killed_here import Killed, killed_at
 
 from orip.errors import UsageError
 from orip.files.project.starting_texts import Start
-from orip.workflow.new_project import make_started_project
+from orip.workflow.sample_projects import make_started_project
 
 DRONE = Start("MINE")
 

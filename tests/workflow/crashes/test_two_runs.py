@@ -13,7 +13,7 @@ from workflow.commands import project_status
 from workflow.small_projects import contents, film_project, replace_in
 
 from orip.errors import LockedError
-from orip.files.text.lock import locked
+from orip.files.text.own_files import locked
 
 RUN = [sys.executable, "-m", "orip.cli.main", "-q", "-C"]
 

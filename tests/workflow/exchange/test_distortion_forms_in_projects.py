@@ -6,7 +6,7 @@ import pytest
 
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.structs import replace
-from orip.workflow.records.apply_text import with_polynomial
+from orip.workflow.records.reconcile import with_polynomial
 
 OTHERS = {"P1": 1e-5, "P2": -2e-5, "B1": 3e-4, "B2": -1e-4}
 

@@ -19,7 +19,7 @@ from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.control.text import parse_distances, parse_points
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
-from orip.files.text.parsed import Parsed
+from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.records.observations.control import ControlDistance, ControlPoint
 from orip.records.observations.measurement import PointsRecord

@@ -13,7 +13,7 @@ from workflow.commands import add_record, delete_record, edit_record, export_tom
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
 from orip.errors import InputError, UsageError
-from orip.files.project.text import project_document, project_text
+from orip.files.project.records import project_document, project_text
 from orip.files.stores.contents import cameras
 from orip.files.stores.digest import record_digest
 from orip.files.stores.dump import dump

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from msgspec.structs import astuple
 
-from orip.files.stores.column_arrays import ColumnValues
 from orip.files.stores.contents.solution_tables import (
     CAMERAS,
     ITEM_LISTS,
@@ -23,6 +22,7 @@ from orip.files.stores.contents.solution_tables import (
     items,
 )
 from orip.files.stores.digest import same_record
+from orip.files.stores.packed_columns import ColumnValues
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
 from orip.records.coded_names import CodedNames, repeated
