@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from functools import lru_cache
-from threading import Thread
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 if TYPE_CHECKING:
@@ -23,6 +24,9 @@ MOST_THREADS = 256
 
 _PARTS_OF_A_THREAD = 4
 """Parts of many thousand elements for which a thread pays: a few operations on each take about a millisecond."""
+
+BEGINS_WITHIN_S = 20.0
+"""Seconds within which a thread begins on the busiest of machines."""
 
 _limit: ContextVar[int | None] = ContextVar("limit", default=None)
 
@@ -56,6 +60,39 @@ def _libraries(_modules: int) -> ThreadpoolController:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
+
+
+def begin_thread(task: Callable[[], None], purpose: str) -> None:
+    """Begin a thread that does a task beside the calling one, and does not keep the program from ending.
+
+    `Thread.start` waits for ever where the new thread has no memory to begin with.
+
+    Parameters
+    ----------
+    task : callable
+        Catches its errors, and tells them whom they concern.
+    purpose : str
+        What cannot be done without it.
+
+    Raises
+    ------
+    MemoryError
+        If the system allows no further thread, or lacks the memory for it.
+    """
+    has_begun = Event()
+
+    def begin() -> None:
+        has_begun.set()
+        task()
+
+    try:
+        _thread.start_new_thread(begin, ())
+        if has_begun.wait(BEGINS_WITHIN_S):
+            return
+    except (RuntimeError, MemoryError):
+        pass
+    message = f"no thread for {purpose}: memory or the number of threads is limited; allow more of them"
+    raise MemoryError(message)
 
 
 def at_once(tasks: Sequence[Callable[[], T]]) -> list[T]:

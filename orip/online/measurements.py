@@ -41,16 +41,27 @@ class _Ray(Struct, frozen=True):
     errors: Pair = _NO_ERRORS
 
 
-def _testable(inputs: BlockInput) -> Control:
+_HELD = 1e-3
+"""Part of what photo points are good to on the ground that coordinates are known to which are as good as held: the
+solution differs by a millionth of a standard deviation from that with constants, and the equations are the same."""
+
+
+def _testable(inputs: BlockInput, part: float = 1.0) -> Control:
     """Return the control with held coordinates as observations that are as precise as photo points are on the ground.
 
     Only what is observed can be tested: control that is held would make what is measured near to a wrong point suspect.
+
+    Parameters
+    ----------
+    inputs : BlockInput
+    part : float
+        Of that precision, what they are given.
     """
     control = inputs.control
     known = [point.coordinates for point in control.points if None not in point.coordinates]
     if inputs.definition.datum == "free" or len(known) < 2:
         return control
-    error = _ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
+    error = part * _ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
 
     def observed(point: ControlPoint) -> ControlPoint:
         x, y, z = (error if given == 0.0 else given for given in point.errors)
@@ -162,8 +173,13 @@ class Measurements:
     """
 
     def __init__(self, inputs: BlockInput) -> None:
-        self._inputs = replace(inputs, control=replace(_testable(inputs), stations=_steady_stations(inputs)))
-        self.control = _ControlByName(self._inputs.control)
+        self._inputs = replace(inputs, control=replace(inputs.control, stations=_steady_stations(inputs)))
+        # what is known of points and photos does not depend on which one counts
+        self._testable, self._held = (
+            _ControlByName(_testable(self._inputs)),
+            _ControlByName(_testable(self._inputs, _HELD)),
+        )
+        self.control = self._testable
         self._antennas = tuple(replace(antenna, unknown=(), shift="none", drift="none") for antenna in inputs.antennas)
         self._of_photo: dict[str, dict[str, _Ray]] = {}
         self._of_point: dict[str, dict[str, _Ray]] = {}
@@ -212,6 +228,16 @@ class Measurements:
     def inputs(self) -> BlockInput:
         """Return what the session was begun with."""
         return self._inputs
+
+    @property
+    def softens_control(self) -> bool:
+        """Return whether control that the project holds is observed now, so that it can be tested."""
+        return self.control is self._testable and self._testable.points != self._held.points
+
+    def hold_control(self, *, held: bool) -> None:
+        """Let held control be as good as held, or be observed again."""
+        self.control = self._held if held else self._testable
+        self._whole = None
 
     def has_orientation(self, photo: str) -> bool:
         """Return whether all six elements of a photo are observed or constant: others are at most approximate."""

@@ -11,6 +11,7 @@ from orip.online.control_examination import ControlExamination
 from orip.online.error_scale import ErrorScale
 from orip.online.first_photos import COMMON_POINTS, StartAttempts, may_start
 from orip.online.first_values import SOON, THOROUGH, FirstValues
+from orip.online.held_control import control_as_given
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
 from orip.online.snooping import Snooping
@@ -215,7 +216,8 @@ class Measuring:
         if self._has_values():
             if self._has_camera_unknowns() and self._adjusted_with != self._attempts.changes:
                 self._adjusted_with = self._attempts.changes
-                self.block.adjust_included()
+                with control_as_given(self.block):
+                    self.block.adjust_included()
             self.block.approach_solution()
 
     def next(self, photos: Collection[str], most: int) -> tuple[Candidate, ...]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
 import hashlib
 import os
 import threading
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,7 +22,7 @@ from orip.bundle.compiled import photo_loop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block
 from orip.structs import replace
-from orip.threads import at_once, available_threads, by_threads, limited_threads
+from orip.threads import at_once, available_threads, begin_thread, by_threads, limited_threads
 
 THREADS = (1, 2, 4, 16)
 
@@ -132,6 +134,37 @@ def test_without_further_threads_the_calling_one_does_all(monkeypatch: pytest.Mo
         found = digest_of(block)
     with limited_threads(1):
         assert digest_of(block) == found
+
+
+def _refuse_for_memory(_task: object, _arguments: object) -> int:
+    raise MemoryError
+
+
+def _never_begin(_task: object, _arguments: object) -> int:
+    """Do as the system does where the new thread has no memory for its first step: it ends without a word."""
+    return 0
+
+
+@pytest.mark.parametrize("start", [_refuse_for_memory, _never_begin])
+def test_a_thread_that_cannot_begin_is_an_error_and_not_waited_for(
+    start: Callable[[object, object], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(_thread, "start_new_thread", start)
+    monkeypatch.setattr("orip.threads.BEGINS_WITHIN_S", 0.05)
+    with pytest.raises(MemoryError, match="no thread for reading"):
+        begin_thread(lambda: None, "reading")
+
+
+def test_a_thread_that_begins_does_its_task_beside_the_calling_one() -> None:
+    ends, doers = threading.Event(), []
+
+    def task() -> None:
+        doers.append(threading.get_ident())
+        ends.set()
+
+    begin_thread(task, "the task")
+    assert ends.wait(20.0)
+    assert doers != [threading.get_ident()]
 
 
 @pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import _thread
+import gc
 import json
 import random
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +19,9 @@ from workflow.online_points import typed_points
 from workflow.small_projects import first_project, without_points
 
 from orip.online.measuring import Measuring
+from orip.online.online_block import OnlineBlock
+from orip.online.simulation import simulated_session
+from orip.workflow.online.background import Background
 from orip.workflow.online.served import ServedSession
 from orip.workflow.online.session import OnlineSession
 from orip.workflow.project.commit import commit
@@ -129,3 +134,36 @@ def test_an_answer_does_not_wait_for_what_was_asked_before(tmp_path: Path, monke
     assert "is not measured" in _said(served, {"do": "remove", "photo": photo, "point": point})["error"]
     goes_on.set()
     assert len(session.measuring.block.measurements) == 1
+
+
+def test_a_session_without_a_thread_ends_with_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`Thread.start` would wait for ever where a new thread lacks the memory for its first step."""
+    folder = first_project(tmp_path)
+    photo, point, x, y = without_points(folder)[0]
+    commit(initialise(read_project(folder, "definitions")))
+    _, served = _begun(folder, None)
+    monkeypatch.setattr(_thread, "start_new_thread", lambda *_: 0)
+    monkeypatch.setattr("orip.threads.BEGINS_WITHIN_S", 0.05)
+    with pytest.raises(MemoryError, match="no thread for the session"):
+        _said(served, {"do": "measure", "photo": photo, "point": point, "x": x, "y": y})
+
+
+def test_a_session_that_is_over_leaves_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One begins again with every change of a control file."""
+    ended, start = threading.Event(), _thread.start_new_thread
+
+    def started(task: Callable[[], None], arguments: tuple[()]) -> int:
+        def whole() -> None:
+            task()
+            ended.set()
+
+        return start(whole, arguments)
+
+    monkeypatch.setattr(_thread, "start_new_thread", started)
+    background = Background(Measuring(OnlineBlock(simulated_session(2, 2, 0).inputs)), None)
+    assert background.ask(lambda _: None) is None
+    assert background.measuring() is not None
+    assert not ended.is_set()
+    del background
+    gc.collect()
+    assert ended.wait(20.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import queue
 import sys
-import threading
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -14,7 +13,7 @@ import typer
 
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import UsageError
-from orip.threads import limited_threads
+from orip.threads import begin_thread, limited_threads
 
 if TYPE_CHECKING:
     from orip.workflow.online.served import ServedSession
@@ -89,14 +88,16 @@ def _shown(invocation: Invocation, session: ServedSession) -> AbstractContextMan
 
 def _serve(invocation: Invocation, session: ServedSession) -> None:
     """Answer until stdin ends or the session is asked to."""
-    lines: queue.Queue[str | None] = queue.Queue()
+    lines: queue.Queue[str | BaseException | None] = queue.Queue()
     session.on_news(partial(lines.put, ""))
-    threading.Thread(target=_read, args=(lines,), daemon=True).start()
+    begin_thread(partial(_read, lines), "reading requests")
     while True:
         try:
             line = lines.get(timeout=_LOOKS_EVERY)
         except queue.Empty:
             line = ""
+        if isinstance(line, BaseException):
+            raise line
         for reply in session.news():
             _put(invocation, reply)
         answer = None if line is None else session.reply(line) if line.strip() else {}
@@ -108,12 +109,17 @@ def _serve(invocation: Invocation, session: ServedSession) -> None:
         _put(invocation, reply)
 
 
-def _read(lines: queue.Queue[str | None]) -> None:
-    # a stream of its own: Python cannot end while a thread waits in that of sys.stdin
-    with open(sys.stdin.fileno(), "rb", closefd=False) as stream:
-        for line in stream:
-            lines.put(line.decode("utf-8", errors="replace"))
-    lines.put(None)
+def _read(lines: queue.Queue[str | BaseException | None]) -> None:
+    """Put the lines of stdin, then None, or what has kept them from being read."""
+    try:
+        # a stream of its own: Python cannot end while a thread waits in that of sys.stdin
+        with open(sys.stdin.fileno(), "rb", closefd=False) as stream:
+            for line in stream:
+                lines.put(line.decode("utf-8", errors="replace"))
+    except BaseException as error:  # noqa: BLE001  # it is raised where the lines are waited for
+        lines.put(error)
+    else:
+        lines.put(None)
 
 
 def _put(invocation: Invocation, reply: dict[str, Any]) -> None:

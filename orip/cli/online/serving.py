@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 import json
 import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from orip.errors import OripError
+from orip.threads import begin_thread
 
 if TYPE_CHECKING:
     from orip.cli.options import Invocation
@@ -24,8 +24,7 @@ def page_of(invocation: Invocation, session: ServedSession) -> Iterator[None]:
     from orip.link.watch_server import WatchServer
 
     server = WatchServer(session.page)
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
-    thread.start()
+    begin_thread(server.serve_forever, "the page")
     invocation.terminal.say(f"the session can be watched at {server.url}")
     try:
         yield

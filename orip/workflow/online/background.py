@@ -6,13 +6,17 @@ session ends does not depend on how fast it was asked; only what is said at once
 
 from __future__ import annotations
 
+import weakref
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from functools import partial
+from queue import SimpleQueue
 from typing import NamedTuple
 
 from orip.online.answers import Answer
 from orip.online.measuring import Measuring
+from orip.threads import begin_thread
 
 Operation = Callable[[Measuring], Answer | None]
 """A request; None is returned by one that has no answer."""
@@ -26,8 +30,29 @@ class _Asked(NamedTuple):
     is_told: bool
 
 
+class _Work(NamedTuple):
+    """What is to be done, and who waits for it."""
+
+    task: Callable[[], Answer | None]
+    result: Future[Answer | None]
+
+
+def _do(works: SimpleQueue[_Work | None]) -> None:
+    """Do one work after the other, until there is None."""
+    while (work := works.get()) is not None:
+        task, result = work
+        try:
+            found = task()
+        except BaseException as error:  # noqa: BLE001  # it is raised where the result is asked for
+            result.set_exception(error)
+        else:
+            result.set_result(found)
+        # while it waits, it keeps nothing of a session that is over
+        del work, task, result
+
+
 class Background:
-    """A session of measuring in a thread of its own.
+    """A session of measuring in a thread of its own, which begins with the first request.
 
     Parameters
     ----------
@@ -38,7 +63,7 @@ class Background:
 
     def __init__(self, measuring: Measuring, seconds: float | None) -> None:
         self._measuring, self._seconds = measuring, seconds
-        self._thread = ThreadPoolExecutor(1, "measuring")
+        self._works: SimpleQueue[_Work | None] | None = None
         self._asked: deque[_Asked] = deque()
         self.wake: Callable[[], None] = lambda: None
         """Called, in any thread, when something may have been reconsidered."""
@@ -61,9 +86,11 @@ class Background:
         ------
         OripError
             From the request.
+        MemoryError
+            From the request, or if there is no thread for it.
         """
-        first = self._thread.submit(operation, self._measuring)
-        later = self._thread.submit(self._measuring.reconsider)
+        first = self._submit(partial(operation, self._measuring))
+        later = self._submit(self._measuring.reconsider)
         later.add_done_callback(lambda _: self.wake())
         try:
             answer, is_told = first.result(self._seconds), True
@@ -71,6 +98,16 @@ class Background:
             answer, is_told = None, False
         self._asked.append(_Asked(first, later, is_told))
         return answer
+
+    def _submit(self, task: Callable[[], Answer | None]) -> Future[Answer | None]:
+        if self._works is None:
+            works = SimpleQueue[_Work | None]()
+            begin_thread(partial(_do, works), "the session")
+            weakref.finalize(self, works.put, None)
+            self._works = works
+        result: Future[Answer | None] = Future()
+        self._works.put(_Work(task, result))
+        return result
 
     def reconsidered(self) -> Iterator[Answer]:
         """Yield the answers that have changed since they were given, and those that took longer than was waited for."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
+from orip.online.held_control import control_as_given
 from orip.online.measuring import Measuring
+from orip.online.online_block import OnlineBlock
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.sequential.standing import falls, redundancies
@@ -15,11 +19,20 @@ from orip.sequential.standing import falls, redundancies
 Shown = dict[str, Any]
 
 
+@contextmanager
+def _at_solution(measuring: Measuring) -> Iterator[OnlineBlock]:
+    """Yield the block of a session near its solution with the control as the project gives it, held where it is."""
+    measuring.reconsider()
+    with control_as_given(measuring.block):
+        measuring.approach_solution()
+        yield measuring.block
+
+
 def photos_of(measuring: Measuring) -> list[Shown]:
     """Return all photos in which something is measured: elements in project units and degrees, or what is missing."""
-    measuring.approach_solution()
-    block, values = measuring.block, measuring.block.values
-    orientations, _ = block.at_solution()
+    with _at_solution(measuring) as block:
+        orientations, _ = block.at_solution()
+    values = block.values
     oriented = {name: orientations[name] for name in block.measurements.photos if name in orientations}
     elements = {}
     if oriented:
@@ -42,9 +55,9 @@ def photos_of(measuring: Measuring) -> list[Shown]:
 
 def points_of(measuring: Measuring) -> list[Shown]:
     """Return all points that are measured: coordinates in the project, or what is missing, and numbers of rays."""
-    measuring.approach_solution()
-    block, values = measuring.block, measuring.block.values
-    _, points = block.at_solution()
+    with _at_solution(measuring) as block:
+        _, points = block.at_solution()
+    values = block.values
     placed = {name: found for name in block.measurements.points if (found := points.get(name)) is not None}
     places = block.ground.to_project(np.array(list(placed.values())).reshape(-1, 3)).tolist()
     coordinates = dict(zip(placed, places, strict=True))
