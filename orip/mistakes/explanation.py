@@ -27,7 +27,7 @@ from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
 from orip.mistakes.after_adjustment.misread_stations import misread_stations
 from orip.mistakes.after_adjustment.moved_photos import moved_photos
 from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
-from orip.mistakes.before_adjustment.coordinate_units import CODE as COORDINATE_UNIT
+from orip.mistakes.before_adjustment.coordinate_units import COORDINATE_UNIT
 from orip.mistakes.fit_comparison import (
     Fit,
     explains,

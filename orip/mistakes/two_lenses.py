@@ -22,9 +22,9 @@ from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 
-CODE = "two-lenses"
+TWO_LENSES = "two-lenses"
 
-SHORT_TEXT = "photos of one camera were taken with two lenses, or zoom positions"
+OF_TWO_LENSES = "photos of one camera were taken with two lenses, or zoom positions"
 """What the status says."""
 
 _POSITIONS = ("station", "element")
@@ -73,7 +73,7 @@ def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarnin
         explains = left <= _EXPLAINED * len(accused) and _fits_better(solution, solved, len(accused))
         if explains and (text := _text(solved, block, camera)):
             where = counted_names("photo", [block.photos[row].name for row in rows.tolist()])
-            return [ProjectWarning(CODE, where, text)]
+            return [ProjectWarning(TWO_LENSES, where, text)]
     return []
 
 

@@ -28,7 +28,7 @@ from orip.wording import agreeing, counted_names
 
 LOOKING_UP, REDUCED, HEIGHT_UNIT = "looking-up", "reduced-photo", "height-unit"
 
-SHORT_TEXTS = {
+SHORT_TEXTS_OF_VERTICAL_PHOTOS = {
     LOOKING_UP: "photos look up from below the ground",
     REDUCED: "photos of one camera fly at different heights",
     HEIGHT_UNIT: "Z of the control is in another unit",

@@ -16,12 +16,17 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes import two_lenses
-from orip.mistakes.after_adjustment import height_systems, misread_stations
-from orip.mistakes.before_adjustment import coordinate_units, free_datum, ground_systems, reduced_pictures, spelling
+from orip.mistakes.after_adjustment.height_systems import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
+from orip.mistakes.after_adjustment.misread_stations import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.before_adjustment.coordinate_units import COORDINATE_UNIT
+from orip.mistakes.before_adjustment.free_datum import FREE_DATUM
+from orip.mistakes.before_adjustment.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.before_adjustment.reduced_pictures import RESOLUTION
+from orip.mistakes.before_adjustment.spelling import OTHER_SPELLING
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.readjuster import Readjuster
-from orip.mistakes.vertical_photos import SHORT_TEXTS
+from orip.mistakes.two_lenses import OF_TWO_LENSES, TWO_LENSES
+from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
@@ -38,18 +43,18 @@ from orip.solving.starting_values import (
 from orip.structs import replace
 
 FIRST_CAUSES = {
-    spelling.CODE, ground_systems.CODE, ground_systems.DEGREES, free_datum.CODE, reduced_pictures.CODE, UNREAD_FILE,
+    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, RESOLUTION, UNREAD_FILE,
 }  # fmt: skip
 """Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
 
 OF_STATIONS = {
-    **ground_systems.SHORT_TEXTS, **misread_stations.SHORT_TEXTS, height_systems.CODE: height_systems.SHORT_TEXT,
-    two_lenses.CODE: two_lenses.SHORT_TEXT,
+    **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
+    TWO_LENSES: OF_TWO_LENSES,
 }  # fmt: skip
 """The same of positions of photos that are not in the system of the control: what is said of single photos, or of
 groups of the two, follows from it."""
 
-WRONG = {**SHORT_TEXTS, **OF_STATIONS, coordinate_units.CODE: "the photo coordinates are in another unit"}
+WRONG = {**SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit"}
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""

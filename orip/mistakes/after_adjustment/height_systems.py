@@ -11,9 +11,9 @@ from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
-CODE = "height-system"
+HEIGHT_SYSTEM = "height-system"
 
-SHORT_TEXT = "the heights of the control and of the stations are in different height systems"
+OF_HEIGHT_SYSTEMS = "the heights of the control and of the stations are in different height systems"
 """What the status says."""
 
 _FEWEST = 3
@@ -63,4 +63,4 @@ def control_in_another_height_system(block: Block, solution: Solution) -> Iterat
         f"{spread:.2g}){also}, compared with the exposure stations: their heights and those of the stations are "
         "probably in different height systems (above the ellipsoid, above the geoid); use one for both"
     )
-    yield ProjectWarning(CODE, counted_names("control point", control), text)
+    yield ProjectWarning(HEIGHT_SYSTEM, counted_names("control point", control), text)

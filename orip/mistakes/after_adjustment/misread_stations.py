@@ -13,17 +13,17 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.after_adjustment import height_systems
-from orip.mistakes.before_adjustment import ground_systems
+from orip.mistakes.after_adjustment.height_systems import OF_HEIGHT_SYSTEMS
+from orip.mistakes.before_adjustment.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.length_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.names import record_key
 
 ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
 
-SHORT_TEXTS = {
+SHORT_TEXTS_OF_STATIONS = {
     ORDER: "positions of photos stand under the names of others",
-    HEIGHTS: height_systems.SHORT_TEXT,
+    HEIGHTS: OF_HEIGHT_SYSTEMS,
     AXES: "the axes of the stations are not those of the control",
     UNIT: "the stations are in another unit than the control",
 }
@@ -71,7 +71,7 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
         As gathered.
     solved : SolvedBlock
     """
-    if any(warning.code in ground_systems.SHORT_TEXTS for warning in block.warnings):
+    if any(warning.code in SHORT_TEXTS_OF_SYSTEMS for warning in block.warnings):
         return []  # said already
     observed = _observed(block, solved)
     if observed is None or len(observed.photo) < _FEWEST:

@@ -18,7 +18,7 @@ from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera, Sensor
 from orip.records.project.photo import Photo
 
-CODE = "coordinate-unit"
+COORDINATE_UNIT = "coordinate-unit"
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
 """Names of units by their number in a millimetre."""
@@ -80,7 +80,7 @@ def _warnings(camera: Camera, xy: FloatArray) -> Iterator[ProjectWarning]:
         else f"with C = {camera.parameters[0]:g} mm"
     )
     text = f"photo coordinates reach {farthest:.6g} {compared}, but they have to be in mm{_meant(camera, xy)}"
-    yield ProjectWarning(CODE, f"camera {camera.name}", text)
+    yield ProjectWarning(COORDINATE_UNIT, f"camera {camera.name}", text)
 
 
 def _no_pixels(camera: Camera, sensor: Sensor, xy: FloatArray) -> Iterator[ProjectWarning]:
@@ -103,7 +103,7 @@ def _no_pixels(camera: Camera, sensor: Sensor, xy: FloatArray) -> Iterator[Proje
                 f"photo coordinates reach {farthest[0]:.4g} and {farthest[1]:.4g} on a sensor of {sensor.columns} "
                 f"columns and {sensor.rows} rows, but they have to be pixels; they seem to be {unit}: {remedy}"
             )
-            yield ProjectWarning(CODE, f"camera {camera.name}", text)
+            yield ProjectWarning(COORDINATE_UNIT, f"camera {camera.name}", text)
             return
 
 

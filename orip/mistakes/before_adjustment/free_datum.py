@@ -9,7 +9,7 @@ from orip.records.block import Block
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
-CODE = "free-datum"
+FREE_DATUM = "free-datum"
 
 _FEWEST = 3
 """Projection centres that give a block its place, its turn and its scale."""
@@ -31,4 +31,4 @@ def observations_without_weight(block: Block) -> Iterator[ProjectWarning]:
                 f'datum = "free" takes all weight from the {counted(count, what)}: they are compared only. Leave datum '
                 "out if they are to place the block; or make their errors negative, which says the same"
             )
-            yield ProjectWarning(CODE, f"bundle {block.definition.name}", text)
+            yield ProjectWarning(FREE_DATUM, f"bundle {block.definition.name}", text)

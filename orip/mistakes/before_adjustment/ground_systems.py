@@ -14,11 +14,11 @@ from orip.records.observations.control import Control
 from orip.units import METRES_PER_FOOT
 from orip.wording import counted_names
 
-CODE, DEGREES = "ground-system", "degrees"
+GROUND_SYSTEM, IN_DEGREES = "ground-system", "degrees"
 
-SHORT_TEXTS = {
-    CODE: "control and positions of the photos are in different systems",
-    DEGREES: "longitude and latitude in degrees stand beside coordinates in units of length",
+SHORT_TEXTS_OF_SYSTEMS = {
+    GROUND_SYSTEM: "control and positions of the photos are in different systems",
+    IN_DEGREES: "longitude and latitude in degrees stand beside coordinates in units of length",
 }
 """What the status says, by the code of the warning."""
 
@@ -72,14 +72,16 @@ def contradicting_ground_systems(control: Control, given: FloatArray) -> list[Pr
     file = ".STA" if of_stations else ".ELE" if in_elements else "orip.toml"
     if text := _degrees(points, places, file):
         return [
-            ProjectWarning(DEGREES, where if text.endswith("of these") else f"positions of the photos in {file}", text)
+            ProjectWarning(
+                IN_DEGREES, where if text.endswith("of these") else f"positions of the photos in {file}", text
+            )
         ]
     other = "exposure stations" if of_stations else "photos"
     readings = chain(
         _feet(points, places, other), _zones(points, places, other), _exchanged(points, places, other, file)
     )
     texts = (text for read, photos, text in readings if _apart(read, photos) < _NEAR)
-    return [ProjectWarning(CODE, where, text) for text in list(texts)[:1]]
+    return [ProjectWarning(GROUND_SYSTEM, where, text) for text in list(texts)[:1]]
 
 
 def _centres_of_elements(control: Control) -> list[tuple[float, float]]:

@@ -12,7 +12,7 @@ from orip.mistakes.before_adjustment.points_of_camera import points_of_cameras
 from orip.records.coded_names import coded
 from orip.records.observations.measurement import PhotoObservations
 
-CODE = "resolution"
+RESOLUTION = "resolution"
 
 _FACTORS = (2, 4, 8)
 
@@ -45,4 +45,4 @@ def reduced_pictures(definitions: Definitions, observations: PhotoObservations) 
                     "be measured at a lower resolution; write columns and rows of the pictures that were measured, "
                     "with the same width and height"
                 )
-                yield ProjectWarning(CODE, f"camera {camera.name}", text)
+                yield ProjectWarning(RESOLUTION, f"camera {camera.name}", text)

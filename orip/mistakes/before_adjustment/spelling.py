@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from orip.errors import ProjectWarning
 from orip.wording import counted_names, first_names
 
-CODE = "other-spelling"
+OTHER_SPELLING = "other-spelling"
 
 _NAMED = 3
 
@@ -34,7 +34,7 @@ def control_spelt_otherwise(unmeasured: Sequence[str], unknown: Iterable[str]) -
         f"{are} not measured in any photo, but {first_names(list(pairs.values()), _NAMED)} {are}: the names differ by "
         f"{_difference(pairs)} alone; write them alike in control file and measurements"
     )
-    return [ProjectWarning(CODE, counted_names("control point", list(pairs)), text)]
+    return [ProjectWarning(OTHER_SPELLING, counted_names("control point", list(pairs)), text)]
 
 
 def stations_spelt_otherwise(unknown: Sequence[str], without_station: Iterable[str]) -> list[ProjectWarning]:
@@ -54,7 +54,7 @@ def stations_spelt_otherwise(unknown: Sequence[str], without_station: Iterable[s
         f"the bundle has no photos of these names, but {first_names(list(pairs.values()), _NAMED)}: the names differ "
         f"by {_difference(pairs)} alone; write them alike in the .STA file and in orip.toml"
     )
-    return [ProjectWarning(CODE, counted_names("exposure station", list(pairs)), text)]
+    return [ProjectWarning(OTHER_SPELLING, counted_names("exposure station", list(pairs)), text)]
 
 
 def _spelt_otherwise(names: Sequence[str], others: Iterable[str]) -> dict[str, str]:
