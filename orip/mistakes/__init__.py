@@ -1,5 +1,5 @@
-"""What was probably mistaken when something was typed, named or measured: units, names, signs, the wrong photo.
+"""What was probably mistaken when something was typed, named or measured: units, names, signs, the order of photos.
 
-`before_adjustment` looks at records, marks and the gathered block, `misread_control` at what the preliminary values
-found, `explanation` at an adjustment: it adjusts the data again as they were probably meant and compares the fits.
+A module a mistake, with its signs before the adjustment and in its result, what is tried, and its words. `checks` and
+`order` say which are looked for first, `hypothesis` what it is to try one, and `explanation` puts the answers together.
 """

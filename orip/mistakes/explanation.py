@@ -16,20 +16,24 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
-from orip.mistakes.after_adjustment.angle_unit import angles_in_another_unit
-from orip.mistakes.after_adjustment.check_points import contradicting_check_points
-from orip.mistakes.after_adjustment.contradicting_control import contradicting_control
-from orip.mistakes.after_adjustment.contradicting_distances import contradicting_distances
-from orip.mistakes.after_adjustment.errors_too_large import errors_too_large
-from orip.mistakes.after_adjustment.height_systems import control_in_another_height_system
-from orip.mistakes.after_adjustment.mirrored_plane import mirrored_plane
-from orip.mistakes.after_adjustment.misnamed_points import misnamed_points
-from orip.mistakes.after_adjustment.misread_stations import misread_stations
-from orip.mistakes.after_adjustment.moved_photos import moved_photos
-from orip.mistakes.after_adjustment.same_points import points_under_two_numbers
-from orip.mistakes.before_adjustment.coordinate_units import COORDINATE_UNIT
-from orip.mistakes.fit_comparison import (
+from orip.mistakes.angle_units import angles_in_another_unit
+from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
+from orip.mistakes.contradicting_control import contradicting_control, without_control
+from orip.mistakes.contradicting_distances import contradicting_distances
+from orip.mistakes.error_units import errors_too_large
+from orip.mistakes.exchanged_photos import two_lenses
+from orip.mistakes.given_orientations import (
+    compared_with_adjusted,
+    misgiven,
+    misgiven_as_a_whole,
+    moved_photos,
+    without_orientations,
+)
+from orip.mistakes.ground_systems import control_axes
+from orip.mistakes.hypothesis import (
     Fit,
+    Hypothesis,
+    Readjuster,
     explains,
     fit_of_adjustment,
     fits_without_wrong_matches,
@@ -37,16 +41,11 @@ from orip.mistakes.fit_comparison import (
     misfit,
     removes_misfits,
 )
-from orip.mistakes.given_orientations import misgiven_as_a_whole
-from orip.mistakes.hypotheses.control_coordinates import control_axes
-from orip.mistakes.hypotheses.hypothesis import Hypothesis
-from orip.mistakes.hypotheses.mirrored_photos import mirrored_photos
-from orip.mistakes.hypotheses.order import hypotheses_of_failure, hypotheses_of_misfit
-from orip.mistakes.hypotheses.released_control import without_control
-from orip.mistakes.photo_readings import MIRRORED, mirror_readings, mirrored_text
-from orip.mistakes.readjuster import Readjuster
-from orip.mistakes.two_lenses import two_lenses
-from orip.mistakes.unknown_orientations import compared_with_adjusted, misgiven, without_orientations
+from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_text
+from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_photos, mirrored_plane
+from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
+from orip.mistakes.stations import misread_stations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution

@@ -9,11 +9,15 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
+from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, angles_from_rotation, rotation_from_angles
-from orip.mistakes.length_units import FEET_AND_METRES, control_unit_text
+from orip.mistakes.angle_units import ANGLE_UNITS, angle_unit_text, is_nearer
+from orip.mistakes.contradicting_distances import FEET_AND_METRES, control_unit_text
+from orip.mistakes.hypothesis import Fit, is_good
 from orip.records.block import Block
 from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.structs import replace
 from orip.wording import counted_names
 
 _FAR_AWAY, _FAR_TURNED = 0.2, 0.35
@@ -231,3 +235,47 @@ def _turned(one: FloatArray, other: FloatArray) -> float:
 
 def _degrees(angle: float) -> str:
     return f"{np.degrees(angle):.1f}°"
+
+
+def moved_photos(block: Block, solved: SolvedBlock, fit: Fit) -> list[ProjectWarning]:
+    """Return a warning for each photo given far from where the adjustment puts it; none if the adjustment fits badly.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solved : SolvedBlock
+    fit : Fit
+        Of the adjustment.
+    """
+    if not np.isfinite(block.photo_orientation).any() or not is_good(fit):
+        return []
+    state, points = solved.state, solved.state.points
+    if solved.block.point_names != block.point_names:
+        place = solved.block.point_index()
+        points = points[[place[name] for name in block.point_names]]
+    return misgiven_orientations(compared_orientations(block, state.centres, state.rotations, points))
+
+
+def without_orientations(block: Block) -> Block | None:
+    """Return a block without its given orientations; None where none are given, or all are held."""
+    given = np.isfinite(block.photo_orientation)
+    held = np.array([bool(photo.constant) for photo in block.photos])
+    if not given[~held].any():
+        return None
+    return replace(block, photo_orientation=np.where(held[:, None], block.photo_orientation, np.nan))
+
+
+def misgiven(solved: SolvedBlock, block: Block) -> list[ProjectWarning]:
+    """Return how a few of the orientations given in a block, or their unit, differ from those adjusted."""
+    for factor in ANGLE_UNITS:
+        if is_nearer(block.photo_orientation[:, 3:], factor, solved.state.rotations):
+            return [ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))]
+    return misgiven_orientations(compared_with_adjusted(solved, block))
+
+
+def compared_with_adjusted(solved: SolvedBlock, block: Block) -> ComparedOrientations:
+    """Compare the orientations given in a block with those of an adjustment."""
+    place = solved.block.point_index()
+    points = solved.state.points[[place[name] for name in block.point_names]]
+    return compared_orientations(block, solved.state.centres, solved.state.rotations, points)

@@ -17,9 +17,8 @@ from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
-from orip.mistakes.fit_comparison import fit_of_adjustment, is_good
-from orip.mistakes.hypotheses.control_coordinates import control_heights
-from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.ground_systems import control_heights
+from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.results.solution import Solution
 from orip.structs import replace

@@ -16,16 +16,15 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes.after_adjustment.height_systems import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
-from orip.mistakes.after_adjustment.misread_stations import SHORT_TEXTS_OF_STATIONS
-from orip.mistakes.before_adjustment.coordinate_units import COORDINATE_UNIT
-from orip.mistakes.before_adjustment.free_datum import FREE_DATUM
-from orip.mistakes.before_adjustment.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.before_adjustment.reduced_pictures import RESOLUTION
-from orip.mistakes.before_adjustment.spelling import OTHER_SPELLING
+from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
+from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
-from orip.mistakes.readjuster import Readjuster
-from orip.mistakes.two_lenses import OF_TWO_LENSES, TWO_LENSES
+from orip.mistakes.free_network import FREE_DATUM
+from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.hypothesis import Readjuster
+from orip.mistakes.names import OTHER_SPELLING
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL

@@ -12,9 +12,9 @@ from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import without_photos
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
-from orip.mistakes.before_adjustment.checks import block_warnings, measurement_warnings
-from orip.mistakes.before_adjustment.ground_systems import contradicting_ground_systems
-from orip.mistakes.before_adjustment.impossible_camera import raise_if_impossible
+from orip.mistakes.camera_values import raise_if_impossible
+from orip.mistakes.checks import block_warnings, measurement_warnings
+from orip.mistakes.ground_systems import contradicting_ground_systems
 from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.progress import stage
@@ -132,7 +132,7 @@ def _left_out(photo: PhotoStart) -> ProjectWarning:
 def explained_preliminary_values(block: Block) -> PreliminaryValues:
     """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
     # they take their time to import, and many adjustments start at known values
-    from orip.mistakes.misread_control import misread_control
+    from orip.mistakes.ground_systems import misread_control
     from orip.prelim.chain import preliminary_values
 
     values = preliminary_values(block)

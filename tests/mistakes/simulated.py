@@ -9,7 +9,7 @@ import numpy as np
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.explanation import explain_misfit
-from orip.mistakes.readjuster import Readjuster
+from orip.mistakes.hypothesis import Readjuster
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.records.block import Block
 from orip.records.project.camera import Camera

@@ -8,7 +8,7 @@ from bundle.solving import OFF, redefined, solved
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.antennas import without_photo
-from orip.mistakes.left_out_photo import may_fit_without, sigma0_without
+from orip.mistakes.misread_photos import may_fit_without, sigma0_without
 from orip.records.block import Block
 from orip.structs import replace
 

@@ -7,7 +7,7 @@ import pytest
 from prelim.partial_block_samples import ground_sample, mirrored
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.mistakes.misread_control import misread_control
+from orip.mistakes.ground_systems import misread_control
 from orip.prelim.similarity.control_reading import other_reading
 from orip.structs import replace
 from orip.units import METRES_PER_FOOT

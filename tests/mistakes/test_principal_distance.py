@@ -6,7 +6,7 @@ import pytest
 from bundle.solving import controlled
 from support.synthetic_block import synthetic_block
 
-from orip.mistakes.hypotheses.principal_distance import principal_distance_seen
+from orip.mistakes.camera_values import principal_distance_seen
 from orip.structs import replace
 
 MADE = synthetic_block("convergent", "principal distance")

@@ -14,11 +14,11 @@ from workflow.quiet import run_quietly
 
 from orip.errors import InputError, ProjectWarning
 from orip.interior.orientation import orient_photo
-from orip.mistakes.after_adjustment.contradicting_control import control_warnings
-from orip.mistakes.after_adjustment.slip_of_pen import slip_of_pen
-from orip.mistakes.before_adjustment.impossible_camera import camera_warnings, raise_if_impossible
-from orip.mistakes.before_adjustment.misnamed_marks import misnamed_marks
-from orip.mistakes.before_adjustment.same_photo import photos_under_two_names
+from orip.mistakes.camera_values import camera_warnings, raise_if_impossible
+from orip.mistakes.contradicting_control import control_warnings
+from orip.mistakes.contradicting_distances import slip_of_pen
+from orip.mistakes.names import photos_under_two_names
+from orip.mistakes.outside_frame import misnamed_marks
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation

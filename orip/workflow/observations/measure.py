@@ -12,8 +12,8 @@ from orip.files.text.regular_file import file_of
 from orip.files.text.shown import Parsed
 from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
-from orip.mistakes.before_adjustment.checks import measurement_warnings
-from orip.mistakes.before_adjustment.impossible_camera import raise_if_impossible
+from orip.mistakes.camera_values import raise_if_impossible
+from orip.mistakes.checks import measurement_warnings
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured

@@ -1,0 +1,357 @@
+"""Cameras with values that cannot be, with the principal distance of another lens, or with a sign that is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.points.starting import given_coordinates
+from orip.bundle.solve import SolvedBlock
+from orip.errors import Complaint, InputError, ProjectWarning
+from orip.geometry.projection import PROJECTIONS
+from orip.geometry.rotation import rotation_from_angles
+from orip.interior.mounting import frame_corners
+from orip.mistakes.contradicting_distances import millimetres_per_unit
+from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.records.block import Block
+from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
+from orip.structs import replace
+
+_LONGEST = 20.0
+"""Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""
+
+_SHORTEST = 0.1
+"""Smallest such ratio: the angle of view is 157°, of a fisheye 573° from corner to corner, which no lens has."""
+
+_SQUARE = 1.05
+"""Largest ratio of the sides of a pixel; sensor sizes in data sheets are rounded to a hundredth."""
+
+_NO_LENS = 0.01
+"""Ratio of principal distance to diagonal of the frame below which it is in another unit: a fisheye has 0.2."""
+
+_SMALLEST_PIXEL, _SMALL_PIXEL = 1e-4, 1e-3
+"""mm. The first is a fifth of the wavelength of light, and of the smallest pixel that is made; few are smaller than the
+second."""
+
+_SIZES = (1.0, 300.0)
+"""Longer sides of frames, mm: of phones, of aerial cameras."""
+
+_USUAL = (0.2, 10.0)
+"""Ratios of principal distance to diagonal: of fisheyes, of long lenses."""
+
+
+def raise_if_impossible(cameras: Iterable[Camera]) -> None:
+    """Refuse cameras whose principal distance or sensor is surely in another unit, or the size of a pixel.
+
+    An adjustment of them could only blame other data.
+
+    Raises
+    ------
+    InputError
+        With the values to write.
+    """
+    found = [
+        Complaint(f"camera {camera.name}: {text}")
+        for camera in cameras
+        if (text := _tiny_sensor(camera) or _tiny_frame(camera) or _in_metres(camera))
+    ]
+    if found:
+        raise InputError(tuple(found))
+
+
+def _tiny_sensor(camera: Camera) -> str:
+    """Return what is wrong with a sensor whose pixels would be smaller than the wavelength of light."""
+    sensor = camera.sensor
+    if sensor is None:
+        return ""
+    pixel = (sensor.width / sensor.columns, sensor.height / sensor.rows)
+    is_pixel = _are_square(sensor.width, sensor.height) and not _are_square(float(sensor.columns), float(sensor.rows))
+    if max(pixel) >= (_SMALL_PIXEL if is_pixel else _SMALLEST_PIXEL):
+        return ""
+    text = (
+        f"a sensor of {sensor.width:g} x {sensor.height:g} mm with {sensor.columns} columns and {sensor.rows} rows "
+        f"would have pixels of {pixel[0] * 1e3:.2g} x {pixel[1] * 1e3:.2g} µm, which no camera has; width and height "
+        "are those of the whole sensor in mm"
+    )
+    meant = [
+        f"{what}: write width = {size[0]:.5g}, height = {size[1]:.5g}"
+        for what, size in _sizes_meant(sensor).items()
+        if _is_usual(camera, size)
+    ]
+    return f"{text}; they seem to be {' (or '.join(meant)}{')' * (len(meant) - 1)}" if meant else text
+
+
+def _sizes_meant(sensor: Sensor) -> dict[str, tuple[float, float]]:
+    """Return width and height of the sensor, mm, by what may have been written in their place."""
+    width, height = sensor.width, sensor.height
+    sizes = {"in metres": (width * 1e3, height * 1e3)}
+    if _are_square(width, height):
+        sizes["the size of a pixel in mm"] = (width * sensor.columns, height * sensor.rows)
+        sizes["the size of a pixel in µm"] = (width * sensor.columns * 1e-3, height * sensor.rows * 1e-3)
+    return {what: size for what, size in sizes.items() if _are_square(size[0] / sensor.columns, size[1] / sensor.rows)}
+
+
+def _is_usual(camera: Camera, size: tuple[float, float]) -> bool:
+    """Tell whether a frame is one that cameras have, with the principal distance as it is, or in metres."""
+    diagonal, c = float(np.hypot(*size)), camera.parameters[0]
+    fits = any(_USUAL[0] <= c * factor / diagonal <= _USUAL[1] for factor in (1.0, 1e3))
+    return fits and _SIZES[0] <= max(size) <= _SIZES[1]
+
+
+def _tiny_frame(camera: Camera) -> str:
+    """Return that a frame, far smaller than its principal distance, is in metres."""
+    if camera.frame is None or camera.parameters[0] / np.hypot(*camera.frame) < 1.0 / _NO_LENS:
+        return ""
+    width, height = (side * 1e3 for side in camera.frame)
+    if max(camera.frame) >= _SIZES[0] or not _is_usual(camera, (width, height)):
+        return ""
+    return (
+        f"a frame of {camera.frame[0]:g} x {camera.frame[1]:g} mm with C = {camera.parameters[0]:g} mm seems to be in "
+        f"metres; write frame = [{width:.6g}, {height:.6g}]"
+    )
+
+
+def _in_metres(camera: Camera) -> str:
+    corners, c = frame_corners(camera), camera.parameters[0]
+    if corners is None:
+        return ""
+    width, height = (corners[1] - corners[0]).tolist()
+    ratio = c / float(np.hypot(width, height))
+    if ratio >= _NO_LENS or not _USUAL[0] <= 1e3 * ratio <= _USUAL[1]:
+        return ""
+    return (
+        f"C = {c:g} mm on a frame of {width:g} x {height:g} mm is that of no lens; it seems to be in metres, but C is "
+        f"in mm: write c = {c * 1e3:.10g}"
+    )
+
+
+def camera_warnings(camera: Camera) -> Iterator[ProjectWarning]:
+    """Yield a warning for a principal distance that does not suit the frame, and for pixels that are not square."""
+    where = f"camera {camera.name}"
+    for text in (_angle_of_view(camera), _pixels(camera)):
+        if text:
+            yield ProjectWarning("senseless-camera", where, text)
+
+
+def _angle_of_view(camera: Camera) -> str:
+    corners, c = frame_corners(camera), camera.parameters[0]
+    if corners is None:
+        return ""
+    width, height = (corners[1] - corners[0]).tolist()
+    diagonal = float(np.hypot(width, height))
+    if _is_possible(c, diagonal):
+        return ""
+    angle = float(np.degrees(_angle_at(camera, c, diagonal)))
+    shown = f"{angle:.0f}" if angle >= 10.0 else f"{angle:.2g}"
+    return (
+        f"C = {c:g} mm on a frame of {width:g} x {height:g} mm would be an angle of view of {shown}°; C is in mm"
+        f"{_meant(camera, diagonal)}"
+    )
+
+
+def _angle_at(camera: Camera, c: float, diagonal: float) -> float:
+    """Return the angle of view, radians."""
+    return diagonal / c if camera.projection == "equidistant" else float(2.0 * np.arctan(0.5 * diagonal / c))
+
+
+def _is_possible(c: float, diagonal: float) -> bool:
+    return _SHORTEST < c / diagonal < _LONGEST
+
+
+def _meant(camera: Camera, diagonal: float) -> str:
+    """Return what C would be if it was written in another unit by mistake, for those units that are possible."""
+    c = camera.parameters[0]
+    listed = ", ".join(
+        f"if it is in {unit}: C = {c * size:.4g} mm"
+        for unit, size in millimetres_per_unit(camera).items()
+        if _is_possible(c * size, diagonal)
+    )
+    return f" ({listed})" if listed else ""
+
+
+def _pixels(camera: Camera) -> str:
+    sensor = camera.sensor
+    if sensor is None:
+        return ""
+    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
+    if _are_square(width, height):
+        return ""
+    text = f"the sensor's pixels would be {width * 1e3:.3g} x {height * 1e3:.3g} µm, but pixels are square"
+    if _are_square(sensor.height / sensor.columns, sensor.width / sensor.rows):
+        return f"{text}; they are if width and height are exchanged: exchange them"
+    return f"{text}; check columns, rows, width and height of the sensor (of the image as measured: not cropped)"
+
+
+def _are_square(width: float, height: float) -> bool:
+    return max(width / height, height / width) <= _SQUARE
+
+
+# Every function yields hypotheses for one camera, given by its index in the block.
+
+
+_PRINCIPAL_POINT = slice(1, 3)
+_DISTORTION = slice(3, None)
+_LENS = ("A3", "A5", "P1", "P2")
+"""The distortion of an ordinary lens."""
+
+
+def distortion_sign(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield a camera's distortion with the opposite sign."""
+    camera = block.cameras[row]
+    given = _values(camera)[_DISTORTION] != 0.0
+    if given.any() and not _is_unknown(camera)[_DISTORTION][given].any():
+        text = (
+            "the distortion fits with the opposite sign; reverse the sign of its coefficients (positive distortion "
+            "moves the image outwards: measured = ideal + distortion)"
+        )
+        changed = _with_factors(block, row, _DISTORTION, np.array(-1.0))
+        yield Hypothesis(changed, finding("distortion-sign", f"camera {camera.name}", text))
+
+
+def principal_point_sign(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield a camera's principal point with the opposite sign of y, of x, and of both."""
+    camera = block.cameras[row]
+    x, y = camera.parameters[_PRINCIPAL_POINT]
+    if _is_unknown(camera)[_PRINCIPAL_POINT].any():
+        return
+    for signs, kinds in (((1.0, -1.0), "y"), ((-1.0, 1.0), "x"), ((-1.0, -1.0), "x and y")):
+        if (x, y) == (x * signs[0], y * signs[1]):
+            continue
+        text = (
+            f"the principal point ({x:g}, {y:g}) mm fits with the opposite sign of {kinds}; reverse it (x to the right "
+            "and y up, from the centre of the sensor or the fiducial marks to the principal point)"
+        )
+        changed = _with_factors(block, row, _PRINCIPAL_POINT, np.array(signs))
+        yield Hypothesis(changed, finding("principal-point-sign", f"camera {camera.name}", text))
+
+
+def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield a camera without distortion as one whose distortion is unknown."""
+    camera = block.cameras[row]
+    if not _values(camera)[_DISTORTION].any() and not _is_unknown(camera)[_DISTORTION].any():
+        text = (
+            "the lens has a distortion that is not in the camera's record; give it (distortion = { ... }), or let the "
+            'adjustment determine it: unknown = ["A3", "A5", "P1", "P2"]'
+        )
+        changed = with_unknown(block, row, *_LENS)
+        yield Hypothesis(changed, finding("distortion", f"camera {camera.name}", text))
+
+
+def with_camera(block: Block, row: int, camera: Camera) -> Block:
+    """Return a block with another camera in one row."""
+    return replace(block, cameras=(*block.cameras[:row], camera, *block.cameras[row + 1 :]))
+
+
+def with_unknown(block: Block, row: int, *kinds: str) -> Block:
+    """Return a block in which parameters of one camera are unknown, besides those that are unknown already."""
+    camera = block.cameras[row]
+    unknown = tuple(kind for kind in CAMERA_PARAMETERS if kind in {*kinds, *camera.unknown})
+    return with_camera(block, row, replace(camera, unknown=unknown))
+
+
+def _with_factors(block: Block, row: int, which: slice, factor: FloatArray) -> Block:
+    values = _values(block.cameras[row])
+    values[which] *= factor
+    return with_camera(block, row, replace(block.cameras[row], parameters=tuple(values.tolist())))
+
+
+def _values(camera: Camera) -> FloatArray:
+    return np.array(camera.parameters, dtype=np.float64)
+
+
+def _is_unknown(camera: Camera) -> BoolArray:
+    return np.isin(CAMERA_PARAMETERS, camera.unknown)
+
+
+# Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
+# given coordinates.
+
+
+_NEAR_AXIS = 0.02
+"""Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""
+
+_DIAGONAL_OF_35_MM_FILM = float(np.hypot(36.0, 24.0))
+
+_ALIKE = 0.15
+"""Logarithm of the ratio up to which two principal distances count as the same: the accuracy of an uncalibrated one."""
+
+
+def other_principal_distance(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield the camera of one row with an unknown principal distance."""
+    camera = block.cameras[row]
+    if "C" in camera.unknown:
+        return
+    start = replace(camera, parameters=(principal_distance_seen(block, row), *camera.parameters[1:]))
+    changed = with_unknown(with_camera(block, row, start), row, "C")
+    yield Hypothesis(changed, partial(_findings, row=row, given=camera.parameters[0]))
+
+
+def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarning]:
+    camera = solved.block.cameras[row]
+    found = float(solved.state.cameras[row, 0])
+    if found <= 0.0:
+        return []
+    column = int(solved.problem.unknowns.cameras[row, 0])
+    sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
+    size = "" if camera.sensor is None else ", or the size of the sensor,"
+    unit = _unit_clause(given, found, camera)
+    text = (
+        f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the "
+        f"principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the adjustment "
+        'determine it (unknown = ["C"])'
+    )
+    return [ProjectWarning("principal-distance", f"camera {camera.name}", text)]
+
+
+def _unit_clause(given: float, found: float, camera: Camera) -> str:
+    """Return in which unit a principal distance was probably given, as a clause; "" where none explains it."""
+    units = {f"in {unit}": size for unit, size in millimetres_per_unit(camera).items()}
+    units["in micrometres"] = 1e-3
+    if camera.sensor is not None:
+        diagonal = float(np.hypot(camera.sensor.width, camera.sensor.height))
+        units["the equivalent for 35 mm film"] = diagonal / _DIAGONAL_OF_35_MM_FILM
+    differences = {unit: abs(float(np.log(given * size / found))) for unit, size in units.items()}
+    nearest = min(differences, key=differences.__getitem__)
+    return f" ({given:g} is probably {nearest})" if differences[nearest] < _ALIKE else ""
+
+
+def principal_distance_seen(block: Block, camera: int) -> float:
+    """Return the median ratio (mm) of photo coordinates to those that given points would have with C = 1.
+
+    Parameters
+    ----------
+    block : Block
+        With orientations of the photos.
+    camera : int
+        Its index in the block.
+
+    Returns
+    -------
+    float
+        The camera's own principal distance where its photos show no point whose coordinates are given in full.
+    """
+    own = block.cameras[camera].parameters
+    rows, ground = _of_given_points(block, camera)
+    photo = block.photo_points.photo[rows]
+    orientation = block.photo_orientation[photo]
+    u = np.einsum("ni,nij->nj", ground - orientation[:, :3], rotation_from_angles(orientation[:, 3:]))
+    projection = PROJECTIONS[block.cameras[camera].projection]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        tangents = np.stack(projection.ideal_coordinates(1.0, *u.T), axis=1)
+    size = np.sum(tangents**2, axis=1)
+    counted = projection.is_in_front(*u.T) & (size > _NEAR_AXIS**2)
+    xy = block.photo_points.xy[rows] - np.array(own[1:3])
+    found = np.sum(xy * tangents, axis=1)[counted] / size[counted]
+    found = found[found > 0.0]
+    return float(np.median(found)) if len(found) else own[0]
+
+
+def _of_given_points(block: Block, camera: int) -> tuple[IntArray, FloatArray]:
+    """Return rows of photo points that show points given in full, and these (n, 3) in the frame of the block."""
+    known, points = given_coordinates(block), block.photo_points
+    full: BoolArray = np.asarray(np.isfinite(known).all(axis=1))
+    rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.in_use)
+    return rows, block.ground.to_local(known[points.point[rows]])

@@ -1,0 +1,209 @@
+"""Distances that contradict the block, units that are mistaken for each other, and slips in writing a number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.errors import ProjectWarning
+from orip.records.block import Block
+from orip.records.coded_names import coded
+from orip.records.names import places_of_names
+from orip.records.observations.control import ControlDistance
+from orip.records.project.camera import Camera
+from orip.records.results.solution import Solution
+from orip.units import METRES_PER_FOOT, MILLIMETRES_PER_INCH
+
+LENGTH_UNITS = {
+    METRES_PER_FOOT: ("feet", "metres"),
+    1.0 / METRES_PER_FOOT: ("metres", "feet"),
+    1e-3: ("millimetres", "metres"),
+    1e-2: ("centimetres", "metres"),
+    1e2: ("metres", "centimetres"),
+    1e3: ("metres", "millimetres"),
+}
+"""By the factor that lengths have to be multiplied by: their unit, and the unit of what they are compared with."""
+
+FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
+"""The factors of the two units that are used side by side."""
+
+
+def control_unit_text(factor: float) -> str:
+    """Return the message for control that fits the orientations of the photos when multiplied by a factor."""
+    unit, other = LENGTH_UNITS[factor]
+    return (
+        f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in {unit}, "
+        f"and the orientations in {other}; use one unit"
+    )
+
+
+def millimetres_per_unit(camera: Camera) -> dict[str, float]:
+    """Return the size (mm) of the units that principal distances are written in by mistake; pixels if it has any."""
+    sizes = {"metres": 1e3, "inches": MILLIMETRES_PER_INCH}
+    if camera.sensor is not None:
+        sizes["pixels"] = camera.sensor.width / camera.sensor.columns
+    return sizes
+
+
+def smallest_pixel(block: Block) -> float | None:
+    """Return the width (mm) of the smallest pixel of a block's cameras; None where none has a sensor."""
+    widths = [camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None]
+    return min(widths, default=None)
+
+
+_NARROW = 0.2
+"""Largest tolerance, as a part of the error of a value: with a larger one, some slip explains any value."""
+
+_DISPLACED = "its decimal point is displaced"
+_ONE_DIGIT = "one digit is wrong"
+
+_CLOSE = 0.75
+"""Part of the tolerance within which a value with another digit has to be: there are many digits to be tried."""
+
+
+def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
+    """Return which slip in writing turns the value that the photos see into the one that was written.
+
+    Parameters
+    ----------
+    value : float
+        As written.
+    seen : float
+        As the photos see it.
+    tolerance : float
+        Largest difference between what was meant and what the photos see.
+
+    Returns
+    -------
+    str or None
+        The words that complete "X = 12.3 ..."; None where no slip explains the value.
+    """
+    if value == 0.0:
+        return "was probably written because the value is not known: write - for it and for its error then"
+    if tolerance > _NARROW * abs(value - seen):
+        return None
+    for meant, how in _slips(value):
+        # every value is next to zero if its decimal point is displaced far enough
+        is_told_from_zero = tolerance <= _NARROW * abs(meant) or how != _DISPLACED
+        near = _CLOSE * tolerance if how == _ONE_DIGIT else tolerance
+        if abs(meant - seen) <= near and is_told_from_zero:
+            return f"is probably {meant:.10g}: {how}"
+    return None
+
+
+def _slips(value: float) -> Iterator[tuple[float, str]]:
+    """Yield what may have been meant, and the slip by which it was written otherwise; the likeliest first."""
+    yield -value, "its sign is wrong"
+    text = f"{value:.10g}"
+    for meant in _with_two_digits_exchanged(text):
+        yield meant, "two digits are exchanged"
+    for power in (1, 2, 3):
+        yield value * 10.0**power, _DISPLACED
+        yield value / 10.0**power, _DISPLACED
+    for place, digit in enumerate(text):
+        for other in "0123456789" if digit.isdigit() else "":
+            if other != digit:
+                yield float(text[:place] + other + text[place + 1 :]), _ONE_DIGIT
+
+
+def _with_two_digits_exchanged(text: str) -> Iterator[float]:
+    """Yield a number with each two neighbouring digits exchanged, also across the decimal point."""
+    for place in range(len(text) - 1):
+        one = text[place]
+        rest = text[place + 1 :].removeprefix(".")
+        if one.isdigit() and rest and rest[0].isdigit() and rest[0] != one:
+            after = len(text) - len(rest)
+            exchanged = list(text)
+            exchanged[place], exchanged[after] = exchanged[after], exchanged[place]
+            yield float("".join(exchanged))
+
+
+_LENGTH_ALIKE = 0.01
+"""Relative difference within which a factor is recognised: wrong distances may have changed the scale of the block."""
+
+_DOUBTED = 5.0
+"""Standard residual from which an observation does not fit."""
+
+_MATCHES = 4.0
+"""Standard errors within which a distance is the one to another point."""
+
+_BY_CHANCE = 0.2
+"""Largest expected number of points that match by chance; with more of them a match proves nothing."""
+
+
+def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWarning]:
+    """Return a warning if all distances are in another unit, else for each one that the block contradicts.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solution : Solution
+        With down-weighting.
+    """
+    rows = solution.residuals
+    is_distance = coded(rows.kind).where(lambda kind: kind.endswith("distance"))
+    wrong = is_distance & (rows.standard_residual > _DOUBTED)
+    if not wrong.any():
+        return []
+    if found := list(_in_another_unit(solution, np.flatnonzero(wrong))):
+        return found
+    if np.count_nonzero(wrong) > 0.5 * np.count_nonzero(is_distance) or solution.status == "not_converged":
+        return []
+    return [_contradiction(block, solution, int(row)) for row in np.flatnonzero(wrong)]
+
+
+def _in_another_unit(solution: Solution, wrong: IntArray) -> Iterator[ProjectWarning]:
+    rows = solution.residuals
+    observed = rows.observed[wrong]
+    ratios = (observed + rows.residual[wrong]) / observed
+    factor = min(LENGTH_UNITS, key=lambda unit: float(np.median(np.abs(np.log(np.abs(ratios) / unit)))))
+    if not (np.abs(ratios / factor - 1.0) < _LENGTH_ALIKE).all():
+        return
+    unit, other = LENGTH_UNITS[factor]
+    names = ", ".join(rows.point[row] for row in wrong)
+    text = (
+        f"the distances fit when they are multiplied by {factor:.5g} ({names}): they seem to be in {unit}, and the "
+        f"control in {other}; write both in one unit, and correct the one that is wrong"
+    )
+    yield ProjectWarning("distance-unit", "control files", text)
+
+
+def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning:
+    rows = solution.residuals
+    name, given = rows.point[row], float(rows.observed[row])
+    seen, error = given + float(rows.residual[row]), float(rows.a_priori[row])
+    tolerance = _MATCHES * error * max(1.0, solution.sigma0)
+    distance = next(known for known in block.distances if known.name == name)
+    text = f"{given:.10g} contradicts the block, which has {seen:.6g} {solution.ground_unit}"
+    slip = slip_of_pen(given, seen, tolerance)
+    others = _other_ends(solution, distance, tolerance)
+    if slip is not None and "one digit" not in slip:
+        text += f": it {slip}"
+    elif others:
+        text += f": it fits from {others[0][0]} to {others[0][1]}; correct the names of its ends"
+    elif slip is not None:
+        text += f": it {slip}"
+    text += f"; check the distance, and that its ends are {distance.start} and {distance.end}"
+    return ProjectWarning("contradicting-distance", f"distance {name}", text)
+
+
+def _other_ends(solution: Solution, distance: ControlDistance, tolerance: float) -> list[tuple[str, str]]:
+    """Return the pairs of points, one of them an end of a distance, that are as far apart as given.
+
+    Empty where chance would find some, and for components of a distance, which many points share.
+    """
+    if distance.code != "XYZ":
+        return []
+    points = solution.points
+    place = places_of_names(points.names)
+    pairs, chances = [], 0.0
+    for end in (distance.start, distance.end):
+        lengths = np.linalg.norm(points.values - points.values[place[end]], axis=1)
+        chances += len(lengths) * 2.0 * tolerance / max(float(np.nanmax(lengths)), tolerance)
+        near = np.flatnonzero(np.abs(lengths - distance.distance) <= tolerance)
+        pairs.append([(end, points.names[row]) for row in near])
+    return list(chain(*pairs)) if chances <= _BY_CHANCE else []

@@ -1,0 +1,128 @@
+"""Which hypotheses are tried, the most likely first: the order decides between two that explain a block equally."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from orip.bundle.solve import SolvedBlock
+from orip.mistakes.angle_units import angle_units, direction_units
+from orip.mistakes.camera_values import (
+    distortion_of_lens,
+    distortion_sign,
+    other_principal_distance,
+    principal_point_sign,
+)
+from orip.mistakes.contradicting_control import released_control
+from orip.mistakes.doubted_observations import (
+    down_weighted_share,
+    is_in_the_picture,
+    photos_by_misfit,
+    points_by_misfit,
+)
+from orip.mistakes.error_units import control_error_units, measurement_precision_units
+from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, other_cameras
+from orip.mistakes.free_network import control_of_free_network
+from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
+from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, is_good
+from orip.mistakes.misread_photos import misread_photos
+from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
+from orip.mistakes.stations import moved_stations
+from orip.records.block import Block
+from orip.records.results.solution import Solution
+from orip.structs import replace
+
+_MOST_DIRECTIONS = 0.5
+_MUCH_CONTROL = 0.2
+"""Part of the directions, and of the control coordinates, that loses weight where not only single ones are wrong."""
+
+_MANY_STATIONS = 0.3
+"""Part of the coordinates of stations that loses weight where they are not those of their photos."""
+
+_PHOTOS, _CONTROL_POINTS = 2, 3
+"""Most photos and control points that are tried one by one, those that fit worst first."""
+
+_LEFT_OUT = 8
+"""Most photos that are left out one by one."""
+
+
+def hypotheses_of_misfit(
+    solution: Solution, solved: SolvedBlock, given: Fit, started: Block, readjuster: Readjuster
+) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block does not fit.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    given : Fit
+        How its observations fit.
+    started : Block
+        The block with its starting values.
+    readjuster : Readjuster
+    """
+    block = readjuster.block
+    # cameras and directions hardly influence the preliminary orientations: those found before are used again
+    oriented = replace(block, photo_orientation=started.photo_orientation)
+    fits = is_good(given)
+    if down_weighted_share(solution, "station") > _MANY_STATIONS or (block.stations and _has_failed(solution)):
+        yield from moved_stations(block)
+    if not fits:
+        yield from reduced_pictures(block)
+        yield from measurement_precision_units(block)
+        if readjuster.is_oriented and _has_failed(solution):
+            yield from mirrored_photos(block)
+            yield from exchanged_photos(block)
+            yield from angle_units(block)
+            yield from control_axes(block)
+            yield from control_units(block)
+        yield from other_cameras(block, photos_by_misfit(given)[:_PHOTOS])
+        yield from _of_cameras(oriented)
+        yield from misread_photos(readjuster, photos_by_misfit(given)[:_LEFT_OUT], solved)
+        yield from control_of_free_network(readjuster)
+    if not readjuster.is_oriented and down_weighted_share(solution, "control") > _MUCH_CONTROL:
+        yield from mirrored_control(block)
+    if down_weighted_share(solution, "direction") > _MOST_DIRECTIONS:
+        yield from direction_units(oriented)
+    if not fits:
+        yield from released_control(block, _worst_constant_control(block, given))
+
+
+def _has_failed(solution: Solution) -> bool:
+    return solution.status == "not_converged" or is_in_the_picture(solution)
+
+
+def hypotheses_of_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> Iterator[Hypothesis]:
+    """Yield what may be the reason that a block cannot be adjusted at all.
+
+    Parameters
+    ----------
+    readjuster : Readjuster
+    not_oriented : sequence of str
+        Photos for which no preliminary orientation was found.
+    """
+    block = readjuster.block
+    yield from another_flight(block, not_oriented)
+    yield from moved_stations(block)
+    yield from measurement_precision_units(block)
+    yield from control_error_units(block)
+    yield from reduced_pictures(block)
+    yield from other_cameras(block, not_oriented if len(not_oriented) <= _PHOTOS else ())
+    names = dict.fromkeys([*not_oriented, *(photo.name for photo in block.photos)])
+    yield from misread_photos(readjuster, list(names)[:_LEFT_OUT])
+    yield from control_of_free_network(readjuster)
+    yield from _of_cameras(block)
+
+
+def _of_cameras(block: Block) -> Iterator[Hypothesis]:
+    for row in range(len(block.cameras)):
+        yield from distortion_sign(block, row)
+        yield from principal_point_sign(block, row)
+        yield from distortion_of_lens(block, row)
+        yield from other_principal_distance(block, row)
+
+
+def _worst_constant_control(block: Block, given: Fit) -> list[str]:
+    """Return the constant control points whose photo points fit worst."""
+    constant = {name for name, held in zip(block.point_names, block.constant_points, strict=True) if held.any()}
+    return [name for name in points_by_misfit(given) if name in constant][:_CONTROL_POINTS]

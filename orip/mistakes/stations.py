@@ -1,0 +1,222 @@
+"""Positions of photos that contradict the block: in another order, unit or system, or shifted by an event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.antennas import with_orientations_of_stations
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
+from orip.mistakes.contradicting_distances import FEET_AND_METRES, LENGTH_UNITS
+from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.records.observations.station import Station
+from orip.structs import replace
+
+# The block has to fit without them: they lost their weight, and control shows where the photos are.
+
+
+ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
+
+SHORT_TEXTS_OF_STATIONS = {
+    ORDER: "positions of photos stand under the names of others",
+    HEIGHTS: OF_HEIGHT_SYSTEMS,
+    AXES: "the axes of the stations are not those of the control",
+    UNIT: "the stations are in another unit than the control",
+}
+"""What the status says of the block, by the code of the warning."""
+
+_FEWEST, _FEWEST_MOVED = 5, 3
+"""Least number of positions, and of those that are of other photos."""
+
+_MOST = 0.9
+"""Part of the positions that are explained at least."""
+
+_AT = 0.1
+"""Part of the distance of neighbouring photos within which a position is that of a photo."""
+
+_REMAINS = 0.05
+"""Part of their misfit that positions keep at most where they are read as they were meant."""
+
+_GEOID = (10.0, 120.0)
+"""Metres: heights of the geoid above the ellipsoid are between -107 and 86; GNSS is hardly off by the first."""
+
+_ALIKE = 0.05
+"""Spread of the differences of height systems, and what X and Y are off by, as parts of the difference at most."""
+
+
+class _Observed(Struct, frozen=True):
+    """Positions of photos as observed and as adjusted, both (n, 3) in the project; `photo` are rows of photos."""
+
+    photo: IntArray
+    given: FloatArray
+    found: FloatArray
+    file: str
+
+    @property
+    def misfit(self) -> float:
+        """Return the median distance of the two."""
+        return _misfit(self.given, self.found)
+
+
+def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
+    """Return what is wrong with all positions of a file, if that explains why they do not fit.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solved : SolvedBlock
+    """
+    if any(warning.code in SHORT_TEXTS_OF_SYSTEMS for warning in block.warnings):
+        return []  # said already
+    observed = _observed(block, solved)
+    if observed is None or len(observed.photo) < _FEWEST:
+        return []
+    readings = (_in_another_order(block, observed), _in_another_height_system(block, observed), *_read(observed))
+    where = "exposure stations"
+    return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
+
+
+def _observed(block: Block, solved: SolvedBlock) -> _Observed | None:
+    """Return the positions of the .STA file; without any, those of the .ELE file."""
+    rows = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
+    places = {
+        rows[record_key(station.photo)]: station.position
+        for station in block.stations
+        if station.has_position and record_key(station.photo) in rows
+    }
+    file = ".STA" if places else ".ELE"
+    places = places or _of_elements(block, rows)
+    if not places:
+        return None
+    photo = np.array(sorted(places), dtype=np.int64)
+    found = block.ground.to_project(solved.state.centres[photo])
+    return _Observed(photo, np.array([places[row] for row in photo.tolist()], dtype=np.float64), found, file)
+
+
+def _of_elements(block: Block, rows: dict[str, int]) -> dict[int, tuple[float, float, float]]:
+    values: dict[int, dict[str, float]] = {}
+    for element in block.elements:
+        if element.group == "PHOTO" and element.error > 0.0 and record_key(element.name) in rows:
+            values.setdefault(rows[record_key(element.name)], {})[element.kind] = element.value
+    kinds = ("X0", "Y0", "Z0")
+    return {row: (of["X0"], of["Y0"], of["Z0"]) for row, of in values.items() if set(kinds) <= set(of)}
+
+
+def _misfit(given: FloatArray, found: FloatArray) -> float:
+    return float(np.median(np.linalg.norm(given - found, axis=1)))
+
+
+def _in_another_order(block: Block, observed: _Observed) -> tuple[str, str]:
+    """Return that the positions are those of the photos, under other names."""
+    from scipy.spatial import cKDTree
+
+    if not np.isfinite(observed.found).all():
+        return ORDER, ""
+    between = cKDTree(observed.found).query(observed.found, k=2)[0][:, 1]
+    distance, at = cKDTree(observed.given).query(observed.found)
+    there = distance < _AT * float(np.median(between))
+    own = np.arange(len(at))
+    moved = there & (at != own)
+    # moved by one photo, all of them: events and photos do not correspond, which is tried by itself
+    by_one = max(int(np.count_nonzero(there & (at == own + step))) for step in (-1, 1))
+    is_permuted = len(np.unique(at[there])) == np.count_nonzero(there)
+    if not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED and by_one < _MOST * len(at) - 1):
+        return ORDER, ""
+    names = [block.photos[row].name for row in observed.photo.tolist()]
+    first = int(np.flatnonzero(moved)[0])
+    as_text = np.argsort(np.argsort([_number_first(name) for name in names]))
+    is_text = bool((at[moved] == as_text[moved]).all())
+    how = "; they are sorted as text (1, 10, 11, 2), and the names by number" if is_text else ""
+    text = (
+        f"{moved.sum()} of {len(at)} positions are those of other photos: that of {names[first]} stands under "
+        f"{names[int(at[first])]}, and so on{how}; match positions and names again in the {observed.file} file"
+    )
+    return ORDER, text
+
+
+def _number_first(name: str) -> str:
+    """Return the number at the end of a name without leading zeros: what a list without these is sorted by."""
+    digits = name[len(name.rstrip("0123456789")) :]
+    return digits.lstrip("0") or digits
+
+
+def _in_another_height_system(block: Block, observed: _Observed) -> tuple[str, str]:
+    """Return that all heights are off alike, by what systems of heights differ."""
+    off = observed.given - observed.found
+    middle = np.median(off, axis=0)
+    spread = np.median(np.abs(off - middle), axis=0)
+    height = abs(float(middle[2]))
+    fits = spread[2] < _ALIKE * height and np.abs(middle[:2]).max() + spread[:2].max() < _ALIKE * height
+    if block.ground_unit != "m" or not (_GEOID[0] < height < _GEOID[1] and fits):
+        return HEIGHTS, ""
+    text = (
+        f"they are given {height:.2f} m too {'high' if middle[2] > 0.0 else 'low'} in Z, compared with the control, "
+        "and fit in X and Y: their heights and those of the control are probably in different height systems (above "
+        "the ellipsoid, above the geoid); use one for both"
+    )
+    return HEIGHTS, text
+
+
+def _read(observed: _Observed) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with axes and units."""
+    found, given = observed.found, observed.given
+    extent = float(np.ptp(found, axis=0).max())
+    for code, read, text in _readings(given):
+        misfit = _misfit(read, found)
+        if misfit < _REMAINS * min(observed.misfit, extent):
+            yield code, f"{text} in the {observed.file} file"
+            return
+
+
+def _readings(given: FloatArray) -> Iterator[tuple[str, FloatArray, str]]:
+    text = "they fit when X and Y are exchanged: X is the easting, Y the northing; exchange the columns X and Y"
+    yield AXES, given[:, [1, 0, 2]], text
+    for axis, name in enumerate("XYZ"):
+        signs = np.ones(3)
+        signs[axis] = -1.0
+        yield AXES, given * signs, f"they fit when {name} has the opposite sign; reverse the sign of {name}"
+    for factor in FEET_AND_METRES:
+        unit, other = LENGTH_UNITS[factor]
+        text = f"when multiplied by {factor:.5g}: {{}} in {unit}, and the control in {other}; use one unit"
+        yield UNIT, given * factor, f"they fit {text.format('they seem to be')}"
+        yield UNIT, given * [1.0, 1.0, factor], f"their Z fits {text.format('it seems to be')}"
+
+
+_FEWEST_STATIONS = 6
+"""Stations of which the others still determine the ground system when one of them is left out."""
+
+
+def moved_stations(block: Block) -> Iterator[Hypothesis]:
+    """Yield the stations moved by one photo, forward and backward, in the order of their times or of the file."""
+    stations = [station for station in block.stations if station.has_position]
+    if len(stations) < _FEWEST_STATIONS:
+        return
+    if all(np.isfinite(station.time) for station in stations):
+        stations.sort(key=lambda station: station.time)
+    photos = [station.photo for station in stations]
+    for moved, names in ((stations[:-1], photos[1:]), (stations[1:], photos[:-1])):
+        text = (
+            f"they fit when they are moved by one photo: the position under {moved[0].photo} is that of {names[0]}, "
+            "and so on; correct the names in the .STA file, or match events and photos again"
+        )
+        renamed = tuple(replace(station, photo=name) for station, name in zip(moved, names, strict=True))
+        yield Hypothesis(_with_stations(block, renamed), finding("moved-stations", "exposure stations", text))
+
+
+def _with_stations(block: Block, stations: tuple[Station, ...]) -> Block:
+    """Return a block with other stations; photos that were oriented by theirs are oriented by these."""
+    oriented = {record_key(station.photo) for station in block.stations if station.has_angles}
+    orientation = block.photo_orientation.copy()
+    for row, photo in enumerate(block.photos):
+        if record_key(photo.name) in oriented:
+            orientation[row] = np.nan
+    return with_orientations_of_stations(replace(block, stations=stations, photo_orientation=orientation))
