@@ -31,16 +31,15 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from orip.archive.simulation import simulated_project
+from orip.archive.cluster.connection import cores
+from orip.archive.simulation import simulate_archive, simulated_project
+from orip.archive.task import ProjectTask, TaskSettings, carry_out
 from orip.files.text.new_folder import write_new_folder
-from orip.workflow.archive.simulate import simulate_archive
-from orip.workflow.archive.task import ProjectTask, TaskSettings, carry_out
-from orip.workflow.cluster.connection import cores
 
 ALONE = 50
 """Projects by which the speed of one process is measured."""
 REQUIRED = 0.85
-_FORK_SERVER = b"orip.workflow.archive.fork_server"
+_FORK_SERVER = b"orip.archive.fork_server"
 _TICK = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 

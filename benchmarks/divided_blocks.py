@@ -23,11 +23,11 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected
-from orip.bundle.blocking.posing import LARGEST_PART
+from orip.archive.blocking.divided_problem import LARGEST_PART
+from orip.archive.cluster.divided_block import ClusterRequest, divided_blocks
 from orip.bundle.problem import starting_state
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
-from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
 
 POINTS_A_PHOTO = 100
 MEGABYTE = 1e6

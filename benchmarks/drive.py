@@ -26,13 +26,13 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 import numpy as np
 
-from orip.files.drive.table_text import drive_table_text
-from orip.link.client import open_link
-from orip.multimodel.driving import drive_objects
+from orip.multimodel.link.client import open_link
 from orip.multimodel.movement import drive_object
 from orip.multimodel.oriented_block import OrientedBlock
 from orip.multimodel.processor import Loaded, load
+from orip.multimodel.readout import drive_objects
 from orip.multimodel.state import ProcessorState
+from orip.multimodel.table_text import drive_table_text
 from orip.records.drive_table import DriveCamera, DriveModel, DrivePhoto, DriveTable, StageLimits
 
 TIMES = 5

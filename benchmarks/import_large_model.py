@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from orip.exchange.colmap.model import ColmapCamera, ColmapImage, ColmapModel, ColmapPoints
-from orip.exchange.colmap.writing import model_files
+from orip.exchange.colmap.writer import model_files
 
 FOCAL, COLUMNS, ROWS = 3000.0, 4000, 3000
 RAYS_OF_PHOTO = 600
@@ -129,9 +129,9 @@ def _write_bal(path: Path, model: ColmapModel) -> None:
 
 def _import(source: Path, target: Path) -> None:
     begun = time.process_time()
-    from orip.workflow.exchange.block import ExchangeSettings
-    from orip.workflow.exchange.imported import read_source, write_project
-    from orip.workflow.exchange.texts import summary_lines
+    from orip.exchange.project.block import ExchangeSettings
+    from orip.exchange.project.imported import read_source, write_project
+    from orip.exchange.project.texts import summary_lines
 
     frame = (COLUMNS, ROWS) if source.is_file() else None
     imported = read_source(None, source, ExchangeSettings(frame))

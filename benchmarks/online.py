@@ -25,12 +25,12 @@ from threadpoolctl import threadpool_limits
 from orip.bundle.problem import starting_state
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
+from orip.online.replies import photos_of, points_of, residuals_of, statistics_of
+from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
+from orip.online.sequential.sequential_block import SequentialBlock
 from orip.online.simulation import simulated_session
 from orip.records.observations.measurement import PhotoObservations
-from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
-from orip.sequential.sequential_block import SequentialBlock
 from orip.structs import replace
-from orip.workflow.online.showing import photos_of, points_of, residuals_of, statistics_of
 
 POINTS_A_PHOTO = 40
 RAYS = 100

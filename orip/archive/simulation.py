@@ -1,19 +1,25 @@
-"""Simulated projects of an archive: small blocks of vertical photos as agencies have them, some with a mistake.
-
-Flying heights, cameras, relief, overlap and precision differ from project to project; equal numbers and seeds give
-equal projects. Collinearity is that of `orip.geometry`; what tests orip's formulas is elsewhere.
-"""
+"""`orip archive simulate`: a folder of simulated projects to try an archive on, some with mistakes."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
+from orip.errors import UsageError
+from orip.files.text.atomic import reporting_failure
+from orip.files.text.new_folder import write_new_folder
 from orip.geometry.rotation import rotation_from_angles
+from orip.progress import stage
+
+# Flying heights, cameras, relief, overlap and precision differ from project to project; equal numbers and seeds give
+# equal projects. Collinearity is that of `orip.geometry`; what tests orip's formulas is elsewhere.
+
 
 Fault = Literal["", "control point", "measured point", "measurement text", "too little control", "gate"]
 """What is wrong in a project: a coordinate of control, a photo point, a line that cannot be read, one control point
@@ -210,3 +216,38 @@ def _definition(name: str, camera: _Camera, flight: _Flight, fault: Fault, share
     if shared:
         parts[0] += f'\ncamera_file = "{shared}"'
     return "\n\n".join(parts) + "\n"
+
+
+class SimulatedArchive(Struct, frozen=True):
+    """What was written: the folder, the number of projects, and how many of them have a fault, by its kind."""
+
+    folder: Path
+    projects: int
+    faults: Counter[str]
+
+
+def simulate_archive(folder: Path, projects: int, seed: int, faults: float) -> SimulatedArchive:
+    """Write simulated projects into a new or empty folder.
+
+    Raises
+    ------
+    UsageError
+        If the folder has something in it.
+    OripError
+        If the disk refuses.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        message = f"'{folder}' has something in it already; name a new or empty folder"
+        raise UsageError(message)
+    planted: Counter[str] = Counter()
+    with (
+        stage("simulate", projects) as advance,
+        reporting_failure(folder, "remove the cause, then name a new or empty folder"),
+    ):
+        for number in range(projects):
+            project = simulated_project(number, seed, faults)
+            write_new_folder(folder / project.folder, project.texts)
+            if project.fault:
+                planted[project.fault] += 1
+            advance(number + 1)
+    return SimulatedArchive(folder, projects, planted)

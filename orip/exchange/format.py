@@ -1,15 +1,19 @@
-"""What a format of another program's projects offers: how it is recognised, read and written."""
+"""What a format of another program's projects offers, how it is recognised, and what of a camera it lacks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
 from msgspec import Struct
 
+from orip.arrays import FloatArray
+from orip.errors import InputError
 from orip.files.text.shown import Parsed
-from orip.records.exchanged import PIXELS, ExchangedProject, ImageAxes, Lens, PoseReading
+from orip.records.exchanged import PIXELS, ExchangedCamera, ExchangedProject, ImageAxes, Lens, PoseReading
+from orip.structs import replace
 
 Given = Literal["control points", "check points", "stations", "distances", "tie points", "measurements"]
 """What a project may have that a format may lack."""
@@ -103,3 +107,48 @@ class Format(Struct, frozen=True):
     is_file: bool = False
     add_references: AddReferences | None = None
     require_way_back: Callable[[ExchangedProject, Path], None] | None = None
+
+
+PIXEL_MM = 0.01
+"""Of the pixels that stand for millimetres."""
+
+_SMALLEST_MM = 10.0
+
+
+def with_assumed_frame(
+    camera: ExchangedCamera, image: FloatArray, pixel_mm: float = PIXEL_MM
+) -> tuple[ExchangedCamera, str]:
+    """Return a camera whose frame holds all measurements (n, 2), millimetres from its centre, and a note on it."""
+    reach = np.abs(image).max(axis=0) if len(image) else np.zeros(2)
+    width, height = (max(_SMALLEST_MM, float(np.ceil(2.0 * side))) for side in np.minimum(reach, 1e4).tolist())
+    found = replace(
+        camera,
+        columns=round(width / pixel_mm),
+        rows=round(height / pixel_mm),
+        sensor_mm=(width, height),
+    )
+    note = (
+        f"The frame of camera {camera.name} is in no file: {width:.0f} x {height:.0f} mm hold all its measurements, "
+        f"and pixels of {pixel_mm:g} mm stand for millimetres."
+    )
+    return found, note
+
+
+_NOTHING = 1e-12
+
+
+def require_without(camera: ExchangedCamera, terms: Sequence[str], format_title: str) -> None:
+    """Check that a camera has none of some terms.
+
+    Raises
+    ------
+    InputError
+        If it has, as the camera that is written would be another one.
+    """
+    found = [term for term in terms if abs(camera.parameters.get(term, 0.0)) > _NOTHING]
+    if found:
+        message = (
+            f"camera {camera.name}: {format_title} has no place for its terms {', '.join(found)} "
+            "(B1, B2 and A9 of orip give such); adjust without them, or export another format"
+        )
+        raise InputError.single(message)

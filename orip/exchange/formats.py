@@ -8,9 +8,8 @@ from pathlib import Path
 from orip.errors import UsageError
 from orip.exchange.aicon import is_aicon, read_aicon
 from orip.exchange.bingo import AXES as BINGO_AXES
+from orip.exchange.bingo import BINGO_TERMS, is_bingo, read_bingo, write_bingo
 from orip.exchange.bingo import READING as BINGO
-from orip.exchange.bingo import is_bingo, read_bingo
-from orip.exchange.bingo_writer import BINGO_TERMS, write_bingo
 from orip.exchange.blocks_exchange.reader import AXES as BLOCKS_AXES
 from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
 from orip.exchange.blocks_exchange.writer import READING as BLOCKS
@@ -19,20 +18,16 @@ from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, write_model
 from orip.exchange.format import Conventions, Format, Given
-from orip.exchange.gis.dxf import write_dxf
-from orip.exchange.gis.geojson import write_geojson
-from orip.exchange.gis.geopackage import write_geopackage
 from orip.exchange.gis.layers import READING as DRAWN
-from orip.exchange.gis.tables import write_tables
+from orip.exchange.gis.writers import write_dxf, write_geojson, write_geopackage, write_tables
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.images import is_images, read_images_project
-from orip.exchange.metashape.copy import is_copied, require_labels
-from orip.exchange.metashape.lens import is_lens, read_lens
 from orip.exchange.metashape.references import with_references
+from orip.exchange.metashape.sensors import is_lens, read_lens
 from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.metashape.source import is_metashape, read_metashape
-from orip.exchange.metashape.writer import write_metashape
+from orip.exchange.metashape.writer import is_copied, require_labels, write_metashape
 from orip.exchange.micmac.source import READING as MICMAC
 from orip.exchange.micmac.source import is_micmac, read_micmac
 from orip.exchange.micmac.writer import is_copied_folder, write_micmac
@@ -45,12 +40,11 @@ from orip.exchange.opensfm.writer import (
     write_opensfm,
 )
 from orip.exchange.patb import AXES as PATB_AXES
+from orip.exchange.patb import PATB_TERMS, is_patb, read_patb, write_patb
 from orip.exchange.patb import READINGS as PATB
-from orip.exchange.patb import is_patb, read_patb
-from orip.exchange.patb_writer import PATB_TERMS, write_patb
 from orip.exchange.photomodeler import is_photomodeler, read_photomodeler
 from orip.exchange.pix4d import is_pix4d, read_pix4d
-from orip.exchange.tables.project import is_tables, read_tables
+from orip.exchange.tables import is_tables, read_tables
 from orip.exchange.vision.alicevision import (
     ALICEVISION_FISHEYE_TERMS,
     ALICEVISION_TERMS,
@@ -60,12 +54,20 @@ from orip.exchange.vision.alicevision import (
 )
 from orip.exchange.vision.alicevision import READING as ALICEVISION
 from orip.exchange.vision.bundler import AXES as BUNDLER_AXES
-from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler
-from orip.exchange.vision.bundler_writer import BUNDLER_TERMS, write_bal, write_bundler
+from orip.exchange.vision.bundler import (
+    BAL,
+    BUNDLER,
+    BUNDLER_TERMS,
+    is_bal,
+    is_bundler,
+    read_bal,
+    read_bundler,
+    write_bal,
+    write_bundler,
+)
 from orip.exchange.vision.nvm import CENTRE as NVM_AXES
+from orip.exchange.vision.nvm import NVM_TERMS, is_nvm, read_nvm, write_nvm
 from orip.exchange.vision.nvm import READING as NVM
-from orip.exchange.vision.nvm import is_nvm, read_nvm
-from orip.exchange.vision.nvm_writer import NVM_TERMS, write_nvm
 from orip.exchange.vision.openmvg import AXES as OPENMVG_AXES
 from orip.exchange.vision.openmvg import (
     OPENMVG_FISHEYE_TERMS,

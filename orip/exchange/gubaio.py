@@ -16,10 +16,9 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.errors import Complaint
-from orip.exchange.sources.assumed_frame import with_assumed_frame
+from orip.exchange.format import with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
-from orip.exchange.sources.faults import Faults
-from orip.exchange.sources.text import numbered_words, text_lines
+from orip.exchange.sources.text import Faults, numbered_words, text_lines
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
 from orip.records.observations.control import ControlPoint

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
-from orip.exchange.sources.faults import Faults
-from orip.exchange.sources.text import numbered_words, quoted_words, text_lines
+from orip.exchange.sources.text import Faults, numbered_words, quoted_words, text_lines
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint

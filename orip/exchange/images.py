@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.errors import Complaint
-from orip.exchange.stations.image_metadata import (
+from orip.files.exif import (
     DAMAGED,
     MOST_IMAGES,
     Exposure,

@@ -12,8 +12,7 @@ from pathlib import Path
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
-from orip.exchange.sources.faults import Faults
-from orip.exchange.sources.text import text_lines
+from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import OrientedBlock
-from orip.multimodel.switching import inside_model
+from orip.multimodel.state import inside_model
 from orip.records.drive_table import Triple
 
 _NEAREST = 6

@@ -1,16 +1,9 @@
-"""The drive table of a solution: adjusted exterior orientations, and the interior orientation in force.
-
-With a coordinate reference system the project's coordinates are curved, and collinearity does not hold in them. The
-table's object system is then a local topocentric frame: x east, y north, z up, in the ground unit, at the median of the
-adjusted points; `object_ground` reproduces it from the same solution, to transform coordinates to it and back.
-
-Stage limits of films are 240 mm, the usual travel of a stage, around everything that is shown or was measured on that
-stage, and more if necessary; those of digital frames are the frame.
-"""
+"""The drive table of a solution: orientations, cameras and models, or photos that are driven one by one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import dist
 
 import numpy as np
 from msgspec import Struct
@@ -38,7 +31,16 @@ from orip.records.project.camera import Camera
 from orip.records.project.definition import StereoModel
 from orip.records.project.photo import Photo, Stage
 from orip.records.results.solution import Solution
+from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
+
+# With a coordinate reference system the project's coordinates are curved, and collinearity does not hold in them. The
+# table's object system is then a local topocentric frame: x east, y north, z up, in the ground unit, at the median of
+# the adjusted points; `object_ground` reproduces it from the same solution, to transform coordinates to it and back.
+#
+# Stage limits of films are 240 mm, the usual travel of a stage, around everything that is shown or was measured on that
+# stage, and more if necessary; those of digital frames are the frame.
+
 
 STAGE_TRAVEL_MM = 240.0
 LEAST_COUNT = 0.001
@@ -225,3 +227,68 @@ def _shown_on_plate(ingredients: TableIngredients, photo: Photo, camera: Camera)
 def _triple(values: FloatArray) -> Triple:
     x, y, z = values.tolist()
     return x, y, z
+
+
+# The plate processor knows models of two photos. A photo that has no partner is given one that does not exist: the same
+# camera beside it, on the other stage, where nothing lies. The mark then has a place in the object: movements keep its
+# height, or take it where they are told to, and the stage of the photo follows.
+
+
+EMPTY = "-EMPTY"
+"""At the end of the name of what is not there."""
+
+_BASE = 0.02
+"""Of the distance to the object: the empty stage stays near the other, and the rays still meet under an angle."""
+
+
+def with_empty_stages(table: DriveTable) -> DriveTable:
+    """Return a table whose models have one photo, left and right, with an empty stage in the place of the right one.
+
+    Parameters
+    ----------
+    table : DriveTable
+        As `orip.multimodel.table.drive_table` makes it of such models.
+    """
+    cameras = {camera.name: camera for camera in table.cameras}
+    distance = {photo.name: dist(photo.centre, table.start) for photo in table.photos}
+    partners = tuple(_partner(photo, _BASE * distance[photo.name]) for photo in table.photos)
+    used = tuple(dict.fromkeys(photo.camera for photo in table.photos))
+    stage_of = {photo.name: photo.stage for photo in table.photos}
+    return replace(
+        table,
+        upper=_single_limits(table.upper, table.lower, is_used="UPPER" in stage_of.values()),
+        lower=_single_limits(table.lower, table.upper, is_used="LOWER" in stage_of.values()),
+        cameras=(*table.cameras, *(_without_frame(cameras[name]) for name in used)),
+        photos=(*table.photos, *partners),
+        models=tuple(_single_model(model, stage_of[model.left]) for model in table.models),
+    )
+
+
+def _partner(photo: DrivePhoto, base: float) -> DrivePhoto:
+    x_axis = np.array(photo.rotation).reshape(3, 3)[:, 0]
+    x, y, z = (np.array(photo.centre) + base * x_axis).tolist()
+    centre: Triple = (x, y, z)
+    return replace(
+        photo, name=f"{photo.name}{EMPTY}", camera=f"{photo.camera}{EMPTY}", template=None,
+        stage=_other(photo.stage), centre=centre,
+    )  # fmt: skip
+
+
+def _without_frame(camera: DriveCamera) -> DriveCamera:
+    """Return the camera of the partners: where the mark leaves the photo is for the photo to say."""
+    return replace(camera, name=f"{camera.name}{EMPTY}", frame=(0.0, 0.0))
+
+
+def _single_model(model: DriveModel, stage: Stage) -> DriveModel:
+    return replace(model, right=f"{model.left}{EMPTY}", optics="NORMAL" if stage == "UPPER" else "SWAPPED")
+
+
+def _single_limits(own: StageLimits, other: StageLimits, *, is_used: bool) -> StageLimits:
+    """Return the limits of a stage, half as far again on each side: the empty one goes a little farther."""
+    limits = own if is_used else other
+    x, y = 0.5 * (limits.x_max - limits.x_min), 0.5 * (limits.y_max - limits.y_min)
+    return StageLimits(limits.x_min - x, limits.x_max + x, limits.y_min - y, limits.y_max + y, limits.least_count)
+
+
+def _other(stage: Stage) -> Stage:
+    return "LOWER" if stage == "UPPER" else "UPPER"

@@ -1,29 +1,32 @@
-"""What to measure next: rays that are not measured yet, by what they would tell about the block.
-
-A further observation with the equations a, divided by its errors, multiplies the determinant of the normal equations by
-det(I + a N^-1 a^T). Half of its binary logarithm is the information that the observation gives, in bits (Lindley 1956,
-*On a measure of the information provided by an experiment*): it is large where coordinates are imprecise, where
-observations are unchecked, and where the datum is weak.
-"""
+"""The answer to a request, how a photo point stands and what has changed, and what to measure next."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
+from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.points.starting import given_coordinates
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
-from orip.online.answers import Candidate
+from orip.online.answers import Answer, Candidate, Suspect, words_of
+from orip.online.current_values import CurrentValues
 from orip.online.online_block import OnlineBlock
+from orip.online.sequential.hyper_rows import ObservationRows, factored
+from orip.online.sequential.observation_rows import ObservationKey
+from orip.online.snooping import Snooping
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
-from orip.sequential.hyper_row import ObservationRows, factored
-from orip.sequential.observation_rows import ObservationKey
 from orip.structs import replace
+
+# A further observation with the equations a, divided by its errors, multiplies the determinant of the normal equations
+# by det(I + a N^-1 a^T). Half of its binary logarithm is the information that the observation gives, in bits (Lindley
+# 1956, *On a measure of the information provided by an experiment*): it is large where coordinates are imprecise, where
+# observations are unchecked, and where the datum is weak.
+
 
 _MOST_OF_A_PHOTO = 12
 """Points of a photo whose gain is computed: those with the fewest rays."""
@@ -222,3 +225,102 @@ def _ellipse(covariance: FloatArray) -> tuple[float, float, float]:
     values, vectors = np.linalg.eigh(covariance)
     minor, major = np.sqrt(np.clip(values, 0.0, None))
     return float(major), float(minor), float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0)
+
+
+class Before(Struct, frozen=True):
+    """What there was before a request, as far as an answer tells of changes."""
+
+    sigma0: float | None
+    suspects: tuple[ObservationKey, ...]
+    oriented: frozenset[str]
+    placed: frozenset[str]
+
+
+class Request(Struct):
+    """A request that has been answered, and what is left of it to be done.
+
+    Parameters
+    ----------
+    key : ObservationKey
+        The photo point that it is about.
+    before : Before
+    answer : Answer
+    points : dict of str
+        Points that may have moved.
+    new : list of ObservationKey
+        Observations that it has taken in.
+    is_tested : bool
+        Whether nothing more is to be found by testing what these concern.
+    has_oriented : bool
+    """
+
+    key: ObservationKey
+    before: Before
+    answer: Answer
+    points: dict[str, None]
+    new: list[ObservationKey]
+    is_tested: bool
+    has_oriented: bool
+
+
+def answer_now(
+    key: ObservationKey,
+    before: Before,
+    snooping: Snooping,
+    excluded: Collection[ObservationKey],
+    advised: tuple[Candidate, ...],
+) -> Answer:
+    """Return how a photo point stands, with what has changed since before a request and what to measure next."""
+    block, suspects = snooping.block, snooping.suspects
+    values, included = block.values, block.equations.included
+    answer = Answer(
+        key.photo, key.point, "waiting", "",
+        sigma0=block.sigma0,
+        sigma0_before=before.sigma0,
+        suspects=tuple(one for other, one in suspects.items() if other not in before.suspects),
+        cleared=tuple(other for other in before.suspects if other in included),
+        oriented=tuple(photo for photo in values.orientations if photo not in before.oriented),
+        placed=tuple(point for point in values.points if point not in before.placed),
+        next=advised,
+    )  # fmt: skip
+    if key in excluded:
+        return replace(answer, state="excluded", text=f"{words_of(key)} is left out by your decision")
+    if key in suspects:
+        suspect = suspects[key]
+        text = f"{words_of(key)} does not fit: w {suspect.w:.1f}, limit {suspect.limit:.1f}{_also(suspect)}"
+        return replace(answer, state="suspect", text=text, w=suspect.w, limit=suspect.limit)
+    if key not in included:
+        return replace(answer, text=_wait(values, key))
+    standing = block.equations.standing(key)
+    square, checked = standing.square()
+    redundancy = tuple(float(value) for value in standing.redundancy)
+    if not checked:
+        return replace(answer, state="unchecked", text=f"{words_of(key)} is not checked yet", redundancy=redundancy)
+    w, limit = float(np.sqrt(square)), snooping.scale.limit(checked)
+    answer = replace(answer, w=w, limit=limit, redundancy=redundancy)
+    if checked < len(redundancy):
+        return replace(answer, state="unchecked", text=f"{words_of(key)} is checked in one direction only")
+    return replace(answer, state="included", text=f"{words_of(key)} fits: w {w:.1f}, limit {limit:.1f}")
+
+
+def is_news(answer: Answer, before: Answer) -> bool:
+    """Return whether an answer says more than the one before it, figures apart."""
+
+    def said(one: Answer) -> tuple[object, ...]:
+        return one.state, one.is_pending, {other.key for other in one.suspects}, one.cleared, one.oriented, one.placed
+
+    return said(answer) != said(before)
+
+
+def _wait(values: CurrentValues, key: ObservationKey) -> str:
+    """Return what a photo point waits for."""
+    if key.photo not in values.orientations:
+        return values.photos_wait.get(key.photo, f"photo {key.photo} waits: it is not oriented")
+    return values.points_wait.get(key.point, f"point {key.point} waits: it has no coordinates")
+
+
+def _also(suspect: Suspect) -> str:
+    if not suspect.alike:
+        return "; measure it again"
+    names = ", ".join(map(words_of, suspect.alike))
+    return f"; an error in {names} would look the same: measure these again, or the point in one more photo"

@@ -1,11 +1,102 @@
-"""Whether and when there is enough in some photos for the first ones of a block, or of a part of it, to be oriented."""
+"""The first photos of a session: whether there is enough in them, and where their adjustment starts."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import cache
 
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray
+from orip.bundle.assemble import with_starting_values
+from orip.bundle.ground_system import photos_in_frame
+from orip.bundle.unknowns import UnknownName
+from orip.errors import NotSolvableError
 from orip.online.measurements import Measurements
-from orip.sequential.observation_rows import ObservationKey
+from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns
+from orip.records.block import Block
+from orip.records.observations.control import PreliminaryPoint
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.preliminary import PreliminaryValues
+from orip.records.results.solution import Solution
+from orip.solving.starting_values import (
+    StartedBlock,
+    explained_preliminary_values,
+    own_start,
+    soon_found_values,
+    started_block,
+)
+from orip.structs import replace
+from orip.units import RADIANS_PER_DEGREE
+
+
+class FirstValues(Struct, frozen=True):
+    """How values are found for a block of which none are known.
+
+    Parameters
+    ----------
+    find : callable
+        Runs the chain.
+    solution : Solution or None
+        An adjustment of the same measurements, which is tried first.
+    """
+
+    find: Callable[[Block], PreliminaryValues]
+    solution: Solution | None = None
+
+    def starts(self, block: Block) -> Iterator[Callable[[], StartedBlock]]:
+        """Yield functions that start the adjustment of a gathered block, or raise `NotSolvableError`."""
+        if (solution := self.solution) is not None:
+            yield lambda: _at_solution(block, solution)
+        values = cache(lambda: self.find(block))
+        yield lambda: _without_given(block, values())
+        if np.isfinite(block.photo_orientation).any():
+            # given orientations are often far off, and what the chain finds is not
+            yield lambda: started_block(block, lambda _: values())
+
+
+THOROUGH = FirstValues(explained_preliminary_values)
+"""At the beginning of a session, with all that is measured."""
+
+SOON = FirstValues(soon_found_values)
+"""In an answer: if it does not suffice, it is tried again with more measurements."""
+
+
+def _at_solution(block: Block, solution: Solution) -> StartedBlock:
+    """Return a gathered block with the adjusted values of its photos, points and cameras.
+
+    Raises
+    ------
+    NotSolvableError
+        If a photo was left out of the adjustment.
+    """
+    rows = {name: row for row, name in enumerate(solution.photos.names)}
+    if lacking := [photo.name for photo in block.photos if photo.name not in rows]:
+        message = f"photo {lacking[0]} was left out of the last adjustment"
+        raise NotSolvableError(message)
+    orientation = np.array([solution.photos.values[rows[photo.name]] for photo in block.photos])
+    orientation[:, 3:] *= RADIANS_PER_DEGREE
+    cameras = dict(zip(solution.cameras.names, solution.cameras.values.tolist(), strict=True))
+    points = zip(solution.points.names, solution.points.values.tolist(), strict=True)
+    started = replace(
+        block,
+        photo_orientation=orientation,
+        cameras=tuple(
+            replace(camera, parameters=tuple(cameras.get(camera.name, camera.parameters))) for camera in block.cameras
+        ),
+        preliminary=tuple(
+            PreliminaryPoint(name, (x, y, z)) for name, (x, y, z) in points if np.isfinite((x, y, z)).all()
+        ),
+    )
+    return StartedBlock(with_starting_values(photos_in_frame(started))[0], block)
+
+
+def _without_given(block: Block, values: PreliminaryValues) -> StartedBlock:
+    """Return a block as the chain starts it; photos that it cannot orient are left out, unless they are constant."""
+    constant = np.array([[kind in photo.constant for kind in PHOTO_PARAMETERS] for photo in block.photos])
+    return own_start(replace(block, photo_orientation=np.where(constant, block.photo_orientation, np.nan)), values)
+
 
 COMMON_POINTS = 5
 """Points common to two photos, or control points of one, from which the first photos may be oriented."""
@@ -118,3 +209,52 @@ def _control_and_rays(measurements: Measurements, group: Collection[str]) -> tup
     """Return how many photo points of some photos are of control, and how many there are."""
     rays = [point for photo in group for point in measurements.points_in(photo)]
     return sum(map(measurements.control.is_about, rays)), len(rays)
+
+
+_ANGLES = ("OMEGA", "PHI", "KAPPA")
+
+
+class PhotoCorrections:
+    """The unknowns of photos among the reduced ones; they are looked up when some have been appended.
+
+    Attributes
+    ----------
+    photos : list of str
+        In the order of `largest`.
+    """
+
+    def __init__(self, columns: ReducedColumns) -> None:
+        self.photos: list[str] = []
+        self._columns = columns
+        self._seen = 0
+        self._rows: dict[str, int] = {}
+        self._angles: tuple[list[int], list[int]] = ([], [])
+        self._centres: tuple[list[int], list[int]] = ([], [])
+
+    def of(self, names: Sequence[UnknownName], reduced: FloatArray) -> FloatArray:
+        """Return the corrections (k,) of some unknowns; 0 of one that no equation has."""
+        places = self._columns.known_places(names)
+        return np.where(places < 0, 0.0, reduced[np.maximum(places, 0)]) if len(reduced) else np.zeros(len(names))
+
+    def largest(self, reduced: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the largest correction of the angles and of the centre of each photo (number of photos,)."""
+        self._look_up()
+        return self._largest(self._angles, reduced), self._largest(self._centres, reduced)
+
+    def _largest(self, found: tuple[list[int], list[int]], reduced: FloatArray) -> FloatArray:
+        rows, places = (np.array(part, dtype=np.int64) for part in found)
+        largest = np.zeros(len(self.photos))
+        np.maximum.at(largest, rows, np.abs(reduced[places]))
+        return largest
+
+    def _look_up(self) -> None:
+        for place, name in enumerate(self._columns.names[self._seen :], start=self._seen):
+            if name.group != "PHOTO":
+                continue
+            if name.name not in self._rows:
+                self._rows[name.name] = len(self.photos)
+                self.photos.append(name.name)
+            rows, places = self._angles if name.kind in _ANGLES else self._centres
+            rows.append(self._rows[name.name])
+            places.append(place)
+        self._seen = len(self._columns.names)

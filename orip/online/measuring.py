@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from orip.online.advice import advice
-from orip.online.answering import Before, Request, answer_now, is_news
-from orip.online.answers import Answer, Candidate, Suspect, words_of
+from orip.online.advice import Before, Request, advice, answer_now, is_news
+from orip.online.answers import Answer, Candidate, ErrorScale, Suspect, words_of
 from orip.online.control_examination import ControlExamination
-from orip.online.error_scale import ErrorScale
-from orip.online.first_photos import COMMON_POINTS, StartAttempts, may_start
-from orip.online.first_values import SOON, THOROUGH, FirstValues
+from orip.online.first_photos import COMMON_POINTS, SOON, THOROUGH, FirstValues, StartAttempts, may_start
 from orip.online.held_control import control_as_given
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
+from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
 from orip.records.names import record_key
-from orip.sequential.observation_rows import ObservationKey
 from orip.structs import replace
 
 ALPHA = 0.001

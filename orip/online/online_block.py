@@ -13,15 +13,14 @@ from orip.bundle.assemble import BlockInput
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.current_values import CurrentValues, with_cameras_held
-from orip.online.first_values import FirstValues
+from orip.online.first_photos import FirstValues, PhotoCorrections
 from orip.online.measurements import Measurements, RayName
-from orip.online.photo_corrections import PhotoCorrections
+from orip.online.sequential.hyper_rows import ObservationRows
+from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
+from orip.online.sequential.sequential_block import SequentialBlock
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.sequential.hyper_row import ObservationRows
-from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
-from orip.sequential.sequential_block import SequentialBlock
 from orip.structs import replace
 
 _LINEAR = 1e-3

@@ -6,11 +6,10 @@ from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
-from orip.online.answers import Suspect
-from orip.online.error_scale import ErrorScale
+from orip.online.answers import ErrorScale, Suspect
 from orip.online.online_block import OnlineBlock
-from orip.sequential.observation_rows import ObservationKey
-from orip.sequential.standing import falls
+from orip.online.sequential.observation_rows import ObservationKey
+from orip.online.sequential.standings import falls
 
 _ALIKE = 0.9
 """Correlation of residuals from which an error of one observation cannot be told from one of the other."""

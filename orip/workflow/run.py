@@ -22,7 +22,7 @@ from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
 
 if TYPE_CHECKING:
-    from orip.workflow.drive.table import DriveTableOutcome
+    from orip.multimodel.table_step import DriveTableOutcome
 
 
 class RunSettings(Struct, frozen=True):
@@ -103,7 +103,7 @@ def run(
 
 def _make_table(state: ProjectState, bundle: str, watcher: RunWatcher) -> None:
     """Make the drive table; models that cannot be driven do not make the adjustment fail."""
-    from orip.workflow.drive.table import DRIVEN_FROM, make_drive_table  # few bundles have models
+    from orip.multimodel.table_step import DRIVEN_FROM, make_drive_table  # few bundles have models
 
     try:
         given = BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle)

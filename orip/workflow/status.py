@@ -68,7 +68,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
     if link is not None and any(map(_is_driven(state), project.bundle_names)):
-        from orip.workflow.drive.loaded_table import download_step  # few projects have a plate processor
+        from orip.multimodel.loaded_table import download_step  # few projects have a plate processor
 
         download = download_step(state, link)
         if isinstance(download, Step):
@@ -110,7 +110,7 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
 def _drive_steps(state: ProjectState) -> Iterator[Step]:
     for name in state.project.bundle_names:
         if state.definitions.bundle(name).models:
-            from orip.workflow.drive.table import DRIVEN_FROM, drive_step  # few bundles have models
+            from orip.multimodel.table_step import DRIVEN_FROM, drive_step  # few bundles have models
 
             bundle = state.read_again(*DRIVEN_FROM, bundles=[name])
             step = drive_step(BundleState(bundle, name))

@@ -14,12 +14,11 @@ from cli.command_line import orip
 from support.json_schemas import schema_faults
 from workflow.small_projects import first_project
 
+from orip.archive.cluster.connection import WorkerFacts, require_fit_workers, worker_facts
+from orip.archive.run_files import ResultsFolder
 from orip.archive.tables import SCHEMA
 from orip.errors import OripError
-from orip.files.archive.layout import ResultsFolder
 from orip.files.text.own_files import locked
-from orip.workflow.cluster.connection import require_fit_workers
-from orip.workflow.cluster.facts import WorkerFacts, worker_facts
 
 pytest.importorskip("distributed")
 pytest.importorskip("pyarrow")

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from workflow.small_projects import first_project
 
-from orip.archive.order import ArchiveProject, in_order
+from orip.archive.projects import ArchiveProject, find_projects, in_order
 from orip.errors import UsageError
-from orip.workflow.archive.finding import find_projects
 
 
 def order(*projects: ArchiveProject) -> dict[str, tuple[str, ...]]:

@@ -21,15 +21,14 @@ import numpy as np
 import pytest
 from workflow.small_projects import first_project, replace_in
 
+from orip.archive import project_process
+from orip.archive.fork_server import ProjectServer, load_all
 from orip.archive.simulation import simulated_project
+from orip.archive.task import Limits, ProjectTask, TaskReply, TaskSettings, begin_use
+from orip.archive.task import carry_out as carry_out_here
+from orip.archive.worker import DIED, ENDED
 from orip.files.text.new_folder import write_new_folder
 from orip.structs import replace
-from orip.workflow.archive import project_process
-from orip.workflow.archive.fork_server import ProjectServer, load_all
-from orip.workflow.archive.resource_use import begin_use
-from orip.workflow.archive.task import Limits, ProjectTask, TaskReply, TaskSettings
-from orip.workflow.archive.task import carry_out as carry_out_here
-from orip.workflow.archive.worker import DIED, ENDED
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not copy processes")
 

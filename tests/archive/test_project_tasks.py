@@ -15,16 +15,15 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import first_project
 
+from orip.archive import task as tasks
+from orip.archive import worker
+from orip.archive.run_files import ResultsFolder, name_digest, read_head, read_rows
+from orip.archive.task import AS_USUAL, Limits, ProjectTask, TaskReply, TaskSettings, carry_out
 from orip.bundle.methods import Method
 from orip.errors import OripError
-from orip.files.archive.finished import read_head, read_rows
-from orip.files.archive.layout import ResultsFolder, name_digest
 from orip.files.stores.identity import OLDER_STORES
 from orip.structs import replace
 from orip.version import __version__
-from orip.workflow.archive import task as tasks
-from orip.workflow.archive import worker
-from orip.workflow.archive.task import AS_USUAL, Limits, ProjectTask, TaskReply, TaskSettings, carry_out
 
 QUICK = TaskSettings(report=False)
 

@@ -14,15 +14,11 @@ from documentation.pages import DOCS
 from files.hand_built_solutions import awkward
 from support.json_schemas import schema_faults
 
-from orip.archive.differences import Changed, Moved, changed_outcomes, changed_words, moved_values
-from orip.archive.outcome import ProjectOutcome, rows_of_error
-from orip.archive.rows import AdjustedBundle, rows_of_bundles
-from orip.archive.tables import SCHEMA, TABLES, Row
+from orip.archive.diff import Changed, Moved, changed_outcomes, changed_words, moved_values
+from orip.archive.results import read_shard
+from orip.archive.run_files import ArchivePlan, ResultsFolder, name_digest, read_head, write_finished, write_plan
+from orip.archive.tables import SCHEMA, TABLES, AdjustedBundle, ProjectOutcome, Row, rows_of_bundles, rows_of_error
 from orip.errors import InputError
-from orip.files.archive.dataset import read_shard
-from orip.files.archive.finished import read_head, write_finished
-from orip.files.archive.layout import ResultsFolder, name_digest
-from orip.files.archive.plan import ArchivePlan, write_plan
 from orip.records.results.result_tests import Gate, GateResult
 from orip.records.results.solution import Solution
 from orip.structs import replace

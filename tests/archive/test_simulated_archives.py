@@ -9,10 +9,9 @@ from cli.command_line import orip
 from support.json_schemas import schema_faults
 from workflow.quiet import run_quietly
 
-from orip.archive.simulation import FAULTS, simulated_project
+from orip.archive.simulation import FAULTS, simulate_archive, simulated_project
 from orip.errors import InputError, UsageError
 from orip.files.text.new_folder import write_new_folder
-from orip.workflow.archive.simulate import simulate_archive
 
 
 def with_fault(fault: str) -> int:

@@ -14,9 +14,9 @@ from browser.chromium import chromium, needs_chromium  # skips the module where 
 from selenium.webdriver.support.ui import WebDriverWait
 from workflow.small_projects import first_project, without_points
 
-from orip.link.watch_server import WatchServer
-from orip.workflow.online.served import ServedSession
-from orip.workflow.online.session import OnlineSession
+from orip.online.page import ServedSession
+from orip.online.session import OnlineSession
+from orip.web.page_server import WatchServer
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project
 from orip.workflow.records.initialise import initialise

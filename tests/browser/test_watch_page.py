@@ -19,10 +19,10 @@ from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.support.ui import WebDriverWait
 from support.drive_tables import loaded, vertical_block
 
-from orip.link.watch import Watch
-from orip.link.watch_processor import OwnProcessor
-from orip.link.watch_server import WatchServer
+from orip.multimodel.link.watch import Watch
+from orip.multimodel.link.watch_processor import OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
+from orip.web.page_server import WatchServer
 
 pytestmark = needs_chromium
 

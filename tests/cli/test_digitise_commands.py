@@ -135,7 +135,7 @@ def test_usage(tmp_path):
 
 
 def test_nobody_answers(tmp_path, monkeypatch):
-    monkeypatch.setattr("orip.link.client.FIRST_PAUSE_S", 0.001)
+    monkeypatch.setattr("orip.multimodel.link.client.FIRST_PAUSE_S", 0.001)
     folder = new_cliff(tmp_path)
     said = orip(folder, "digitise", "template", "LEFT", "--link", "tcp://127.0.0.1:1")
     assert said.code == 7

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cli.test_digitise_commands import done, emulator, new_cliff
 
-from orip.workflow.online.session import OnlineSession
+from orip.online.session import OnlineSession
 
 POINTS = ("1101", "1102", "1103")
 

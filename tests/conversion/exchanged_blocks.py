@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.conversion.poses import exchanged_poses
+from orip.exchange.conversion.poses import exchanged_poses
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import (
     ExchangedCamera,

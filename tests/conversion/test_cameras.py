@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import PINHOLE
+from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 
-from orip.conversion.cameras import (
+from orip.exchange.conversion.cameras import (
     convert_camera,
     directions_of_pixels,
     export_camera,
     lens_pixels,
     pixels_of_directions,
 )
-from orip.conversion.image_axes import axes_from_pixels, pixels_from_axes
-from orip.conversion.lenses.free_parameters import unknown_parameters
-from orip.conversion.lenses.polynomial import parameters_from_polynomial, polynomial_from_parameters
-from orip.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
-from orip.conversion.unsuitable_cameras import UnsuitableCameraError
+from orip.exchange.conversion.determined import unknown_parameters
+from orip.exchange.conversion.image_axes import axes_from_pixels, pixels_from_axes
+from orip.exchange.conversion.lenses.exact_forms import parameters_from_polynomial, polynomial_from_parameters
+from orip.exchange.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

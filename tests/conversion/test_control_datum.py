@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.conversion.control_datum import ControlRays, ObservedCentres, control_datum
+from orip.exchange.conversion.control_datum import ControlRays, ObservedCentres, control_datum
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from conversion.exchanged_blocks import block
 
-from orip.conversion.ground import LocalGround, from_local_ground, in_local_ground, local_ground
-from orip.conversion.poses import orip_poses
+from orip.exchange.conversion.ground import LocalGround, from_local_ground, in_local_ground, local_ground
+from orip.exchange.conversion.poses import orip_poses
 from orip.records.exchanged import ExchangedProject, GroundFrame, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.records.observations.station import Station, StationReference

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 
-from orip.conversion.cameras import (
+from orip.exchange.colmap.model import ColmapCamera, ColmapModel, no_points
+from orip.exchange.colmap.reader import project_of_model
+from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, new_model
+from orip.exchange.conversion.cameras import (
     convert_camera,
     directions_of_pixels,
     export_camera,
     lens_pixels,
     pixels_of_directions,
 )
-from orip.conversion.lenses.rational import has_pole
-from orip.conversion.unsuitable_cameras import UnsuitableCameraError
-from orip.exchange.colmap.model import ColmapCamera, ColmapModel, no_points
-from orip.exchange.colmap.reader import project_of_model
-from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, new_model
+from orip.exchange.conversion.lenses.fit import has_pole
 from orip.records.exchanged import PIXELS, ExchangedCamera
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from orip.conversion.names import mark_names, photo_names, point_names, unique_names
-from orip.exchange.sources.short_names import distinct_names, short_names
+from orip.exchange.sources.names import distinct_names, mark_names, photo_names, point_names, short_names, unique_names
 from orip.records.exchanged import ExchangedPoints
 
 

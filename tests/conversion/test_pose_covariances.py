@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orip.conversion.pose_covariances import rotation_vector_covariances, vector_rates_from_axes_rotation
+from orip.exchange.conversion.result_figures import rotation_vector_covariances, vector_rates_from_axes_rotation
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
 from orip.records.exchanged import PoseReading
 

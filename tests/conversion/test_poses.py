@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from orip.conversion.poses import exchanged_poses, orip_poses
+from orip.exchange.conversion.poses import exchanged_poses, orip_poses
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.exchanged import AngleUnit, ExchangedPhoto, PoseReading, RotationForm
 

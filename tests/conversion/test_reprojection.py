@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, PINHOLE, block
 
-from orip.conversion.cameras import convert_camera
-from orip.conversion.poses import other_readings
-from orip.conversion.reprojection import Reprojection, fitting_reading, reprojection, said_of_reading
+from orip.exchange.conversion.cameras import convert_camera
+from orip.exchange.conversion.poses import other_readings
+from orip.exchange.conversion.reprojection import Reprojection, fitting_reading, reprojection, said_of_reading
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.structs import replace
 

@@ -10,11 +10,9 @@ import numpy as np
 from conversion.exchanged_blocks import block
 from reference.published_data import data_set
 
-from orip.exchange.colmap.folder import Form
 from orip.exchange.colmap.model import ColmapModel
-from orip.exchange.colmap.reader import READING
-from orip.exchange.colmap.writer import new_model
-from orip.exchange.colmap.writing import model_files
+from orip.exchange.colmap.reader import READING, Form
+from orip.exchange.colmap.writer import model_files, new_model
 from orip.structs import replace
 
 

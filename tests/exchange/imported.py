@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from reference.published_data import data_set
 
-from orip.conversion.cameras import ConvertedCamera, convert_camera
-from orip.conversion.reprojection import Reprojection, fitting_reading
+from orip.exchange.conversion.cameras import ConvertedCamera, convert_camera
+from orip.exchange.conversion.reprojection import Reprojection, fitting_reading
 from orip.exchange.format import Read
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace

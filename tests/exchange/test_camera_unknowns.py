@@ -20,11 +20,11 @@ from orip.exchange import aicon, photomodeler, pix4d
 from orip.exchange.metashape.source import read_metashape
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
+from orip.exchange.project.block import ExchangeSettings, imported_block
 from orip.exchange.vision import bundler as vision
 from orip.exchange.vision import nvm as visual_sfm
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
 from orip.workflow.project.bundle_state import read_bundle
 
 PLANE = ("f", "cx", "cy")

@@ -14,9 +14,8 @@ import pytest
 from exchange.colmap_samples import genuine, small_model, written
 
 from orip.exchange.colmap.binary import cameras_from_bytes, images_from_bytes, points_from_bytes, rigs_from_bytes
-from orip.exchange.colmap.folder import Form, read_folder
 from orip.exchange.colmap.model import CAMERA_MODELS, MODEL_NAMES, ColmapCamera, ColmapModel
-from orip.exchange.colmap.reader import is_model, project_of_model, read_model
+from orip.exchange.colmap.reader import Form, is_model, project_of_model, read_folder, read_model
 from orip.exchange.colmap.text import cameras_from_text, images_from_text, points_from_text
 from orip.exchange.colmap.writer import new_model, updated_model, write_model
 from orip.exchange.formats import guessed_format

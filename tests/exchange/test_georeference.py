@@ -15,17 +15,17 @@ from exchange.imported import read_well, written
 from exchange.test_metric import pix4d_files
 from exchange.test_opensfm import reconstruction_of, tracks_of
 
-from orip.conversion.poses import exchanged_poses, orip_poses
 from orip.errors import InputError
 from orip.exchange import pix4d
-from orip.exchange.opensfm.point_lists import crs_of_heading
+from orip.exchange.conversion.poses import exchanged_poses, orip_poses
+from orip.exchange.opensfm.control_marks import crs_of_heading
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
+from orip.exchange.project.block import ExchangeSettings, imported_block
 from orip.files.project.reader import parse_project
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
 from orip.workflow.project.bundle_state import read_bundle
 
 ORIGIN = (610_000.0, 5_849_000.0, 70.0)

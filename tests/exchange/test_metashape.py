@@ -9,13 +9,13 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, sample, written
 
-from orip.conversion.cameras import convert_camera, export_camera, lens_pixels, pixels_of_directions
-from orip.conversion.lenses.table import image_of_directions
+from orip.exchange.conversion.cameras import convert_camera, export_camera, lens_pixels, pixels_of_directions
+from orip.exchange.conversion.lenses.table import image_of_directions
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
+from orip.exchange.project.block import ExchangeSettings, imported_block
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
 
 SCALE = 2.5
 TURN = rotation_from_angles(np.array([0.3, -0.2, 0.9]))

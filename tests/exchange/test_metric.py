@@ -12,9 +12,9 @@ from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 from reference.published_data import data_set
 
-from orip.conversion.lenses.table import directions_of_image
-from orip.conversion.poses import orip_poses
 from orip.exchange import aicon, ign, photomodeler, pix4d
+from orip.exchange.conversion.lenses.table import directions_of_image
+from orip.exchange.conversion.poses import orip_poses
 from orip.records.exchanged import ExchangedProject
 
 PIXEL_MM = 0.006

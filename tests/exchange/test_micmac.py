@@ -10,11 +10,11 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, sample, written
 
-from orip.conversion.cameras import convert_camera, lens_pixels, pixels_of_directions
-from orip.conversion.poses import orip_poses
+from orip.exchange.conversion.cameras import convert_camera, lens_pixels, pixels_of_directions
+from orip.exchange.conversion.poses import orip_poses
 from orip.exchange.micmac import version1
 from orip.exchange.micmac.source import READING, read_micmac
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.records.exchanged import ExchangedProject
 
 SeenBy = Callable[[int, np.ndarray], np.ndarray]

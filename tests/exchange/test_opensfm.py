@@ -12,12 +12,12 @@ from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.imported import read_well, reprojected, sample, written
 
-from orip.conversion.poses import orip_poses
-from orip.exchange.opensfm.point_lists import crs_of_heading, read_control_list
+from orip.exchange.conversion.poses import orip_poses
+from orip.exchange.opensfm.control_marks import crs_of_heading, read_control_list
 from orip.exchange.opensfm.reconstruction import READING
 from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.sources.collected import PhotoNames
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.records.exchanged import ExchangedProject
 from orip.workflow.project.bundle_state import read_bundle
 

@@ -8,7 +8,7 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 
-from orip.exchange.tables.project import READING, is_tables, read_tables
+from orip.exchange.tables import READING, is_tables, read_tables
 from orip.records.exchanged import ExchangedProject
 
 CAMERAS = "camera,columns,rows,f,cx,cy\nK1,4000,3000,3000,2010,1490\n"

@@ -21,11 +21,11 @@ from exchange.test_scenes import alicevision_text, openmvg_text
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
 from orip.exchange.formats import FORMATS_READ
-from orip.exchange.tables.project import READING as TABLES
+from orip.exchange.project.block import ExchangeSettings
+from orip.exchange.project.imported import ImportedProject, read_source
+from orip.exchange.tables import READING as TABLES
 from orip.exchange.vision import openmvg
 from orip.geometry.rotation import rotation_from_angles
-from orip.workflow.exchange.block import ExchangeSettings
-from orip.workflow.exchange.imported import ImportedProject, read_source
 
 Files = Callable[[Path], Path]
 Value = Callable[[ImportedProject], float]

@@ -10,12 +10,12 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange import test_metashape, test_opensfm
 from exchange.imported import read_well, reprojected, sample, with_frame
+from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 from reference.published_data import data_set
 
-from orip.conversion.cameras import convert_camera, export_camera, pixels_of_directions
-from orip.conversion.poses import exchanged_poses, orip_poses
-from orip.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.errors import InputError
+from orip.exchange.conversion.cameras import convert_camera, export_camera, pixels_of_directions
+from orip.exchange.conversion.poses import exchanged_poses, orip_poses
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named
 from orip.exchange.metashape.source import read_metashape
@@ -24,9 +24,8 @@ from orip.exchange.micmac.source import read_micmac
 from orip.exchange.micmac.writer import write_micmac
 from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.opensfm.writer import write_opensfm
-from orip.exchange.sources.xml_edit import XmlEdit
-from orip.exchange.vision.bundler import read_bal
-from orip.exchange.vision.bundler_writer import write_bal
+from orip.exchange.sources.xml_tree import XmlEdit
+from orip.exchange.vision.bundler import read_bal, write_bal
 from orip.records.exchanged import ExchangedCamera, ExchangedProject, ExchangedRays, PoseReading
 from orip.records.observations.control import ControlPoint
 from orip.records.project.camera import Camera

@@ -9,14 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import cameras, vertical_block
 
-from orip.files.drive.table_text import (
+from orip.multimodel.processor import table_faults
+from orip.multimodel.table_text import (
     LONGEST_LINE,
     MOST_BYTES,
     MOST_LINES,
     drive_table_text,
     read_drive_table,
 )
-from orip.multimodel.table_checks import table_faults
 from orip.records.drive_table import DriveCode
 from orip.structs import replace
 

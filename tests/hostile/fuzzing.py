@@ -28,8 +28,6 @@ from orip.errors import OripError
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
-from orip.files.drive.processor_state import read_processor_state
-from orip.files.drive.table_text import read_drive_table
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.result.reader import read_result
@@ -40,8 +38,10 @@ from orip.files.stores.store import Store
 from orip.files.stores.transaction import connected
 from orip.files.text.decimal_numbers import parse_gate
 from orip.files.text.lines import decode_lines
-from orip.link.protocol import answer
-from orip.workflow.digitise.operator import script_requests
+from orip.multimodel.digitising.operator import script_requests
+from orip.multimodel.emulation import read_processor_state
+from orip.multimodel.link.protocol import answer
+from orip.multimodel.table_text import read_drive_table
 
 _NUMBERS = b"nan inf -inf 1e999 -1e-999 1,5 0x10 1d400 1e30 +-1 .e1 -0 9999999999999999999999 1_0 \xc2\xb2 \xd9\xa1"
 _BYTES = b"\0 \r \n\n \t \xff\xfe \xef\xbb\xbf \x1a \x85 \xe2\x80\xa8 \xed\xa0\x80 # ! = - [ ] { } \" ' \\ \\u0000"

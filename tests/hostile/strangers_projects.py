@@ -41,12 +41,10 @@ from hostile.strangers_plants import FOREIGN, HOME, TEMPORARY, plant
 from msgspec import Struct
 from workflow.small_projects import film_project, first_project
 
-from orip.archive.outcome import ProjectOutcome
+from orip.archive.cluster.sub_block_files import write_sub_blocks
+from orip.archive.run_files import ArchivePlan, ResultsFolder, write_finished, write_plan
+from orip.archive.tables import ProjectOutcome
 from orip.cli.main import main as orip
-from orip.files.archive.finished import write_finished
-from orip.files.archive.layout import ResultsFolder
-from orip.files.archive.plan import ArchivePlan, write_plan
-from orip.files.blocking.sub_blocks import write_sub_blocks
 from orip.files.stores.dump import dump
 
 PROJECT = "project"

@@ -119,7 +119,7 @@ def test_an_adjustment_whose_export_is_refused_is_kept(
         message = "the result cannot be written back; correct it"
         raise InputError.single(message, "x")
 
-    monkeypatch.setattr("orip.workflow.exchange.exported.write_export", refused)
+    monkeypatch.setattr("orip.exchange.project.exported.write_export", refused)
     said = orip(tmp_path, "adjust", "colmap", str(made / "model"), "out", *json)
     assert said.code == 3
     assert "x: the result cannot be written back; correct it" in said.err

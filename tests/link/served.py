@@ -10,11 +10,11 @@ from contextlib import contextmanager
 
 from support.drive_tables import vertical_block
 
-from orip.files.drive.table_text import drive_table_text
-from orip.link.access import ASKING, stored_token
-from orip.link.emulator import Emulator, Patience
-from orip.link.station import bare_stages
-from orip.workflow.drive.table import load_drive_table
+from orip.multimodel.link.emulator import Emulator, Patience
+from orip.multimodel.link.station import bare_stages
+from orip.multimodel.table_step import load_drive_table
+from orip.multimodel.table_text import drive_table_text
+from orip.web.access import ASKING, stored_token
 
 TABLE = drive_table_text(vertical_block()).encode()
 OTHER_TABLE = drive_table_text(vertical_block(rows=1, columns=2)).encode()

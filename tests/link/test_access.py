@@ -16,9 +16,9 @@ from cli.command_line import orip
 from link.served import served
 
 from orip.errors import LinkError
-from orip.link.access import MOST_CLIENTS, MOST_WAITING, new_token, shows_token, stored_token, token_kept
-from orip.link.client import observe_link, open_link
-from orip.link.emulator import Patience
+from orip.multimodel.link.client import observe_link, open_link
+from orip.multimodel.link.emulator import Patience
+from orip.web.access import MOST_CLIENTS, MOST_WAITING, new_token, shows_token, stored_token, token_kept
 
 TOKEN = "a-token_of-this-test"
 
@@ -173,7 +173,7 @@ def emulated(*words):
 
 OTHER_ACCOUNT = """
 import os, socket, sys
-from orip.link.access import stored_token
+from orip.web.access import stored_token
 "x".encode("idna"); os.setgroups([]); os.setgid(65534); os.setuid(65534)
 with socket.create_connection(("127.0.0.1", int(sys.argv[1])), 10) as connection:
     connection.sendall(b"OPERATE\\nMOVE 1 2\\n")

@@ -13,9 +13,9 @@ import pytest
 from link.served import OTHER_TABLE, TABLE, Raw, served
 
 from orip.errors import LinkError
-from orip.link import client as client_module
-from orip.link.client import ProcessorFault, observe_link, open_link
-from orip.link.station import bare_stages
+from orip.multimodel.link import client as client_module
+from orip.multimodel.link.client import ProcessorFault, observe_link, open_link
+from orip.multimodel.link.station import bare_stages
 from orip.multimodel.state import Event
 
 

@@ -13,9 +13,8 @@ from contextlib import suppress
 import pytest
 from link.served import IMPATIENT, OTHER_TABLE, TABLE, Raw, loaded_station, served
 
-from orip.link.emulator import MOST_TABLE_LINES
-from orip.link.station import bare_stages
-from orip.link.travel import Pace
+from orip.multimodel.link.emulator import MOST_TABLE_LINES
+from orip.multimodel.link.station import Pace, bare_stages
 
 DIGEST = f"OK {hashlib.sha256(TABLE).hexdigest()}"
 OTHER_DIGEST = f"OK {hashlib.sha256(OTHER_TABLE).hexdigest()}"

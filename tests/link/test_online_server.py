@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from orip.link import online_server
-from orip.link.access import MOST_CLIENTS, MOST_WAITING
-from orip.link.online_server import LONGEST_LINE, Answering, OnlineServer
+from orip.online import server as online_server
+from orip.online.server import LONGEST_LINE, Answering, OnlineServer
+from orip.web.access import MOST_CLIENTS, MOST_WAITING
 
 TOKEN = "a-token_of-this-test"
 HEADS = (

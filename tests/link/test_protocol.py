@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from link.served import TABLE, loaded_station
 from support.drive_tables import C, vertical_block
 
-from orip.files.drive.table_text import LONGEST_LINE, drive_table_text
-from orip.link import verbs
-from orip.link.protocol import FREE, Barred, answer, busy, downloaded, greeting, hosted
-from orip.link.station import DSR_STAGES, bare_stages
+from orip.multimodel.link import verbs
+from orip.multimodel.link.protocol import FREE, Barred, answer, busy, downloaded, greeting, hosted
+from orip.multimodel.link.station import DSR_STAGES, bare_stages
+from orip.multimodel.table_step import load_drive_table
+from orip.multimodel.table_text import LONGEST_LINE, drive_table_text
 from orip.records.drive_table import DriveCode
 from orip.structs import replace
-from orip.workflow.drive.table import load_drive_table
 
 READY = loaded_station()
 EMPTY = bare_stages()

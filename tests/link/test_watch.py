@@ -14,11 +14,11 @@ import pytest
 from support.drive_tables import loaded, vertical_block
 
 from orip.errors import LinkError
-from orip.link.client import ProcessorFault
-from orip.link.watch import Watch
-from orip.link.watch_processor import OwnProcessor
-from orip.link.watch_server import MOST_CONNECTIONS, MOST_STREAMS, WatchServer
+from orip.multimodel.link.client import ProcessorFault
+from orip.multimodel.link.watch import Watch
+from orip.multimodel.link.watch_processor import OwnProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
+from orip.web.page_server import MOST_CONNECTIONS, MOST_STREAMS, WatchServer
 
 POINTS = np.array([(x, y, 0.0) for x in range(-20, 101, 5) for y in range(-80, 41, 5)], dtype=float)
 

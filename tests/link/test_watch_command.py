@@ -26,8 +26,8 @@ from link.test_watch import watch_of
 from support.driven_projects import add_models
 from workflow.small_projects import contents, first_project
 
-from orip.cli.drive import watch as watch_module
-from orip.link.watch_server import WatchServer
+from orip.multimodel.commands import drive as watch_module
+from orip.web.page_server import WatchServer
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from link.served import OTHER_TABLE, TABLE, Raw, served
 from support.drive_tables import loaded, vertical_block
 
 from orip.errors import LinkError
-from orip.link import watch_processor
-from orip.link.watch import FRESH_S, Watch
-from orip.link.watch_processor import LinkedProcessor
+from orip.multimodel.link import watch_processor
+from orip.multimodel.link.watch import FRESH_S, Watch
+from orip.multimodel.link.watch_processor import LinkedProcessor
 from orip.multimodel.plan_view import BlockPoints, plan_view
 
 DIGEST = hashlib.sha256(TABLE).hexdigest()

@@ -13,12 +13,11 @@ from support.sample_projects import sample
 from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
 
-from orip.link.client import ProcessorFault, open_link
-from orip.link.station import bare_stages
-from orip.multimodel.movement import change_model, drive_object
-from orip.multimodel.panel import automatic
+from orip.multimodel.link.client import ProcessorFault, open_link
+from orip.multimodel.link.station import bare_stages
+from orip.multimodel.movement import automatic, change_model, drive_object
 from orip.multimodel.readout import object_position
-from orip.workflow.drive.table import load_drive_table
+from orip.multimodel.table_step import load_drive_table
 
 LINE = 5.1e-4
 """Plate units: what is on the line is rounded to the least count of 0.001."""

@@ -8,7 +8,7 @@ from support.drive_tables import LENS, PLAIN_CAMERA, cameras
 
 from orip.interior.additional_parameters import additional_with_partials
 from orip.interior.distortion import corrected_with_partials, distorted_with_partials
-from orip.multimodel.camera_model import camera_model
+from orip.multimodel.photo_loop import camera_model
 from orip.records.drive_table import DriveCamera
 from orip.structs import replace
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orip.multimodel.digitising import DigitisedBlock, DigitisingStep, PhotoPair, Turn, from_point
+from orip.multimodel.digitising.order import DigitisedBlock, DigitisingStep, PhotoPair, Turn, from_point
 
 PHOTOS = [f"{strip}0{number}" for strip in (1, 2) for number in (1, 2, 3, 4)]
 

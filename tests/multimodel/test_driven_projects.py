@@ -12,13 +12,11 @@ from workflow.commands import write_drive_table
 from workflow.quiet import run_quietly
 from workflow.small_projects import film_project
 
-from orip.multimodel.driving import drive_objects
-from orip.multimodel.movement import change_model, drive_object
-from orip.multimodel.panel import automatic
-from orip.multimodel.readout import object_position
+from orip.multimodel.movement import automatic, change_model, drive_object
+from orip.multimodel.readout import drive_objects, object_position
 from orip.multimodel.table import object_ground
+from orip.multimodel.table_step import DriveTableOutcome, load_drive_table
 from orip.records.results.solution import Solution
-from orip.workflow.drive.table import DriveTableOutcome, load_drive_table
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:

@@ -9,8 +9,7 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.geometry.rays import intersect_rays
 from orip.geometry.rotation import rotation_from_angles
-from orip.multimodel.camera_model import camera_model
-from orip.multimodel.photo_loop import driven_photo
+from orip.multimodel.photo_loop import camera_model, driven_photo
 from orip.records.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
 from orip.structs import replace
 

@@ -8,23 +8,31 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import LIMITS, C, cameras, loaded, vertical_block
 
-from orip.multimodel.driving import MOST_PROFILE_POINTS, profile
 from orip.multimodel.movement import (
+    automatic,
     change_model,
     drive_model,
     drive_object,
     drive_photo,
     drive_plate,
+    foot,
     forward,
+    guide,
+    guide_named,
+    key,
+    lock,
     move,
+    next_event,
     next_model,
+    prism,
 )
-from orip.multimodel.panel import automatic, foot, guide, guide_named, key, lock, next_event, prism
 from orip.multimodel.readout import (
+    MOST_PROFILE_POINTS,
     model_position,
     object_position,
     photo_positions,
     plate_position,
+    profile,
     status,
     which,
 )

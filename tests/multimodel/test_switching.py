@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from support.drive_tables import BASE, PLAIN_CAMERA, WIDTH, cameras, loaded, vertical_block
 
-from orip.multimodel.driving import drive_objects
-from orip.multimodel.movement import drive_object
-from orip.multimodel.panel import automatic, lock
-from orip.multimodel.readout import object_position
-from orip.multimodel.switching import select_model, select_models
+from orip.multimodel.movement import automatic, drive_object, lock
+from orip.multimodel.readout import drive_objects, object_position
+from orip.multimodel.state import select_model, select_models
 from orip.records.drive_table import DriveCode
 from orip.structs import replace
 

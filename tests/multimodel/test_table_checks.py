@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.drive_tables import LEVEL, LIMITS, cameras, parameter_set, vertical_block
 
-from orip.multimodel.processor import Loaded, load
-from orip.multimodel.table_checks import table_faults
+from orip.multimodel.processor import Loaded, load, table_faults
 from orip.records.drive_table import DriveCode, DriveModel, DriveTemplate
 from orip.structs import replace
 

@@ -10,8 +10,8 @@ from support.online_answers import last_answer
 
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
+from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.simulation import SimulatedSession, simulated_session
-from orip.sequential.observation_rows import ObservationKey
 
 
 def _log_determinant(measuring: Measuring) -> float:

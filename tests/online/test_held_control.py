@@ -12,11 +12,11 @@ from orip.bundle.solve import solve_block
 from orip.bundle.state import BlockState
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
+from orip.online.replies import cameras_of, photos_of, points_of
 from orip.online.simulation import simulated_session
 from orip.records.names import record_key
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.structs import replace
-from orip.workflow.online.showing import cameras_of, photos_of, points_of
 
 HUNDREDTH = 2e-4
 """Metres: less than a hundredth of the standard deviation of any point or centre of the block that is not held."""

@@ -10,7 +10,7 @@ from support.online_answers import last_answer
 
 from orip.bundle.assemble import BlockInput
 from orip.geometry.plane import IDENTITY
-from orip.online.first_values import THOROUGH
+from orip.online.first_photos import THOROUGH
 from orip.online.measurements import Measurement
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock

@@ -13,14 +13,14 @@ from support.online_answers import last_answer
 from orip.online.measurements import Measurement
 from orip.online.measuring import ALPHA, Measuring
 from orip.online.online_block import OnlineBlock
+from orip.online.replies import summary
+from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.simulation import (
     SimulatedSession,
     echallens_like_session,
     simplon_like_session,
     simulated_session,
 )
-from orip.online.summary import summary
-from orip.sequential.observation_rows import ObservationKey
 from orip.structs import replace
 
 

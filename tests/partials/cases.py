@@ -49,7 +49,7 @@ from orip.interior.distortion import (
     lens_distortion_with_partials,
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
-from orip.multimodel.camera_model import camera_model
+from orip.multimodel.photo_loop import camera_model
 from orip.prelim.rays import image_rays
 from orip.prelim.refinement.array_steps import ArraySolver
 from orip.prelim.refinement.problem import RefinementProblem, RefinementState, no_corrections

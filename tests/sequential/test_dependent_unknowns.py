@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.sequential.reduced_rows import ReducedRows
-from orip.sequential.triangle import Triangle
+from orip.online.sequential.hyper_rows import ReducedRows
+from orip.online.sequential.triangle import Triangle
 
 PHOTOS = 12
 """Of six unknowns each: more than one panel."""

@@ -8,12 +8,12 @@ from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, directions_from, noisy, redefined, solved
 
 from orip.bundle.solve import SolvedBlock
+from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
+from orip.online.sequential.sequential_block import SequentialBlock
 from orip.records.block import Block
 from orip.records.observations.control import ControlDistance, ControlElement
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS
 from orip.records.observations.station import Station
-from orip.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
-from orip.sequential.sequential_block import SequentialBlock
 from orip.structs import replace
 
 MADE = aerial_block("one after the other", 6)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_triangular
 
-from orip.sequential.hyper_row import ObservationRows
-from orip.sequential.sequential_block import SequentialBlock
-from orip.sequential.standing import LEAST_REDUNDANCY
+from orip.online.sequential.hyper_rows import ObservationRows
+from orip.online.sequential.sequential_block import SequentialBlock
+from orip.online.sequential.standings import LEAST_REDUNDANCY
 
 # a condition of some 1e3 (random partials) leaves 1e-13; steps that are undone leave more
 _TRIANGLE = 1e-10

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from orip.geometry.rotation import rotation_from_navigation
 from orip.records.observations.epochs import Epochs, epochs
-from orip.trajectory.interpolation import interpolate, moved, time_complaints
-from orip.trajectory.velocities import without_contradicting_velocities
+from orip.stations.interpolation import interpolate, moved, time_complaints, without_contradicting_velocities
 
 
 def trajectory(time: np.ndarray, place: np.ndarray, **more: object) -> Epochs:

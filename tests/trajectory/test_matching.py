@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from orip.trajectory.matching import NO_EVENT, match_by_time
-from orip.trajectory.strips import strips_of_flight
+from orip.stations.matching import NO_EVENT, match_by_time, strips_of_flight
 
 
 def irregular(count: int, seed: int = 3) -> np.ndarray:

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from orip.multimodel.table_step import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.adjust import report as _report
 from orip.workflow.adjust import undo_update as _undo_update
 from orip.workflow.adjust import update as _update
@@ -15,7 +16,6 @@ from orip.workflow.adjust.undo_update import UndoOutcome
 from orip.workflow.adjust.update import UpdateOutcome, What
 from orip.workflow.control import edits as control
 from orip.workflow.control.edits import ControlOutcome
-from orip.workflow.drive.table import DRIVEN_FROM, DriveTableOutcome, make_drive_table
 from orip.workflow.observations import edits, listed, todo
 from orip.workflow.observations import measure as _measure
 from orip.workflow.observations.edits import EDITED_FROM, AddedEdits

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from workflow.small_projects import Point
 
-from orip.workflow.online.session import OnlineSession
+from orip.online.session import OnlineSession
 
 
 def typed_points(folder: Path) -> list[Point]:

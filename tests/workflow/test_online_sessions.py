@@ -15,11 +15,10 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import Point, first_project, replace_in, without_points
 
 from orip.errors import UsageError
-from orip.workflow.online import session as session_module
-from orip.workflow.online.replies import Reply, reply_to
-from orip.workflow.online.requests import read_request
-from orip.workflow.online.session import OnlineSession
-from orip.workflow.online.stored_solution import solution_of_what_is_measured
+from orip.online import session as session_module
+from orip.online.replies import Reply, reply_to
+from orip.online.requests import read_request
+from orip.online.session import OnlineSession, solution_of_what_is_measured
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import commit
 from orip.workflow.project.state import read_project

@@ -20,11 +20,11 @@ from orip.threads import limited_threads
 from orip.wording import counted
 
 if TYPE_CHECKING:
+    from orip.archive.cluster.divided_block import Moved
     from orip.bundle.problem import BlockProblem
     from orip.records.block import Block
     from orip.records.results.solution import IterationPass
     from orip.solving.solve import SolveWatcher
-    from orip.workflow.cluster.divided_block import Moved
 
 
 _LOCAL = "local"
@@ -56,7 +56,7 @@ class ClusterOptions(NamedTuple):
         if self.dask is None:
             yield
             return
-        from orip.workflow.cluster.columns import columns_of_project
+        from orip.archive.cluster.divided_block import columns_of_project
 
         with columns_of_project(project):
             yield
@@ -82,7 +82,7 @@ class ClusterOptions(NamedTuple):
             yield pose_problem, watcher
             return
         self._require_own_workers()
-        from orip.workflow.cluster.divided_block import ClusterRequest, divided_blocks
+        from orip.archive.cluster.divided_block import ClusterRequest, divided_blocks
 
         scheduler = None if self.dask == _LOCAL else self.dask
         with divided_blocks(

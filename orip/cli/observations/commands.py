@@ -160,9 +160,9 @@ def _edited(
 
 def _tell_next(invocation: Invocation, bundle: str | None) -> None:
     """Tell what is worth measuring next, the most profitable first."""
-    from orip.workflow.online.replies import shown
-    from orip.workflow.online.requests import Request
-    from orip.workflow.online.session import OnlineSession
+    from orip.online.replies import shown
+    from orip.online.requests import Request
+    from orip.online.session import OnlineSession
 
     session = OnlineSession(invocation.folder, bundle)
     invocation.terminal.warn(session.warnings)

@@ -12,11 +12,11 @@ from orip.cli.adjust.method import MethodOptions
 from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
 from orip.cli.completion import bundles
-from orip.cli.drive.commands import tell_no_table, tell_table
 from orip.cli.observations import measure
 from orip.cli.options import Invocation, command
 from orip.cli.project import init
 from orip.cli.terminal import Terminal
+from orip.multimodel.commands.drive import tell_no_table, tell_table
 from orip.threads import limited_threads
 
 if TYPE_CHECKING:

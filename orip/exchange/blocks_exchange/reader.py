@@ -16,7 +16,7 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from orip.exchange.sources.held_terms import require_without
+from orip.exchange.format import require_without
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
 from orip.records.observations.control import ControlPoint
 

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import FloatArray
-from orip.exchange.sources.short_names import distinct_names
+from orip.exchange.sources.names import distinct_names
 from orip.records.exchanged import ExchangedProject, PoseReading
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")

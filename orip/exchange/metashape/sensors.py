@@ -1,17 +1,19 @@
-"""Sensors of Metashape: their frame and calibration, and calibrations exported by themselves (Agisoft camera XML).
-
-The frame camera has f, b1, b2 in pixels and cx, cy in pixels from the middle of the frame, y down; what is missing is
-0. Documents of PhotoScan before 1.3 have fx, fy, skew, principal points from the corner, and p1, p2 exchanged.
-"""
+"""Sensors of Metashape: their frame and calibration, and calibrations exported by themselves (Agisoft's XML)."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, plain, read_xml
-from orip.files.text.shown import shown_token
-from orip.records.exchanged import ExchangedCamera, Lens
+from orip.files.text.regular_file import beginning
+from orip.files.text.shown import Parsed, shown_token
+from orip.records.exchanged import ExchangedCamera, ExchangedProject, Lens
+
+# The frame camera has f, b1, b2 in pixels and cx, cy in pixels from the middle of the frame, y down; what is missing is
+# 0. Documents of PhotoScan before 1.3 have fx, fy, skew, principal points from the corner, and p1, p2 exchanged.
+
 
 _RADIAL = ("k1", "k2", "k3", "k4")
 _DECENTRING = ("p1", "p2", "p3", "p4")
@@ -171,4 +173,26 @@ def _sensor_size(sensor: XmlElement, fields: XmlFields, size: tuple[int, int]) -
 def _property(sensor: XmlElement, name: str) -> str | None:
     return next(
         (item.attributes.get("value") for item in sensor.all("property") if item.attributes.get("name") == name), None
+    )
+
+
+_BEGINNING = 1000
+
+
+def is_lens(source: Path) -> bool:
+    """Return whether a file begins as a calibration does."""
+    text = beginning(source, _BEGINNING) if source.suffix.lower() == ".xml" else ""
+    return "<calibration>" in text and "<document" not in text and "<projection>" in text
+
+
+def read_lens(source: Path, shown: str) -> Parsed[ExchangedProject | None]:
+    """Read the file of a calibration."""
+    faults = Faults(shown)
+    camera = read_lens_file(source, faults)
+    if camera is None or faults.complaints:
+        return Parsed(None, tuple(faults.complaints))
+    points, rays = CollectedPoints().points(), CollectedRays().rays()
+    notes = ("The file has a camera alone: add photos of it to orip.toml, and their measurements.",)
+    return Parsed(
+        ExchangedProject(camera.name, (camera,), (), points, rays, is_calibration=True, ground_unit="m", notes=notes)
     )

@@ -11,12 +11,11 @@ from msgspec import Struct
 from orip.errors import Complaint
 from orip.exchange.metashape.chunk import LEAST_RADIUS, ChunkReader, Marker, chunk_of
 from orip.exchange.metashape.project_files import TieCloud, is_project, read_project_chunk
-from orip.exchange.metashape.reference_table import reference_tables_beside
-from orip.exchange.metashape.references import with_references
+from orip.exchange.metashape.references import reference_tables_beside, with_references
 from orip.exchange.metashape.sensors import read_sensor
 from orip.exchange.metashape.ties import add_ties
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_xml
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation, PhotoMark
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, read_xml
 from orip.files.text.shown import shown_token
 

@@ -9,11 +9,10 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.micmac import mmvii, version1
-from orip.exchange.micmac.multiple_ties import multiple_tie_files, read_multiple_ties
-from orip.exchange.micmac.ties import TrackJoiner, pair_files, read_pairs
+from orip.exchange.micmac.ties import TrackJoiner, multiple_tie_files, pair_files, read_multiple_ties, read_pairs
 from orip.exchange.micmac.version1 import Calibration, GroundPoint, Orientation, PhotoMark
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import read_xml
 from orip.files.text.regular_file import is_there
 from orip.files.text.shown import Parsed

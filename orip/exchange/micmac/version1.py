@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, plain, read_xml
 from orip.files.text.shown import shown_token
 

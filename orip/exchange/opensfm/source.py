@@ -10,15 +10,25 @@ import numpy as np
 from msgspec import Struct
 
 from orip.errors import Complaint
-from orip.exchange.opensfm.control_marks import MarkedPoint, marked_points_of_document, marked_points_of_list
-from orip.exchange.opensfm.point_lists import PlaceList, read_control_list, read_place_list
-from orip.exchange.opensfm.reconstruction import READING, Reconstruction, largest_reconstruction
-from orip.exchange.opensfm.settings import Settings, read_settings
-from orip.exchange.opensfm.shots_geojson import is_shots_geojson, read_shots_geojson
-from orip.exchange.opensfm.tracks import Features, read_features
+from orip.exchange.opensfm.control_marks import (
+    MarkedPoint,
+    PlaceList,
+    marked_points_of_document,
+    marked_points_of_list,
+    read_control_list,
+    read_place_list,
+)
+from orip.exchange.opensfm.reconstruction import (
+    READING,
+    Reconstruction,
+    is_shots_geojson,
+    largest_reconstruction,
+    read_shots_geojson,
+)
+from orip.exchange.opensfm.tracks import Features, Settings, read_features, read_settings
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
-from orip.exchange.sources.faults import Faults
 from orip.exchange.sources.json_tree import read_json
+from orip.exchange.sources.text import Faults
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.records.observations.control import ControlPoint

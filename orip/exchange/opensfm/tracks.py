@@ -1,13 +1,9 @@
-"""Tracks of OpenSfM (``tracks.csv``): which feature of a photo belongs to which track, in all versions of the file.
-
-Columns are separated by tabs. Version 0 has no head and no scale; version 1 adds the scale of the feature, version 2
-the segmentation and the instance. The coordinates are normalised: from the centre of the photo, divided by its longer
-side, y down.
-"""
+"""Tracks of OpenSfM (``tracks.csv``), which feature belongs to which, and how precise its settings say they are."""
 
 from __future__ import annotations
 
 import math
+import re
 from array import array
 from collections.abc import Mapping, Sequence
 from itertools import repeat
@@ -17,9 +13,51 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
+
+_SIZE = re.compile(r"\s*feature_process_size\s*:\s*([0-9]{2,6})\b")
+_HELD = re.compile(r"\s*optimize_camera_parameters\s*:\s*(no|false|off)\b", re.IGNORECASE)
+
+
+class Settings(Struct, frozen=True):
+    """Settings.
+
+    Parameters
+    ----------
+    feature_size : int or None
+        Larger side of the images in which features were found; None where the file does not say it.
+    holds_cameras : bool
+        OpenSfM was told not to estimate cameras.
+    """
+
+    feature_size: int | None = None
+    holds_cameras: bool = False
+
+    def feature_precision(self, larger_side: int) -> float | None:
+        """Return the a-priori error of a feature in pixels of the original image: a pixel of the one it was found in.
+
+        1 where images were not made smaller; None where the settings do not say.
+        """
+        return None if self.feature_size is None else max(1.0, larger_side / self.feature_size)
+
+
+def read_settings(config: Path, faults: Faults) -> Settings:
+    """Return what a ``config.yaml`` says."""
+    size: int | None = None
+    holds = False
+    for line in text_lines(config, faults):
+        if size is None and (found := _SIZE.match(line)):
+            size = int(found[1])
+        holds = holds or _HELD.match(line) is not None
+    return Settings(size, holds)
+
+
+# Columns are separated by tabs. Version 0 has no head and no scale; version 1 adds the scale of the feature, version 2
+# the segmentation and the instance. The coordinates are normalised: from the centre of the photo, divided by its longer
+# side, y down.
+
 
 _HEAD = "OPENSFM_TRACKS_VERSION_v"
 _FIELDS = {0: 8, 1: 9, 2: 11}

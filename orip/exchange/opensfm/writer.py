@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from orip.errors import InputError
-from orip.exchange.opensfm.reconstruction import largest_reconstruction
-from orip.exchange.opensfm.shots_geojson import is_shots_geojson
+from orip.exchange.format import require_without
+from orip.exchange.opensfm.reconstruction import is_shots_geojson, largest_reconstruction
 from orip.exchange.opensfm.source import reconstruction_file
-from orip.exchange.sources.faults import Faults
-from orip.exchange.sources.held_terms import require_without
 from orip.exchange.sources.json_tree import read_json
-from orip.exchange.sources.short_names import distinct_names
+from orip.exchange.sources.names import distinct_names
+from orip.exchange.sources.text import Faults
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 _NAME = "reconstruction.json"

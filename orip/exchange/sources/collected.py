@@ -1,18 +1,40 @@
-"""Points and rays of a foreign project as they are found in its files, row by row."""
+"""Points and rays of a foreign project as they are found in its files, row by row or point by point."""
 
 from __future__ import annotations
 
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.records.exchanged import ExchangedPoints, ExchangedRays
+from orip.records.exchanged import ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.wording import counted, first_names
+
+
+def tracks(project: ExchangedProject) -> Iterator[tuple[int, IntArray]]:
+    """Iterate over the places of points with coordinates and the rows of their rays, those that are left out aside."""
+    rays = project.rays
+    rows = np.flatnonzero(rays.is_active)
+    rows = rows[np.argsort(rays.point[rows], kind="stable")]
+    borders = np.searchsorted(rays.point[rows], np.arange(len(project.points.names) + 1))
+    known = np.isfinite(project.points.coordinates).all(axis=1)
+    for place in np.flatnonzero(known).tolist():
+        yield place, rows[borders[place] : borders[place + 1]]
+
+
+def places_in_photos(project: ExchangedProject) -> IntArray:
+    """Return the place (k,) of each ray among the rays of its photo, counted from 0."""
+    photo = project.rays.photo
+    order = np.argsort(photo, kind="stable")
+    first = np.searchsorted(photo[order], photo[order])
+    found = np.empty(len(photo), dtype=np.int64)
+    found[order] = np.arange(len(photo)) - first
+    return found
+
 
 _FIRST = 3
 """Names of a list that are told."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.text import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import shown_token

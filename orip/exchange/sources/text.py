@@ -1,13 +1,77 @@
-"""Lines of foreign texts as words; names may be in quotes where the format has them so."""
+"""Lines of foreign texts as words and numbers, and what is wrong with a foreign file, gathered while it is read."""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from orip.exchange.sources.faults import Faults
+import numpy as np
+from msgspec import Struct, field
+
+from orip.arrays import FloatArray
+from orip.errors import Complaint
+from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
 from orip.files.text.lines import read_bytes
+from orip.files.text.shown import printable, shown_token
+
+MOST_COMPLAINTS = 200
+"""More are not kept of a file: it is probably of another kind."""
+
+LARGEST_COUNT = 1 << 53
+"""Whole numbers above are not held exactly by programs that read them as decimals."""
+
+
+class Faults(Struct):
+    """Complaints about one file, and words of it read as numbers.
+
+    Parameters
+    ----------
+    shown : str
+        The file as the user would name it.
+    """
+
+    shown: str
+    complaints: list[Complaint] = field(default_factory=list)
+
+    def complain(self, message: str, line: int | None = None, column: int | None = None) -> None:
+        """Keep a complaint, unless there are `MOST_COMPLAINTS`."""
+        if len(self.complaints) < MOST_COMPLAINTS:
+            self.complaints.append(Complaint(printable(message), self.shown, line, column))
+
+    def decimal(self, word: str, what: str, line: int | None) -> float:
+        """Return a word as a number; NaN, and a complaint kept, if it is not one."""
+        try:
+            return parse_number(word)
+        except ValueError as fault:
+            self.complain(f"{what}: {fault}", line)
+            return math.nan
+
+    def decimals(self, text: str, count: int, what: str, line: int | None) -> tuple[float, ...] | None:
+        """Return numbers separated by blanks; None, and complaints kept, unless there are as many, all finite."""
+        words = text.split(maxsplit=count)
+        if len(words) != count or len(words[-1].split()) != 1:
+            found = len(text.split()) if len(text) < 1 << 16 else "more"
+            self.complain(f"{what}: {count} numbers should be here, {found} found; write {count}", line)
+            return None
+        values = tuple(self.decimal(word, what, line) for word in words)
+        return None if any(map(math.isnan, values)) else values
+
+    def whole(self, word: str, what: str, line: int | None, least: int = 0) -> int | None:
+        """Return a word as a whole number; None, and a complaint kept, if it is not one or less than `least`."""
+        text = word.strip()
+        if (
+            text.removeprefix("-").isascii()
+            and text.removeprefix("-").isdigit()
+            and len(text) < len(str(LARGEST_COUNT))
+        ):
+            number = int(text)
+            if number >= least:
+                return number
+        self.complain(f"{what}: '{shown_token(word)}' is not a whole number from {least} on; correct it", line)
+        return None
+
 
 _QUOTED = re.compile(r'"([^"]*)"|(\S+)')
 
@@ -42,3 +106,45 @@ def numbered_words(lines: list[str], comments: str = "") -> Iterator[tuple[int, 
 def quoted_words(line: str) -> list[str]:
     """Return the words of a line, of which those with blanks are in quotes."""
     return [match[1] if match[1] is not None else match[2] for match in _QUOTED.finditer(line)]
+
+
+# Where a line may have a fault nothing is returned, and the reader goes through the lines one by one to name it.
+
+
+_PLAIN = re.compile(r"[0-9+\-.eE \t\r\n]*")
+"""Words of these letters that Python reads as numbers are those that orip takes for numbers."""
+
+_LINES = 50_000
+_MOST_DIGITS = 15
+
+
+def sound_rows(lines: Sequence[str], fields: int, whole: int = 0) -> FloatArray | None:
+    """Return the numbers (n, fields) of n lines; None if one of them may have a fault.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    fields : int
+        Numbers in a line, with blanks between them.
+    whole : int
+        So many of them, the first ones, are whole numbers from 0 on.
+    """
+    found = np.empty((len(lines), fields))
+    for first in range(0, len(lines), _LINES):
+        part = lines[first : first + _LINES]
+        text = " ".join(part)
+        if _PLAIN.fullmatch(text) is None or set(map(len, map(str.split, part))) != {fields}:
+            return None
+        words = text.split()
+        for column in range(whole):
+            own = words[column::fields]
+            if not all(map(str.isdigit, own)) or max(map(len, own)) > _MOST_DIGITS:
+                return None
+        try:
+            numbers = np.fromiter(map(float, words), dtype=np.float64, count=len(words))
+        except ValueError:
+            return None
+        if not (np.abs(numbers) <= LARGEST_NUMBER).all():
+            return None
+        found[first : first + _LINES] = numbers.reshape(-1, fields)
+    return found

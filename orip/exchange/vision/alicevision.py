@@ -18,9 +18,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.collected import places_in_photos, tracks
 from orip.exchange.sources.json_tree import JsonValue, read_json
-from orip.exchange.sources.tracks import places_in_photos, tracks
+from orip.exchange.sources.text import Faults
 from orip.exchange.vision.openmvg import (
     AXES,
     Landmark,

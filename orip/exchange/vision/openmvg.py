@@ -17,11 +17,10 @@ from typing import Any
 from msgspec import Struct
 
 from orip.errors import InputError
-from orip.exchange.sources.collected import CollectedPoints, CollectedRays
-from orip.exchange.sources.faults import Faults
+from orip.exchange.sources.collected import CollectedPoints, CollectedRays, places_in_photos, tracks
 from orip.exchange.sources.json_tree import JsonValue, read_json
-from orip.exchange.sources.short_names import short_names
-from orip.exchange.sources.tracks import places_in_photos, tracks
+from orip.exchange.sources.names import short_names
+from orip.exchange.sources.text import Faults
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, Lens, PoseReading

@@ -161,7 +161,7 @@ def _stations_in_project(project: ProjectFolder, control: Control) -> tuple[Stat
     """Return the stations in the project's coordinates."""
     if control.station_reference == IN_PROJECT:
         return control.stations
-    from orip.trajectory.reference import stations_of_reference
+    from orip.geometry.station_reference import stations_of_reference
 
     definition = project.definition
     return stations_of_reference(control.stations, control.station_reference, definition.crs, definition.ground_unit)

@@ -16,7 +16,7 @@ from bundle.blocking.divided_blocks import (
 )
 
 from orip.adjustment.normals import solve_normals
-from orip.bundle.blocking.posing import pose_divided
+from orip.archive.blocking.divided_problem import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import pose_problem, starting_state

@@ -17,8 +17,8 @@ from support.aerial_block_in_crs import CRS, aerial_block
 from support.driven_projects import add_models
 from workflow.small_projects import first_project
 
-from orip.link import client as client_module
-from orip.link.station import bare_stages
+from orip.multimodel.link import client as client_module
+from orip.multimodel.link.station import bare_stages
 
 
 @pytest.fixture(autouse=True)

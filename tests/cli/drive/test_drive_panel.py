@@ -13,8 +13,8 @@ from cli.command_line import orip
 from link.served import Raw, served
 from workflow.small_projects import film_project, replace_in
 
-from orip.link.station import bare_stages
-from orip.workflow.drive.emulator import stages_of_words
+from orip.multimodel.emulation import stages_of_words
+from orip.multimodel.link.station import bare_stages
 
 TEMPLATE = """TEMPLATE SHEET A UPPER
  1 {0} 0

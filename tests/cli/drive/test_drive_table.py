@@ -8,8 +8,8 @@ from link.served import served
 from support.driven_projects import add_models
 from workflow.small_projects import contents, film_project, first_project, replace_in
 
-from orip.link.station import bare_stages
-from orip.workflow.drive.table import load_drive_table
+from orip.multimodel.link.station import bare_stages
+from orip.multimodel.table_step import load_drive_table
 
 MODEL = ("M1", "left", "right", 1, 1)
 

@@ -13,12 +13,11 @@ from exchange.colmap_samples import written
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 from exchange.test_colmap import blob, database
 
-from orip.exchange.colmap.folder import Form
-from orip.exchange.colmap.reader import READING, read_model
+from orip.exchange.colmap.reader import READING, Form, read_model
 from orip.exchange.colmap.writer import new_model
+from orip.exchange.project.block import ExchangeSettings, imported_block
+from orip.exchange.project.texts import ImportSource, imported_texts
 from orip.structs import replace
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
-from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 _SETTINGS = ExchangeSettings(corrects_distortion=True)
 _SOURCE = ImportSource("colmap", "x", "x")

@@ -29,18 +29,17 @@ from exchange.imported import written
 from exchange.metashape import test_metashape_references
 from exchange.mutated_files import project_or_complaints, use_mutated_files
 
-from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
+from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d, tables
 from orip.exchange.format import Format
 from orip.exchange.formats import format_named
 from orip.exchange.metashape import source as metashape
 from orip.exchange.opensfm import reconstruction
-from orip.exchange.tables import project as tables
+from orip.exchange.project.block import ExchangeSettings, imported_block
+from orip.exchange.project.imported import require_names
+from orip.exchange.project.texts import ImportSource, imported_texts
 from orip.exchange.vision import bundler, nvm, openmvg
 from orip.files.project.reader import parse_project
 from orip.records.exchanged import ExchangedProject, PoseReading
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
-from orip.workflow.exchange.imported import require_names
-from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 SETTINGS = ExchangeSettings(frame=(4000, 3000), corrects_distortion=True)
 

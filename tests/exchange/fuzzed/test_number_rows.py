@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orip.arrays import rows_of_groups
-from orip.exchange.sources.number_rows import sound_rows
+from orip.exchange.sources.text import sound_rows
 
 
 def test_sound_rows_are_numbers() -> None:

@@ -13,13 +13,11 @@ from exchange import test_metashape
 from exchange.imported import read_well, sample, written
 from exchange.test_metashape import document
 
-from orip.conversion.ground import LocalGround, from_local_ground, in_local_ground
-from orip.exchange.metashape.reference_table import read_reference_table, require_letters
-from orip.exchange.metashape.reference_writer import CAMERAS, MARKERS
-from orip.exchange.metashape.references import with_references
+from orip.exchange.conversion.ground import LocalGround, from_local_ground, in_local_ground
+from orip.exchange.metashape.references import read_reference_table, require_letters, with_references
 from orip.exchange.metashape.source import READING, read_metashape
-from orip.exchange.metashape.writer import write_metashape
-from orip.exchange.sources.faults import Faults
+from orip.exchange.metashape.writer import CAMERAS, MARKERS, write_metashape
+from orip.exchange.sources.text import Faults
 from orip.structs import replace
 
 BERLIN = LocalGround(np.array([np.radians(13.4), np.radians(52.5), 80.0]))

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from exchange.imported import read_well, with_frame
 
-from orip.conversion.cameras import convert_camera, export_camera, pixels_of_directions
-from orip.conversion.ground import from_local_ground, in_local_ground, local_ground
-from orip.conversion.poses import exchanged_poses, orip_poses
+from orip.exchange.conversion.cameras import convert_camera, export_camera, pixels_of_directions
+from orip.exchange.conversion.ground import from_local_ground, in_local_ground, local_ground
+from orip.exchange.conversion.poses import exchanged_poses, orip_poses
 from orip.exchange.formats import format_named
+from orip.exchange.project.exported import in_terms_of
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace
-from orip.workflow.exchange.original import in_terms_of
 
 
 def through_orip(project: ExchangedProject, name: str) -> ExchangedProject:

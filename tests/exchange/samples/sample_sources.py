@@ -13,12 +13,12 @@ import numpy as np
 from exchange.imported import read_well, sample, written
 
 from orip.exchange.images import read_images_project
-from orip.exchange.metashape.lens import read_lens
+from orip.exchange.metashape.sensors import read_lens
 from orip.exchange.metashape.source import READING as METASHAPE
-from orip.exchange.opensfm.point_lists import read_control_list
+from orip.exchange.opensfm.control_marks import read_control_list
 from orip.exchange.opensfm.source import read_opensfm
-from orip.exchange.sources.faults import Faults
-from orip.exchange.tables.project import read_tables
+from orip.exchange.sources.text import Faults
+from orip.exchange.tables import read_tables
 from orip.records.exchanged import ExchangedPhoto, ExchangedProject
 from orip.structs import replace
 

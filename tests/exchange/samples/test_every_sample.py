@@ -17,20 +17,20 @@ from exchange.samples.round_trip import comes_back, local_through_orip, returns,
 from msgspec import Struct
 from reference.published_data import data_set
 
-from orip.conversion.ground import in_local_ground, local_ground
-from orip.conversion.poses import orip_poses
 from orip.errors import UsageError
 from orip.exchange.colmap.reader import read_model
 from orip.exchange.colmap.writer import write_model
+from orip.exchange.conversion.ground import in_local_ground, local_ground
+from orip.exchange.conversion.poses import orip_poses
 from orip.exchange.formats import format_named, guessed_format
 from orip.exchange.metashape.sensors import read_lens_file
-from orip.exchange.opensfm.point_lists import read_control_list
+from orip.exchange.opensfm.control_marks import read_control_list
 from orip.exchange.photomodeler import read_photomodeler
-from orip.exchange.sources.faults import Faults
-from orip.exchange.stations.source import read_epochs
+from orip.exchange.sources.text import Faults
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.records.exchanged import ExchangedProject
 from orip.records.observations.station import Station
+from orip.stations.imported import read_epochs
 
 SCEAUX_9 = {
     "photos": "9", "points": "6319", "rays": "25548", "f": "2971.08", "k": "-0.16078",

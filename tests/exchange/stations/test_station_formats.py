@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from reference.published_data import REFERENCE_DATA
 
-from orip.exchange.stations.source import read_epochs
 from orip.records.observations.epochs import Epochs
-from orip.trajectory.velocities import without_contradicting_velocities
+from orip.stations.imported import read_epochs
+from orip.stations.interpolation import without_contradicting_velocities
 
 POS = (
     "% program   : RTKPOST\n"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from orip.exchange.project.texts import project_title
 from orip.files.project.file_names import file_name_fault, fit_file_name
-from orip.workflow.exchange.texts import project_title
 
 
 @given(st.text() | st.text("abcäß", min_size=190, max_size=260))

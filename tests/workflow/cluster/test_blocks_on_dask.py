@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 from bundle.blocking.divided_blocks import calibrated, largest_difference, with_blunders
 
-from orip.bundle.blocking.posing import pose_divided
+from orip.archive.blocking.divided_problem import pose_divided
+from orip.archive.cluster import dask_passes, sub_block_files, worker_watch
+from orip.archive.cluster import dask_passes as node_groups
+from orip.archive.cluster.connection import LostClusterError
+from orip.archive.cluster.dask_passes import front_bytes, grouped
+from orip.archive.cluster.divided_block import DividedBlocks
+from orip.archive.cluster.sub_block_files import FOLDER, StoredSubBlock, marker_of, store_sub_blocks
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import solve_block
 from orip.errors import OripError
-from orip.files.blocking.sub_blocks import FOLDER, marker_of
 from orip.structs import replace
-from orip.workflow.cluster import dask_passes, node_groups, sub_block_files, worker_watch
-from orip.workflow.cluster.connection import LostClusterError
-from orip.workflow.cluster.divided_block import DividedBlocks
-from orip.workflow.cluster.node_groups import front_bytes, grouped
-from orip.workflow.cluster.sub_block_files import StoredSubBlock, store_sub_blocks
 
 distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.skipif(not is_compiled(), reason="sub-blocks need the compiled loop")
@@ -97,7 +97,7 @@ def test_a_worker_with_another_version_is_named(blocks, monkeypatch):
     def of_another(project, sub_blocks):
         return [replace(source, version="0.0") for source in store_sub_blocks(project, sub_blocks)]
 
-    monkeypatch.setattr("orip.workflow.cluster.divided_block.store_sub_blocks", of_another)
+    monkeypatch.setattr("orip.archive.cluster.divided_block.store_sub_blocks", of_another)
     assert "and this is 0.0; install the same version on both" in refused(blocks)
 
 

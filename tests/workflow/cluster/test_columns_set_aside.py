@@ -11,7 +11,7 @@ import pytest
 from bundle.blocking.divided_blocks import with_blunders
 
 from orip import set_aside as module
-from orip.bundle.blocking.posing import pose_divided
+from orip.archive.blocking.divided_problem import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
 from orip.errors import OripError

@@ -15,11 +15,11 @@ from contextlib import contextmanager, suppress
 import pytest
 from bundle.blocking.divided_blocks import calibrated, largest_difference
 
+from orip.archive.cluster import dask_passes, worker_watch
+from orip.archive.cluster.connection import LostClusterError
+from orip.archive.cluster.divided_block import ClusterRequest, DividedBlocks, divided_blocks
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.solve import solve_block
-from orip.workflow.cluster import dask_passes, worker_watch
-from orip.workflow.cluster.connection import LostClusterError
-from orip.workflow.cluster.divided_block import ClusterRequest, DividedBlocks, divided_blocks
 
 pytest.importorskip("distributed")
 pytestmark = [

@@ -18,11 +18,10 @@ from pathlib import Path
 
 import pytest
 
+from orip.archive.cluster import connection
+from orip.archive.cluster.connection import LostClusterError, UnfitWorkerError, connected, require_fit_workers
+from orip.archive.cluster.worker_tasks import stored_tasks
 from orip.errors import OripError, UsageError
-from orip.workflow.cluster import connection
-from orip.workflow.cluster.connection import LostClusterError, connected, require_fit_workers
-from orip.workflow.cluster.facts import UnfitWorkerError
-from orip.workflow.cluster.task_files import stored_tasks
 
 pytest.importorskip("distributed")
 
@@ -99,7 +98,7 @@ def test_the_key_is_in_no_file_and_on_no_command_line(tmp_path: Path, monkeypatc
 
 WITH_A_CLUSTER = """
 import os
-from orip.workflow.cluster.connection import connected
+from orip.archive.cluster.connection import connected
 if __name__ == "__main__":
     with connected(None, 1) as client:
         assert client.submit(os.getpid).result(timeout=30) != os.getpid()

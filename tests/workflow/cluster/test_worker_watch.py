@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from orip.workflow.cluster import worker_watch
-from orip.workflow.cluster.connection import LostClusterError
-from orip.workflow.cluster.worker_watch import WorkerWatch
+from orip.archive.cluster import worker_watch
+from orip.archive.cluster.connection import LostClusterError
+from orip.archive.cluster.worker_watch import WorkerWatch
 
 NEEDED = 700_000_000
 LOOKS = 1000

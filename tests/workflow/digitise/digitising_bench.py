@@ -6,19 +6,19 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from orip.errors import LinkError
-from orip.link.client import PlateProcessorLink
-from orip.link.protocol import answer, downloaded, greeting
-from orip.link.reply_values import greeting_of
-from orip.link.station import bare_stages
-from orip.workflow.digitise.ground import GroundChoice, digitise_ground
-from orip.workflow.digitise.marks import digitise_photos, digitise_template
-from orip.workflow.digitise.new_points import NewPointsChoice, digitise_new_points
-from orip.workflow.digitise.operator import Script, Simulation, places_of, script_requests
-from orip.workflow.digitise.points import digitise_points
-from orip.workflow.digitise.record_marks import digitise_fiducials, digitise_ticks
-from orip.workflow.digitise.setup import DigitisingSetup, log_file
-from orip.workflow.digitise.wanted import PointChoice
-from orip.workflow.drive.table import load_drive_table
+from orip.multimodel.digitising.ground import GroundChoice, digitise_ground
+from orip.multimodel.digitising.marks import digitise_photos, digitise_template
+from orip.multimodel.digitising.new_points import NewPointsChoice, digitise_new_points
+from orip.multimodel.digitising.operator import Script, Simulation, places_of, script_requests
+from orip.multimodel.digitising.points import digitise_points
+from orip.multimodel.digitising.record_marks import digitise_fiducials, digitise_ticks
+from orip.multimodel.digitising.setup import DigitisingSetup, log_file
+from orip.multimodel.digitising.wanted import PointChoice
+from orip.multimodel.link.client import PlateProcessorLink
+from orip.multimodel.link.messages import greeting_of
+from orip.multimodel.link.protocol import answer, downloaded, greeting
+from orip.multimodel.link.station import bare_stages
+from orip.multimodel.table_step import load_drive_table
 from orip.workflow.observations.films import films_of
 
 LOG = Path("NEW.MEA")

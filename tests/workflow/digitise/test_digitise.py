@@ -15,17 +15,17 @@ from workflow.small_projects import contents, film_project, first_project, repla
 
 from orip.errors import InputError, LinkError, UsageError
 from orip.files.log.text import read_measurements
-from orip.link.client import ProcessorFault
-from orip.workflow.digitise import operator as digitise_operator
-from orip.workflow.digitise.marks import digitise_template
-from orip.workflow.digitise.operator import (
+from orip.multimodel.digitising.marks import digitise_template
+from orip.multimodel.digitising.operator import (
     AtTheProcessor,
     script_requests,
     typed_requests,
 )
-from orip.workflow.digitise.points import digitise_points
-from orip.workflow.digitise.setup import rehearsal
-from orip.workflow.digitise.wanted import PointChoice
+from orip.multimodel.digitising.order import operator as digitise_operator
+from orip.multimodel.digitising.points import digitise_points
+from orip.multimodel.digitising.setup import rehearsal
+from orip.multimodel.digitising.wanted import PointChoice
+from orip.multimodel.link.client import ProcessorFault
 from orip.workflow.observations.films import mounted_films
 
 DAY1, DAY2 = Path("films/DAY1.MEA"), Path("films/DAY2.MEA")

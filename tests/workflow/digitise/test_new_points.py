@@ -15,8 +15,8 @@ from workflow.small_projects import replace_in
 
 from orip.errors import UsageError
 from orip.files.log.text import read_measurements
-from orip.workflow.digitise.operator import AtTheProcessor, TypedNames, Visit, WaitingHint, script_requests
-from orip.workflow.digitise.wanted_marks import MarkChoice
+from orip.multimodel.digitising.operator import AtTheProcessor, TypedNames, Visit, WaitingHint, script_requests
+from orip.multimodel.digitising.wanted import MarkChoice
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.state import read_project
 

@@ -15,11 +15,10 @@ import pytest
 from cli.command_line import orip
 from exchange.colmap_samples import small_model, written
 
-from orip.conversion.cameras import convert_camera
-from orip.conversion.error_ellipses import error_ellipses
-from orip.conversion.reprojection import fitting_reading
-from orip.exchange.colmap.folder import read_folder
-from orip.exchange.colmap.reader import read_model
+from orip.exchange.colmap.reader import read_folder, read_model
+from orip.exchange.conversion.cameras import convert_camera
+from orip.exchange.conversion.reprojection import fitting_reading
+from orip.exchange.conversion.result_figures import error_ellipses
 from orip.structs import replace
 from orip.workflow.project.bundle_state import read_bundle
 

@@ -14,7 +14,7 @@ from exchange.imported import read_well, reprojected, written
 from exchange.metashape_projects import psz
 from exchange.test_metashape import document
 
-from orip.conversion.ground import LocalGround, from_local_ground
+from orip.exchange.conversion.ground import LocalGround, from_local_ground
 from orip.exchange.metashape.source import READING, read_metashape
 from orip.records.exchanged import ExchangedProject
 from orip.structs import replace

@@ -11,9 +11,11 @@ from cli.command_line import orip
 from conversion.exchanged_blocks import PINHOLE, block
 from exchange.colmap_samples import genuine, small_model, written
 
-from orip.conversion.cameras import lens_pixels
 from orip.errors import InputError
 from orip.exchange.colmap.model import ColmapCamera
+from orip.exchange.conversion.cameras import lens_pixels
+from orip.exchange.project.block import ExchangeSettings, imported_block
+from orip.exchange.project.texts import ImportSource, imported_texts
 from orip.files.control.preliminary_text import read_preliminary
 from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.control.text import parse_distances, parse_points
@@ -26,8 +28,6 @@ from orip.records.observations.measurement import PointsRecord
 from orip.records.observations.station import Station, StationReference
 from orip.records.project.definition import ProjectDefinition
 from orip.structs import replace
-from orip.workflow.exchange.block import ExchangeSettings, imported_block
-from orip.workflow.exchange.texts import ImportSource, imported_texts
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 SOURCE = ImportSource("test", "/somewhere", "A name that is too long for orip")

@@ -1,0 +1,195 @@
+"""`orip archive run`: all projects of an archive, as tasks of Dask."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import secrets
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msgspec import Struct, field
+
+from orip.archive.cluster.connection import connected, cores, lost_cluster, require_dask, require_fit_workers
+from orip.archive.projects import ArchiveProject, find_projects, in_order
+from orip.archive.results import Collected, collect
+from orip.archive.run_files import ArchivePlan, ResultsFolder, write_plan
+from orip.archive.status import Progress
+from orip.archive.task import AS_USUAL, ProjectTask, TaskReply, TaskSettings, keep
+from orip.archive.worker import MachineFailureError, run_project
+from orip.errors import LockedError, OripError
+from orip.files.text.atomic import reporting_failure
+from orip.files.text.own_files import locked, make_file, make_named_folder
+from orip.version import __version__
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+
+_GO_ON = "what is finished is not repeated"
+"""What happens when the command is repeated after the scheduler was lost."""
+
+_RETRIES = 2
+"""How often a project is repeated whose process died or whom the system refused something."""
+
+_CORES_A_FURTHER_WORKER = 8
+"""So many cores have one worker more, which computes while others wait: a project waits a tenth of its time until the
+disk has what it writes."""
+
+
+class ArchiveRequest(Struct, frozen=True):
+    """What is to be run, and where.
+
+    Parameters
+    ----------
+    roots : sequence of Path
+        Folders whose projects are run.
+    results : Path
+        The folder of results.
+    settings : TaskSettings
+    method : str
+        The method in words, for the overview.
+    scheduler : str or None
+        Its address; None: a cluster on this machine.
+    workers : int or None
+        Worker processes on this machine; None: as many as keep its cores busy.
+    """
+
+    roots: Sequence[Path]
+    results: Path
+    settings: TaskSettings = AS_USUAL
+    method: str = ""
+    scheduler: str | None = None
+    workers: int | None = None
+
+
+class ArchiveWatcher(Struct, frozen=True):
+    """Functions that are called as a run goes on: with the plan, when the cluster is there; with each reply."""
+
+    began: Callable[[ArchivePlan], None]
+    replied: Callable[[TaskReply, Progress], None]
+
+
+class ArchiveRun(Struct, frozen=True):
+    """A run that has come to its end."""
+
+    progress: Progress
+    collected: Collected
+
+
+def run_archive(request: ArchiveRequest, watcher: ArchiveWatcher) -> ArchiveRun:
+    """Adjust all projects that are not finished, and write tables and overview.
+
+    Raises
+    ------
+    UsageError
+        If there is no project, or Dask is not installed.
+    LockedError
+        If another run writes the same results.
+    LostClusterError
+        If the scheduler is lost; what is finished stays so.
+    OripError
+        If the workers do not fit, or the results cannot be written.
+    """
+    require_dask()
+    base, projects = find_projects(request.roots, request.results)
+    results = ResultsFolder(request.results.resolve())
+    workers = request.workers or cores() + math.ceil(cores() / _CORES_A_FURTHER_WORKER)
+    with _alone(results), connected(request.scheduler, workers) as client:
+        require_fit_workers(client, results.lock, forking=True)
+        names = tuple(project.name for project in projects)
+        dashboard = client.dashboard_link if request.scheduler else ""
+        plan = ArchivePlan(
+            str(base), names, request.settings.digest, request.method, __version__, dashboard, time.time()
+        )
+        write_plan(results, plan)
+        watcher.began(plan)
+        progress = Progress(len(projects))
+        tasks = _Tasks(client, request.settings, str(results.folder))
+        for reply in tasks.replies(projects):
+            progress.states[reply.state] += 1
+            progress.repeated += reply.repeated
+            progress.seconds = time.time() - plan.began
+            watcher.replied(reply, progress)
+    return ArchiveRun(progress, collect(results, plan))
+
+
+@contextmanager
+def _alone(results: ResultsFolder) -> Iterator[None]:
+    """Hold the lock of the results."""
+    with reporting_failure(results.folder, "remove the cause, or name another folder with --out"):
+        make_named_folder(results.folder)
+        make_file(results.lock)
+    try:
+        with locked(results.lock, str(results.folder), timeout=0.0):
+            yield
+    except LockedError:
+        message = f"another 'orip archive run' is writing {results.folder}; 'orip archive status' shows how far it is"
+        raise LockedError(message) from None
+
+
+class _Tasks(Struct):
+    """The tasks of a run at the scheduler."""
+
+    client: Client
+    settings: TaskSettings
+    results: str
+    token: str = field(default_factory=lambda: secrets.token_hex(4))
+    again: dict[str, int] = field(default_factory=dict)
+
+    def replies(self, projects: Iterable[ArchiveProject]) -> Iterator[TaskReply]:
+        """Hand out all projects, and yield how they end, in the order in which they end."""
+        from distributed import as_completed
+
+        futures: dict[str, Future] = {}
+        tasks: dict[str, ProjectTask] = {}
+        for project, waits in in_order(projects):
+            task = ProjectTask(project.name, project.folder, self.results, self.settings)
+            tasks[project.name] = task
+            futures[project.name] = self._submitted(task, [futures[name] for name in waits])
+        names = {future.key: name for name, future in futures.items()}
+        ended = as_completed(futures.values())
+        futures.clear()  # what nobody holds any longer leaves the scheduler's memory
+        for future in ended:
+            task = tasks[names.pop(future.key)]
+            reply = self._reply(future, task)
+            if reply is None:
+                repeated = self._submitted(task, [])
+                names[repeated.key] = task.name
+                ended.add(repeated)
+            else:
+                yield reply
+
+    def _submitted(self, task: ProjectTask, waits: Sequence[Future]) -> Future:
+        number = self.again.get(task.name, 0)
+        key = f"{task.name}-{self.token}-{number}"
+        return self.client.submit(
+            run_project, __version__, pickle.dumps(task), *waits, key=key, retries=_RETRIES, pure=False
+        )
+
+    def _reply(self, future: Future, task: ProjectTask) -> TaskReply | None:
+        """Return how a project ended; None if it is to be tried again."""
+        if future.status == "finished":
+            try:
+                reply: TaskReply = pickle.loads(future.result())
+            except Exception as error:
+                raise lost_cluster(self.client, _GO_ON) from error
+            return reply
+        if future.status != "error":  # cancelled, as all are when the scheduler goes
+            raise lost_cluster(self.client, _GO_ON)
+        failure = future.exception()
+        is_killed = type(failure).__name__ == "KilledWorker"
+        if not is_killed and not isinstance(failure, MachineFailureError):
+            message = f"a worker cannot adjust projects: {failure}"
+            raise OripError(message)
+        if is_killed and self.again.get(task.name, 0) < _RETRIES:
+            self.again[task.name] = self.again.get(task.name, 0) + 1
+            return None
+        what = "its workers died again and again" if is_killed else str(failure)
+        message = f"{what}; tried {_RETRIES + 1} times, and again by the next 'orip archive run'"
+        with reporting_failure(self.results, "remove the cause, then repeat the command"):
+            keep(task, "machine", message)
+        return TaskReply(task.name, "machine", message)

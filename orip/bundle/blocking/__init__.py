@@ -1,1 +1,0 @@
-"""Helmert's blocking: photo points by sub-blocks, each with its own normal equations, wherever it is computed."""

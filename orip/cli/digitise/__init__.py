@@ -1,1 +1,0 @@
-"""Commands that measure through the plate processor, and what they print."""

@@ -1,1 +1,0 @@
-"""`orip online`."""

@@ -1,1 +1,0 @@
-"""Conventions of other programs and of orip: rotations, image coordinates, cameras, and the test which reading fits."""

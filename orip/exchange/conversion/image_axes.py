@@ -1,0 +1,110 @@
+"""Image coordinates as other programs count them, rows down from the outer corner, and pixels that are not square."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.exchange.conversion.lenses.formulas import Parameters
+from orip.records.exchanged import ImageAxes, Lens
+from orip.records.project.camera import Sensor
+
+
+def pixels_from_axes(
+    image: FloatArray, axes: ImageAxes, frame: tuple[int, int], sensor_mm: tuple[float, float] | None
+) -> FloatArray:
+    """Return columns and rows (n, 2) as orip counts them.
+
+    Parameters
+    ----------
+    image : array (n, 2)
+        In `axes`.
+    axes : ImageAxes
+    frame : tuple of 2 int
+        Columns and rows.
+    sensor_mm : tuple of 2 float, or None
+        Width and height; needed for axes in mm.
+    """
+    scale, shift = _to_pixels(axes, frame, sensor_mm)
+    return image * scale + shift
+
+
+def axes_from_pixels(
+    pixels: FloatArray, axes: ImageAxes, frame: tuple[int, int], sensor_mm: tuple[float, float] | None
+) -> FloatArray:
+    """Return image coordinates (n, 2) in axes of orip's columns and rows; parameters as of `pixels_from_axes`."""
+    scale, shift = _to_pixels(axes, frame, sensor_mm)
+    return np.asarray((pixels - shift) / scale)
+
+
+def _to_pixels(
+    axes: ImageAxes, frame: tuple[int, int], sensor_mm: tuple[float, float] | None
+) -> tuple[FloatArray, FloatArray]:
+    size = np.array(frame, dtype=np.float64)
+    scale = np.ones(2)
+    if axes.unit == "mm":
+        if sensor_mm is None:
+            message = "coordinates in mm need the size of the sensor"
+            raise ValueError(message)
+        scale = size / np.array(sensor_mm)
+    if axes.y == "up":
+        scale = scale * np.array([1.0, -1.0])
+    shift = {"corner": np.zeros(2), "first_pixel": np.full(2, 0.5), "frame_centre": size / 2.0}[axes.origin]
+    return scale, shift
+
+
+# Unequal focal lengths of OpenCV and b1 of Metashape stretch the distorted image along x. Orip's B1 stretches the ideal
+# one. Measured in square pixels, columns being multiplied by fy / fx, the image of these lenses has no such affinity.
+
+
+_SQUARE = 1e-12
+"""By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
+
+_FX: frozenset[Lens] = frozenset(("opencv", "equidistant", "fisheye624", "fov", "eucm"))
+_B1: frozenset[Lens] = frozenset(("agisoft", "agisoft_fisheye"))
+
+
+def has_aspect(lens: Lens) -> bool:
+    """Return whether a lens has an affinity along x that follows its distortion."""
+    return lens in _FX or lens in _B1
+
+
+def pixel_aspect(lens: Lens, p: Parameters) -> float:
+    """Return the width of a lens' pixels in their heights; 1 where this is no property of the lens."""
+    if lens in _FX:
+        return p["fy"] / p["fx"]
+    wide = p["f"] + p["b1"] if lens in _B1 else 0.0
+    return p["f"] / wide if wide else 1.0
+
+
+def in_square_pixels(lens: Lens, p: Mapping[str, float], middle: float) -> dict[str, float]:
+    """Return the parameters of a lens for columns that are multiplied by its `pixel_aspect` from a middle column."""
+    aspect = pixel_aspect(lens, p)
+    found = {**p, "cx": middle + (p["cx"] - middle) * aspect}
+    if lens in _FX:
+        return {**found, "fx": p["fy"]}
+    return {**found, "b1": 0.0, "b2": p["b2"] * aspect} if lens in _B1 else dict(p)
+
+
+def in_given_pixels(lens: Lens, p: Mapping[str, float], aspect: float, middle: float) -> dict[str, float]:
+    """Return the parameters of a lens for columns divided by an aspect, the inverse of `in_square_pixels`."""
+    found = {**p, "cx": middle + (p["cx"] - middle) / aspect}
+    if lens in _FX:
+        return {**found, "fx": p["fx"] / aspect}
+    if lens in _B1:
+        return {**found, "b1": (p["f"] + p["b1"]) / aspect - p["f"], "b2": p["b2"] / aspect}
+    return dict(p)
+
+
+def aspect_of_sensor(sensor: Sensor, lens: Lens, axes: ImageAxes) -> tuple[float, float]:
+    """Return the aspect of a sensor's pixels that a lens can have, and the size of a pixel, mm."""
+    width, height = sensor.width / sensor.columns, sensor.height / sensor.rows
+    is_aspect_of_lens = has_aspect(lens) and axes.unit == "pixel" and abs(width / height - 1.0) > _SQUARE
+    return (width / height, height) if is_aspect_of_lens else (1.0, width)
+
+
+def stretched_image(image: FloatArray, aspect: float, middle: float) -> FloatArray:
+    """Return image coordinates (n, 2) with x multiplied by an aspect from a middle column."""
+    return np.asarray((image - [middle, 0.0]) * [aspect, 1.0] + [middle, 0.0])

@@ -1,1 +1,0 @@
-"""Tables with a heading, as spreadsheets write them: cameras, photos, observations, control, points, stations."""

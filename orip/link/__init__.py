@@ -1,1 +1,0 @@
-"""The link to a plate processor: the line protocol, the emulator that serves it, and the client."""

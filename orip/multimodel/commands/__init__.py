@@ -1,0 +1,3 @@
+"""Commands of the plate processor, `orip drive` and `orip digitise`, and what they print."""
+
+from __future__ import annotations

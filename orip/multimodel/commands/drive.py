@@ -1,0 +1,185 @@
+"""`orip drive`: the drive table of an oriented block, and the page that shows the plate processor."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from orip.cli.options import LINK_VARIABLE, BundleArgument, Invocation, command, group_of_commands
+from orip.cli.terminal import Terminal, warning_rows
+from orip.errors import InputError, OripError, ProjectWarning
+from orip.multimodel.commands import link
+from orip.multimodel.commands import link as emulator
+from orip.multimodel.commands import link as panel
+from orip.wording import counted
+
+if TYPE_CHECKING:
+    from orip.multimodel.link.watch import Watch
+    from orip.multimodel.table_step import DriveTableOutcome
+    from orip.web.page_server import WatchServer
+
+
+_ABOUT = "Drive in the oriented block: the drive table and the plate processor.\n\nExample: orip drive table"
+
+drive = group_of_commands("drive", _ABOUT, no_args_is_help=True)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group of commands."""
+    link.register(drive)
+    panel.register(drive)
+    emulator.register(drive)
+    app.add_typer(drive)
+
+
+@command(drive, "table")
+def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None:
+    """Write BUNDLE.DRV, what a plate processor needs to drive from model to model.
+
+    Orientations are those of the last adjustment, with the interior orientation that is in force now.
+
+    Example: orip drive table
+    """
+    from orip.multimodel.table_step import DRIVEN_FROM, make_drive_table
+    from orip.workflow.project.bundle_state import read_bundle
+    from orip.workflow.project.commit import commit
+
+    outcome = commit(make_drive_table(read_bundle(invocation.folder, bundle, *DRIVEN_FROM))).outcome
+    tell_table(invocation.terminal, outcome)
+    if invocation.terminal.json:
+        document = {
+            "command": "drive table",
+            "file": outcome.project.shown(outcome.path),
+            "changed": outcome.changed,
+            **_counts(outcome),
+            "start": list(outcome.table.start),
+            "warnings": warning_rows(outcome.warnings),
+        }
+        invocation.terminal.document("drive-table", document)
+
+
+def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
+    """Say what the drive table holds."""
+    terminal.warn(outcome.warnings)
+    what = ", ".join(counted(number, name[:-1]) for name, number in _counts(outcome).items())
+    state = "wrote    " if outcome.changed else "kept     "
+    terminal.say(f"{state}{outcome.project.shown(outcome.path)}: {what}")
+
+
+def tell_no_table(terminal: Terminal, error: InputError) -> None:
+    """Say why a bundle with models has no drive table."""
+    terminal.warn(
+        ProjectWarning("no-drive-table", "", f"no drive table: {complaint}") for complaint in error.complaints
+    )
+
+
+def _counts(outcome: DriveTableOutcome) -> dict[str, int]:
+    table = outcome.table
+    return {"cameras": len(table.cameras), "photos": len(table.photos), "models": len(table.models)}
+
+
+Link = Annotated[
+    str | None,
+    typer.Option(
+        "--link",
+        envvar=LINK_VARIABLE,
+        metavar="URL",
+        help="Show this plate processor, for example tcp://127.0.0.1:4788.",
+    ),
+]
+Listen = Annotated[
+    str,
+    typer.Option(
+        "--listen", metavar="HOST:PORT", help="Where the page is served, on this machine. Port 0: any that is free."
+    ),
+]
+ANY_PORT = "127.0.0.1:0"
+Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
+
+
+def register_watch(_app: typer.Typer) -> None:
+    """Add the command to the group `orip drive`."""
+    command(drive, "watch")(watch_command)
+
+
+def watch_command(
+    invocation: Invocation,
+    bundle: BundleArgument = None,
+    link: Link = None,
+    listen: Listen = ANY_PORT,
+    browser: Open = True,
+) -> None:
+    """Show the block in plan, the measuring mark and both plates in the browser; a click in the plan drives the mark.
+
+    Without --link (or ORIP_LINK) the page has a plate processor of its own. The page can be seen only from this
+    machine; Ctrl-C ends it.
+
+    Example: orip drive watch
+    """
+    from orip.multimodel.project_link import open_watch, watch_warnings
+    from orip.web.access import listening_address
+
+    address = listening_address(listen, ", which is where the page can be seen")
+    watch = open_watch(invocation.folder, bundle, link)
+    try:
+        invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
+        with _server(watch, address) as server:
+            invocation.terminal.answer("drive-watch", {"command": "drive watch", "url": server.url}, server.url)
+            invocation.terminal.flush()
+            invocation.terminal.say("Ctrl-C ends it")
+            _serve(server, browser=browser)
+    finally:
+        watch.close()
+
+
+def _server(watch: Watch, address: tuple[str, int]) -> WatchServer:
+    from orip.web.page_server import WatchServer
+
+    try:
+        return WatchServer(watch, address)
+    except OSError as error:
+        host, port = address
+        why = error.strerror or error
+        message = (
+            f"port {port} of {host} cannot be taken ({why}); choose another; any that is free: --listen {ANY_PORT}"
+        )
+        raise OripError(message) from error
+
+
+@contextmanager
+def _page_to_open(server: WatchServer) -> Iterator[str]:
+    """Yield what a browser is given to open: others can see its command, and with the token they could drive."""
+    from orip.web.access import private_file
+
+    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={server.url}"><a href="{server.url}">orip</a>'
+    try:
+        path = private_file(f"watch-{server.port}.html", page)
+    except (OSError, RuntimeError):
+        yield server.url.replace(f"{server.token}/", "")  # tells to take the address that was printed
+        return
+    try:
+        yield path.as_uri()
+    finally:
+        path.unlink(missing_ok=True)
+
+
+def _serve(server: WatchServer, *, browser: bool) -> None:
+    """Serve until Ctrl-C or SIGTERM, which are the way to end and no error."""
+    import webbrowser
+
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with _page_to_open(server) if browser else nullcontext() as page:
+            if page is not None:
+                # one that runs in this terminal comes back only when it is left
+                threading.Thread(target=webbrowser.open, args=(page,), daemon=True).start()
+            server.serve_forever(poll_interval=0.1)
+    except KeyboardInterrupt:
+        pass
+    finally:
+        signal.signal(signal.SIGTERM, before)

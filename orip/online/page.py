@@ -1,0 +1,215 @@
+"""A session that answers lines, whoever sends them, with the page that shows its photos and rays."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from orip.errors import OripError
+from orip.interior.mounting import frame_corners
+from orip.multimodel.link.watch import Document
+from orip.online.answers import State, words_of
+from orip.online.measuring import Measuring
+from orip.online.replies import Reply, reconsidered_of, reply_of, reply_to, shown
+from orip.online.sequential.observation_rows import ObservationKey
+from orip.online.session import OnlineSession
+from orip.records.names import record_key
+
+_CHECKED_RAYS = 3
+"""Rays from which an error of one of them shows in every direction."""
+
+
+class RayState(NamedTuple):
+    """A photo point, its stored coordinates and its state."""
+
+    photo: str
+    point: str
+    xy: tuple[float, float]
+    state: State
+
+
+def ray_states(measuring: Measuring) -> Iterator[RayState]:
+    """Yield all photo points that are measured, photo by photo.
+
+    Whether one is checked is told by the number of rays, and by control; an answer tells it from redundancy numbers.
+    """
+    block = measuring.block
+    included, is_checked = block.equations.included, _checked_points(measuring)
+    for photo in block.measurements.photos:
+        for point in block.measurements.points_in(photo):
+            key = ObservationKey("photo", photo, point)
+            xy = block.measurements.at(photo, point)
+            assert xy is not None, "it is measured"
+            if key in measuring.excluded:
+                yield RayState(photo, point, xy, "excluded")
+            elif key in measuring.suspects:
+                yield RayState(photo, point, xy, "suspect")
+            elif key not in included:
+                yield RayState(photo, point, xy, "waiting")
+            else:
+                yield RayState(photo, point, xy, "included" if point in is_checked else "unchecked")
+
+
+def _checked_points(measuring: Measuring) -> set[str]:
+    """Return the points with control, or with as many rays as check each other."""
+    rays: dict[str, int] = {}
+    for key in measuring.block.equations.included:
+        rays[key.point] = rays.get(key.point, 0) + (_CHECKED_RAYS if key.kind == "control" else 1)
+    return {point for point, count in rays.items() if count >= _CHECKED_RAYS}
+
+
+_LONGEST_HISTORY = 2000
+"""Values of sigma0 that are drawn."""
+
+_MOST_WAITING = 30
+"""Sentences about what waits that are shown."""
+
+
+class OnlinePage:
+    """A session as its page shows it. `state` may be called from several threads at once.
+
+    Parameters
+    ----------
+    session : OnlineSession
+    lock : lock
+        Held while a request is answered.
+    """
+
+    page = "online.html"
+
+    def __init__(self, session: OnlineSession, lock: threading.Lock) -> None:
+        self.scene: Document = {"project": session.bundle.name}
+        self.commands: Mapping[str, Callable[[Document], Document]] = {}
+        self._session, self._lock = session, lock
+        self._serial, self._is_old = 0, True
+        self._answer: Document = {}
+        self._history: list[float] = []
+        self._state: Document = {"photos": [], "suspects": [], "waiting": []}
+
+    def answered(self, reply: Document) -> None:
+        """Keep what was answered last; the lock is held."""
+        if "state" in reply or "error" in reply:
+            self._answer = reply
+        sigma0 = reply.get("sigma0")
+        if isinstance(sigma0, float):
+            self._history = [*self._history, sigma0][-_LONGEST_HISTORY:]
+        self._is_old = True
+
+    def state(self) -> Document:
+        """Return all photos with their points, mm, the last answer, what waits and sigma0 over time.
+
+        While something is reconsidered, the photos are those of before.
+        """
+        with self._lock:
+            if self._is_old:
+                self._serial += 1
+                is_busy = self._session.is_busy
+                photos = {} if is_busy else self._photos(self._session.measuring)
+                self._state = {**self._state, **photos, **self._answered(), "serial": self._serial}
+                self._is_old = is_busy
+            return self._state
+
+    def _photos(self, measuring: Measuring) -> Document:
+        records, interior = measuring.block.measurements.inputs.records, measuring.block.measurements.inputs.interior
+        photos: list[Document] = []
+        for name, group in groupby(ray_states(measuring), key=lambda ray: ray.photo):
+            rays = list(group)
+            corners = frame_corners(records.camera_of(records.photos[record_key(name)]))
+            places = interior.to_photo[record_key(name)].apply(np.array([ray.xy for ray in rays])).round(3).tolist()
+            photos.append(
+                {
+                    "name": name,
+                    "oriented": name in measuring.block.values.orientations,
+                    "frame": None if corners is None else [*corners[0].tolist(), *corners[1].tolist()],
+                    "points": [[ray.point, x, y, ray.state] for ray, (x, y) in zip(rays, places, strict=True)],
+                }
+            )
+        return {
+            "photos": photos,
+            "suspects": [words_of(key) for key in measuring.suspects],
+            "waiting": list(dict.fromkeys(measuring.waiting().values()))[:_MOST_WAITING],
+        }
+
+    def _answered(self) -> Document:
+        return {"answer": self._answer, "history": self._history}
+
+
+class ServedSession:
+    """A session, one request at a time; its page may be looked at meanwhile.
+
+    Parameters
+    ----------
+    session : OnlineSession
+    folder : Path
+    """
+
+    def __init__(self, session: OnlineSession, folder: Path) -> None:
+        self._session, self._folder = session, folder
+        self._lock = threading.Lock()
+        self.page = OnlinePage(session, self._lock)
+
+    def greeting(self) -> Reply:
+        """Return what a program is told first."""
+        with self._lock:
+            return shown(self._session)
+
+    def reply(self, line: str) -> Reply | None:
+        """Return the reply to a line; None: who has sent it wants to leave."""
+        with self._lock:
+            reply = reply_to(self._session, self._folder, line)
+            if reply is not None:
+                self.page.answered(reply)
+            return reply
+
+    def written(self, photo: str, point: str, xy: tuple[float, float] | None) -> Reply | None:
+        """Return the reply to what this program has written to a log; see `OnlineSession.written`."""
+        with self._lock:
+            answer = self._session.written(photo, point, xy)
+            if answer is None:
+                return None
+            reply = reply_of(self._session, answer)
+            self.page.answered(reply)
+            return reply
+
+    def on_news(self, wake: Callable[[], None]) -> None:
+        """Have a function called, in any thread, when `news` may have something to say."""
+        self._session.on_news(wake)
+
+    def news(self) -> Iterator[Reply]:
+        """Yield what has been reconsidered since, and replies to what others have written to measurement files."""
+        with self._lock:
+            replies = [*self._said_by(self._reconsidered()), *self._said_by(self._appended())]
+        yield from replies
+
+    def ended(self) -> Iterator[Reply]:
+        """Yield what is still to be reconsidered, when it is."""
+        with self._lock:
+            assert self._session.measuring, "waited for"
+            replies = list(self._said_by(self._reconsidered()))
+        yield from replies
+
+    def _reconsidered(self) -> Iterator[Reply]:
+        for answer in self._session.reconsidered():
+            reply = reconsidered_of(self._session, answer)
+            self.page.answered(reply["reconsidered"])
+            yield reply
+
+    def _appended(self) -> Iterator[Reply]:
+        for answer in self._session.appended():
+            reply = reply_of(self._session, answer)
+            self.page.answered(reply)
+            yield reply
+
+    def _said_by(self, replies: Iterator[Reply]) -> Iterator[Reply]:
+        """Yield replies, the last one being what is wrong where something is."""
+        try:
+            yield from replies
+        except OripError as error:
+            reply = {"error": str(error)}
+            self.page.answered(reply)
+            yield reply

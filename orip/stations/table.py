@@ -1,0 +1,198 @@
+"""Tables of stations with a heading: comma, semicolon, tab or blanks between the fields."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import Complaint
+from orip.files.text.lines import read_bytes
+from orip.files.text.shown import Parsed, shown_token
+from orip.records.gps_time import seconds_of_date
+from orip.records.names import name_fault
+from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs
+from orip.stations.rows import LARGEST_PLACE, Row, RowReader, rows_of
+from orip.units import RADIANS_PER_DEGREE
+
+HEADINGS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "photo": "photo image name label file filename imagename photoname id",
+        "time": "time gpstime gpst tow sow timestamp seconds datetime",
+        "longitude": "longitude lon long lng xlongitude",
+        "latitude": "latitude lat ylatitude",
+        "X": "x easting east e x0 xeasting xeast",
+        "Y": "y northing north n y0 ynorthing ynorth",
+        "Z": "z height h alt altitude elevation ellipsoidalheight ellh z0 zaltitude",
+        "aX": "ax sx sde stdx sigmax xsd accuracyx sdx stdlon sigmaeast sdeast",
+        "aY": "ay sy sdn stdy sigmay ysd accuracyy sdy stdlat sigmanorth sdnorth",
+        "aZ": "az sz sdu stdz sigmaz zsd accuracyz sdz stdheight sigmaup sdup",
+        "omega": "omega om",
+        "phi": "phi ph",
+        "kappa": "kappa ka",
+        "roll": "roll",
+        "pitch": "pitch",
+        "heading": "heading yaw",
+        "quality": "q quality fix status",
+        "strip": "strip line flightline session",
+    }
+)
+"""What orip takes from a table, and the headings, in small letters without units, by which it is recognised."""
+
+_QUALITY: Mapping[str, Quality] = {
+    "1": "fixed", "fix": "fixed", "fixed": "fixed", "50": "fixed", "2": "float", "float": "float", "34": "float",
+}  # fmt: skip
+_SEPARATORS = {",": ",", ";": ";", "\t": "\t"}
+
+
+def read_station_table(path: Path, shown: str, columns: Mapping[str, str] | None = None) -> Parsed[Epochs]:
+    """Read a table.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+    columns : mapping of str to str, optional
+        Headings by key of `HEADINGS`, where they are not recognised.
+    """
+    data, complaints = read_bytes(path, shown)
+    reader = RowReader(shown, list(complaints))
+    rows = [row for row in rows_of(data or b"", _separators(data or b"")) if row.fields[0][0] not in "!%"]
+    if not rows:
+        if not reader.complaints:
+            reader.complaints.append(Complaint("the table is empty; it needs a heading and rows", shown))
+        return Parsed(epochs(shown, np.zeros(0, dtype=np.int64)), tuple(reader.complaints))
+    places = _columns(reader, rows[0], columns or {})
+    records = []
+    for row in rows[1:]:
+        if reader.is_full or not places:
+            break
+        if len(row.fields) < len(rows[0].fields):
+            reader.complain(f"a field is missing, {len(row.fields)} found; the heading has {len(rows[0].fields)}", row)
+            continue
+        records.append(row)
+    return Parsed(_epochs(reader, records, places, rows[0]), tuple(reader.complaints))
+
+
+def _separators(data: bytes) -> str:
+    """Return the separators of a table by those of its heading; blanks around them do not count."""
+    heading = next((line for line in data.decode("utf-8", errors="replace").splitlines() if line.strip()), "")
+    mark = next((mark for mark in _SEPARATORS if mark in heading), None)
+    return r"\s" if mark is None else mark
+
+
+def _columns(reader: RowReader, heading: Row, wanted: Mapping[str, str]) -> dict[str, int]:
+    """Return the columns by key."""
+    written = [field.strip().strip('"') for field in heading.fields]
+    plain = [re.sub(r"\(.*?\)|\[.*?\]|[^a-z0-9]", "", field.lower()) for field in written]
+    found: dict[str, int] = {}
+    for key, names in HEADINGS.items():
+        if key in wanted:
+            if wanted[key] in written:
+                found[key] = written.index(wanted[key])
+            else:
+                shown = shown_token(wanted[key])
+                reader.complain(
+                    f"there is no column '{shown}'; there are: {', '.join(map(shown_token, written))}", heading
+                )
+            continue
+        named = [index for index, name in enumerate(plain) if name in names.split() and index not in found.values()]
+        if named:
+            found[key] = named[0]
+    if missing := _missing(found):
+        reader.complain(
+            f"no column is known as {missing}; the headings are: {', '.join(map(shown_token, written))}. "
+            f"Name the columns with --column KEY=HEADING; keys are: {', '.join(HEADINGS)}",
+            heading,
+        )
+        return {}
+    return found
+
+
+def _missing(found: Mapping[str, int]) -> str:
+    if "photo" not in found and "time" not in found:
+        return "photo or time"
+    place = {"longitude", "latitude"} if "longitude" in found or "latitude" in found else {"X", "Y"}
+    if found.keys() & {"longitude", "latitude", "X", "Y", "Z"}:
+        return ", ".join(sorted((place | {"Z"}) - found.keys()))
+    for group in (("omega", "phi", "kappa"), ("roll", "pitch", "heading")):
+        if found.keys() & set(group):
+            return ", ".join(key for key in group if key not in found)
+    return ""
+
+
+def _epochs(reader: RowReader, rows: Sequence[Row], places: Mapping[str, int], heading: Row) -> Epochs:
+    count = len(rows)
+
+    def column(key: str, least: float = -math.inf, largest: float = math.inf) -> FloatArray:
+        if key not in places:
+            return np.full(count, np.nan)
+        return np.array([_number(reader, row, places[key], least, largest) for row in rows], dtype=np.float64)
+
+    def triple(*keys: str, limit: float = math.inf) -> FloatArray:
+        return np.column_stack([column(key, -limit, limit) for key in keys]).reshape(count, 3)
+
+    is_geographic = "longitude" in places
+    if is_geographic:
+        place = triple("longitude", "latitude", "Z", limit=LARGEST_PLACE)
+        if len(place) and np.nanmax(np.abs(place[:, 1]), initial=0.0) > 90.0:
+            reader.complain("a latitude is beyond 90 degrees; are longitude and latitude exchanged?", heading)
+        place = place * [RADIANS_PER_DEGREE, RADIANS_PER_DEGREE, 1.0]
+    else:
+        place = triple("X", "Y", "Z", limit=LARGEST_PLACE)
+    errors = triple("aX", "aY", "aZ", limit=1e6)
+    mount: Mount = "photo" if "omega" in places else "body"
+    angles = triple("omega", "phi", "kappa") if mount == "photo" else triple("roll", "pitch", "heading")
+    time = np.array([_time(reader, row, places["time"]) if "time" in places else math.nan for row in rows])
+    return epochs(
+        reader.shown,
+        np.array([row.number for row in rows], dtype=np.int64),
+        photo=tuple(_name(reader, row, places["photo"]) if "photo" in places else "" for row in rows),
+        time=time,
+        has_week=bool((time > SECONDS_PER_WEEK).any()),
+        place=place,
+        is_geographic=is_geographic,
+        covariance=errors[:, :, None] * np.eye(3) * errors[:, None, :],
+        quality=tuple(_quality(row, places) for row in rows),
+        angles=angles * RADIANS_PER_DEGREE,
+        mount=mount,
+        strip=tuple(row.fields[places["strip"]].strip() if "strip" in places else "" for row in rows),
+    )
+
+
+def _number(reader: RowReader, row: Row, index: int, least: float, largest: float) -> float:
+    stripped = Row(row.number, tuple(field.strip().strip('"') for field in row.fields), row.column)
+    return reader.number(stripped, index, least, largest) if stripped.fields[index] else math.nan
+
+
+def _name(reader: RowReader, row: Row, index: int) -> str:
+    """Return the name of a photo: that of its file without folder and ending."""
+    written = re.split(r"[/\\]", row.fields[index].strip().strip('"'))[-1]
+    name = re.sub(r"\.(?:jpe?g|tiff?|png|dng|raw|arw|cr2|nef)$", "", written, flags=re.IGNORECASE)
+    if fault := name_fault(name):
+        reader.complain(fault, row, index)
+    return name
+
+
+def _time(reader: RowReader, row: Row, index: int) -> float:
+    written = row.fields[index].strip().strip('"')
+    dated = re.fullmatch(r"(\d{4}[-/:]\d{1,2}[-/:]\d{1,2})[T ]\s*(\d{1,2}:\d{2}:\d{2}(?:\.\d{1,9})?)Z?", written)
+    if dated is None:
+        return reader.number(Row(row.number, (written,), row.column[index : index + 1]), 0, 0.0, 1e12)
+    try:
+        return seconds_of_date(dated[1], dated[2])
+    except (ValueError, OverflowError):
+        reader.complain(f"'{shown_token(written)}' is not a time; write seconds, or yyyy-mm-ddThh:mm:ss", row, index)
+        return math.nan
+
+
+def _quality(row: Row, places: Mapping[str, int]) -> Quality:
+    if "quality" not in places:
+        return ""
+    return _QUALITY.get(row.fields[places["quality"]].strip().strip('"').lower(), "code")

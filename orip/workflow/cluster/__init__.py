@@ -1,1 +1,0 @@
-"""Dask: connecting to a cluster, and the passes over a block's tree as its tasks."""

@@ -1,1 +1,0 @@
-"""Measuring through the plate processor: what to drive to, who measures it, and the log that it leaves."""

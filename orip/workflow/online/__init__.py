@@ -1,1 +1,0 @@
-"""`orip online`: a session of measuring, its requests, and the log that keeps what is accepted."""

@@ -1,1 +1,0 @@
-"""Exposure stations from the files of GNSS and INS."""
