@@ -159,7 +159,7 @@ def _shown(given: OverviewInput, row: Row) -> dict[str, Cell | Sequence[str]]:
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    loader = PackageLoader("orip.report", "page")
+    loader = PackageLoader("orip.archive", "page")
     environment = Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

@@ -242,8 +242,7 @@ _SILENT = RunWatcher(
     measured=lambda _: None,
     solving=NOBODY,
     solved=lambda _: None,
-    tabled=lambda _: None,
-    not_tabled=lambda _: None,
+    driven=lambda _: None,
 )
 
 

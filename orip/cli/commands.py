@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import typer
 from typer.main import get_group
 
+from orip import annexes
 from orip.cli.conversion import Group
 
 
 class Listed(NamedTuple):
-    """What `orip --help` says of a command, and the modules that register it."""
+    """What `orip --help` says of a command, and the modules that register it; none for those of annexes."""
 
     text: str
     modules: tuple[str, ...]
@@ -50,7 +51,7 @@ COMMANDS: Mapping[str, Listed] = {
     ),
     "online": Listed(
         "Answer measurements while they are made: each is tested, and a wrong one is named at once.",
-        ("online.commands",),
+        (),
     ),
     "update": Listed(
         "Take values of the last adjustment as preliminary values, but only those of its unknowns.", ("adjust.update",)
@@ -66,23 +67,19 @@ COMMANDS: Mapping[str, Listed] = {
     "dump": Listed("Print a record store as canonical text: equal data give equal text.", ("project.stores",)),
     "load": Listed("Replace a record store's content by that of a dump, all or nothing.", ("project.stores",)),
     "export-toml": Listed("Bring the record stores into the text: a complete orip.toml.", ("project.export_toml",)),
-    "import": Listed("Make a project folder of a project of another program.", ("exchange.import_project",)),
-    "export": Listed(
-        "Write the result of the last adjustment in the format of another program.", ("exchange.export_project",)
-    ),
+    "import": Listed("Make a project folder of a project of another program.", ()),
+    "export": Listed("Write the result of the last adjustment in the format of another program.", ()),
     "adjust": Listed(
         "Adjust a project of another program: import, run, report, and the result written back, in one command.",
-        ("project.adjust_source",),
+        (),
     ),
     "prelim": Listed(
         "Preliminary values of photos and points, from measurements and control only.", ("adjust.prelim",)
     ),
-    "drive": Listed(
-        "Drive in the oriented block: the drive table and the plate processor.", ("drive.commands", "drive.watch")
-    ),
+    "drive": Listed("Drive in the oriented block: the drive table and the plate processor.", ()),
     "digitise": Listed(
         "Measure through the plate processor: it drives, the operator sets the mark and presses the foot switch.",
-        ("digitise.commands",),
+        (),
     ),
     "observations": Listed(
         "Photo observations: list, disregard, include, kill, measure again.", ("observations.commands",)
@@ -99,8 +96,8 @@ COMMANDS: Mapping[str, Listed] = {
     "control": Listed(
         "Ground control and preliminary coordinates, line by line; comments and order of the files stay.", ("control",)
     ),
-    "stations": Listed("Exposure stations from GNSS and INS.", ("stations",)),
-    "archive": Listed("Many projects at once, on the cores of this machine or of many.", ("archive.commands",)),
+    "stations": Listed("Exposure stations from GNSS and INS.", ()),
+    "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""
 
@@ -134,8 +131,9 @@ class LateCommands(dict[str, Any]):
 
 def _loaded(name: str) -> Any:
     app = typer.Typer(rich_markup_mode=None)
-    for module in COMMANDS[name].modules:
-        import_module(f"orip.cli.{module}").register(app)
+    modules = [f"orip.cli.{module}" for module in COMMANDS[name].modules] or [annexes.COMMANDS[name]]
+    for module in modules:
+        import_module(module).register(app)
     return get_group(app).commands[name]
 
 

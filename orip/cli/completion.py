@@ -1,4 +1,4 @@
-"""What completion of the shell offers for names: of bundles, photos, cameras, points, control, samples and formats.
+"""What completion of the shell offers for names: of bundles, photos, cameras, points, control and samples.
 
 What cannot be read offers nothing: a shell has no place for messages while it completes.
 """
@@ -21,34 +21,13 @@ def samples(incomplete: str) -> list[str]:
     """Return the names of the sample projects."""
     from orip.workflow.sample_projects import SAMPLES
 
-    return _that_begin(SAMPLES, incomplete)
-
-
-def imported(context: typer.Context, incomplete: str) -> list[str]:
-    """Return the formats that can be imported, and the files and folders that begin so; after a format these alone."""
-    from orip.exchange.formats import FORMATS
-
-    formats = [] if context.params.get("words") else [form.name for form in FORMATS if form.read is not None]
-    folder = _folder(context)
-    above = incomplete[: incomplete.rfind("/") + 1]
-    try:
-        files = sorted(f"{above}{path.name}{'/' * path.is_dir()}" for path in (folder / above).iterdir())
-    except OSError:
-        files = []
-    return _that_begin((*formats, *files), incomplete)
-
-
-def formats_written(incomplete: str) -> list[str]:
-    """Return the formats that can be exported."""
-    from orip.exchange.formats import FORMATS
-
-    return _that_begin((form.name for form in FORMATS if form.write is not None), incomplete)
+    return that_begin(SAMPLES, incomplete)
 
 
 def bundles(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the project's bundles."""
     state = _state(context)
-    return _that_begin(state.project.bundle_names if state else (), incomplete)
+    return that_begin(state.project.bundle_names if state else (), incomplete)
 
 
 def photos(context: typer.Context, incomplete: str) -> list[str]:
@@ -70,7 +49,7 @@ def points(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names of the points that are measured in photos."""
     state = _state(context, with_points=True)
     observations = state.measured.observations.values() if state else ()
-    return _that_begin((point for bundle in observations for point in bundle.points), incomplete)
+    return that_begin((point for bundle in observations for point in bundle.points), incomplete)
 
 
 def of_results(context: typer.Context, incomplete: str) -> list[str]:
@@ -97,10 +76,10 @@ def lines_of_control(context: typer.Context, incomplete: str) -> list[str]:
     if kind is None:
         return []
     try:
-        table = list_control(read_project(_folder(context)), kind, context.params.get("bundle"))
+        table = list_control(read_project(folder_of(context)), kind, context.params.get("bundle"))
     except (OripError, OSError):
         return []
-    return _that_begin((fields[0] or "" for _, fields, _ in table.rows), incomplete)
+    return that_begin((fields[0] or "" for _, fields, _ in table.rows), incomplete)
 
 
 def of_group(context: typer.Context, incomplete: str) -> list[str]:
@@ -116,7 +95,7 @@ def _records(context: typer.Context, kind: str, incomplete: str) -> list[str]:
     if state is None:
         return []
     stored = [stored.record.name for stored in getattr(state.definitions, kind)]
-    return _that_begin([*(record.name for record in getattr(state.project.definition, kind)), *stored], incomplete)
+    return that_begin([*(record.name for record in getattr(state.project.definition, kind)), *stored], incomplete)
 
 
 def _state(context: typer.Context, *, with_points: bool = False) -> ProjectState | None:
@@ -125,14 +104,16 @@ def _state(context: typer.Context, *, with_points: bool = False) -> ProjectState
 
     parts = ("definitions", "marks", "observations") if with_points else ("definitions",)
     try:
-        return read_project(_folder(context), *parts)
+        return read_project(folder_of(context), *parts)
     except (OripError, OSError):
         return None
 
 
-def _folder(context: typer.Context) -> Path:
+def folder_of(context: typer.Context) -> Path:
+    """Return the folder that the command line is about."""
     return Path(context.find_root().params.get("folder") or Path())
 
 
-def _that_begin(names: Iterable[str], incomplete: str) -> list[str]:
+def that_begin(names: Iterable[str], incomplete: str) -> list[str]:
+    """Return the names that begin so, each once."""
     return [name for name in dict.fromkeys(names) if name.startswith(incomplete)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from orip.cli.completion import formats_written, imported
+from orip.cli.completion import folder_of, that_begin
 from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
@@ -21,9 +21,30 @@ if TYPE_CHECKING:
     from orip.exchange.project.imported import ImportedProject
 
 
+def _imported(context: typer.Context, incomplete: str) -> list[str]:
+    """Return the formats that can be imported, and the files and folders that begin so; after a format these alone."""
+    from orip.exchange.formats import FORMATS
+
+    formats = [] if context.params.get("words") else [form.name for form in FORMATS if form.read is not None]
+    folder = folder_of(context)
+    above = incomplete[: incomplete.rfind("/") + 1]
+    try:
+        files = sorted(f"{above}{path.name}{'/' * path.is_dir()}" for path in (folder / above).iterdir())
+    except OSError:
+        files = []
+    return that_begin((*formats, *files), incomplete)
+
+
+def _formats_written(incomplete: str) -> list[str]:
+    """Return the formats that can be exported."""
+    from orip.exchange.formats import FORMATS
+
+    return that_begin((form.name for form in FORMATS if form.write is not None), incomplete)
+
+
 WORDS = typer.Argument(
     metavar="[FORMAT] SOURCE [DIR]",
-    autocompletion=imported,
+    autocompletion=_imported,
     help="Format, its file or folder, and the new project's folder.",
 )
 
@@ -52,8 +73,12 @@ class SourceOptions(NamedTuple):
 
 
 def register(app: typer.Typer) -> None:
-    """Add the command."""
+    """Add the commands."""
+    _register_import(app)
+    _register_export(app)
 
+
+def _register_import(app: typer.Typer) -> None:
     @command(app, "import")
     def import_command(
         invocation: Invocation,
@@ -181,16 +206,14 @@ def tell_import(terminal: Terminal, imported: ImportedProject, folder: Path, *, 
         )
 
 
-def register_export(app: typer.Typer) -> None:
-    """Add the command."""
-
+def _register_export(app: typer.Typer) -> None:
     @command(app, "export")
     def export_command(
         invocation: Invocation,
         format_name: Annotated[
             str | None,
             typer.Argument(
-                metavar="FORMAT", autocompletion=formats_written, help="Default: that of the imported project."
+                metavar="FORMAT", autocompletion=_formats_written, help="Default: that of the imported project."
             ),
         ] = None,
         target: Annotated[Path | None, typer.Argument(metavar="DEST", help="New folder, or file.")] = None,

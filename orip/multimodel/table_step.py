@@ -21,10 +21,10 @@ from orip.records.project.definition import StereoModel, plan_stages
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Stage
 from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.commit import Change
+from orip.workflow.project.commit import Change, commit
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import Step
-from orip.workflow.project.state import Part
+from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import raise_complaints
 
@@ -40,6 +40,14 @@ class DriveTableOutcome(Struct, frozen=True):
     path: Path
     changed: bool
     warnings: tuple[ProjectWarning, ...]
+
+
+def table_of_run(state: ProjectState, bundle: str) -> DriveTableOutcome | InputError:
+    """Make the drive table in `orip run`; models that cannot be driven do not make the adjustment fail."""
+    try:
+        return commit(make_drive_table(BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle))).outcome
+    except InputError as error:
+        return error
 
 
 def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:

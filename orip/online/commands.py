@@ -19,7 +19,6 @@ from orip.errors import OripError, UsageError
 from orip.threads import begin_thread, limited_threads
 
 if TYPE_CHECKING:
-    from orip.cli.options import Invocation
     from orip.online.page import ServedSession
     from orip.online.replies import Reply
 
@@ -120,6 +119,23 @@ Listen = Annotated[
     typer.Option("--listen", metavar="HOST:PORT", help="Serve several programs instead of stdin; one may write."),
 ]
 Page = Annotated[bool, typer.Option("--page", help="Show the session in the browser: its address is printed.")]
+
+
+def tell_next(invocation: Invocation, bundle: str | None) -> None:
+    """Tell what is worth measuring next, the most profitable first."""
+    from orip.online.replies import shown
+    from orip.online.requests import Request
+    from orip.online.session import OnlineSession
+
+    session = OnlineSession(invocation.folder, bundle)
+    invocation.terminal.warn(session.warnings)
+    advised = shown(session, Request("show", what="todo"))["todo"]
+    if invocation.terminal.json:
+        document = {"command": "observations todo", "bundle": session.bundle.name, "next": advised}
+        invocation.terminal.document("todo-next", document)
+        return
+    for one in advised:
+        invocation.terminal.data(f"{one['gain']:5.1f} bit  {one['text']}\n")
 
 
 def register(app: typer.Typer) -> None:

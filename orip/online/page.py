@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
@@ -12,13 +13,13 @@ import numpy as np
 
 from orip.errors import OripError
 from orip.interior.mounting import frame_corners
-from orip.multimodel.link.watch import Document
 from orip.online.answers import State, words_of
 from orip.online.measuring import Measuring
 from orip.online.replies import Reply, reconsidered_of, reply_of, reply_to, shown
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.session import OnlineSession
 from orip.records.names import record_key
+from orip.web.page_server import Document
 
 _CHECKED_RAYS = 3
 """Rays from which an error of one of them shows in every direction."""
@@ -80,9 +81,8 @@ class OnlinePage:
         Held while a request is answered.
     """
 
-    page = "online.html"
-
     def __init__(self, session: OnlineSession, lock: threading.Lock) -> None:
+        self.page = files("orip.online") / "page" / "online.html"
         self.scene: Document = {"project": session.bundle.name}
         self.commands: Mapping[str, Callable[[Document], Document]] = {}
         self._session, self._lock = session, lock

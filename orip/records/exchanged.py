@@ -1,7 +1,7 @@
 """A project as another program has it: cameras, photos, points and rays in that program's own conventions.
 
 Readers of `orip.exchange` return it and writers take it. What its numbers mean is declared beside them (`ImageAxes`,
-`PoseReading`, `Lens`); `orip.exchange.conversion.__init__` takes them to orip's conventions and back.
+`PoseReading`, `Lens`); `orip.exchange.conversion` takes them to orip's conventions and back.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Lens = Literal[
     "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
     "agisoft_fisheye", "unsupported",
 ]  # fmt: skip
-"""Formula of a camera; `orip.exchange.conversion.lenses.__init__` has them, with the names of their parameters."""
+"""Formula of a camera; `orip.exchange.conversion.lenses` has them, with the names of their parameters."""
 
 
 class ImageAxes(Struct, frozen=True):

@@ -20,12 +20,15 @@ import time
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
-from importlib.resources import files
+from importlib.resources.abc import Traversable
 from socketserver import ThreadingTCPServer
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
-from orip.multimodel.link.watch import Document, RequestError
+from orip.errors import OripError
+
+Document = dict[str, Any]
+"""JSON."""
 
 HOST = "127.0.0.1"
 
@@ -46,20 +49,24 @@ _POLICY = (
 )
 
 
+class RequestError(OripError):
+    """What a page asks for cannot be understood."""
+
+
 class Watched(Protocol):
     """What a page shows, as JSON documents; called from several threads at once.
 
     Attributes
     ----------
-    page : str
-        File name of the page.
+    page : Traversable
+        The page, a file of a package.
     scene : document
         What stays.
     commands : mapping
         What can be asked for, by the words of the requests.
     """
 
-    page: str
+    page: Traversable
     scene: Document
     commands: Mapping[str, Callable[[Document], Document]]
 
@@ -89,7 +96,7 @@ class WatchServer(ThreadingTCPServer):
     def __init__(self, watch: Watched, address: tuple[str, int] = (HOST, 0)) -> None:
         self.watch = watch
         self.token = secrets.token_urlsafe(16)
-        self.page = files("orip.multimodel.link.__init__").joinpath("page", watch.page).read_bytes()
+        self.page = watch.page.read_bytes()
         self.scene = _json(watch.scene)
         self.ending = threading.Event()
         self.streams = threading.BoundedSemaphore(MOST_STREAMS)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 from msgspec import Struct
 
+from orip.annexes import DRIVE_STEPS, annex
 from orip.bundle.methods import Method
-from orip.errors import InputError
 from orip.solving.solve import PLAIN, SolveWatcher
 from orip.workflow.adjust.gates import project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve
@@ -20,9 +20,6 @@ from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
-
-if TYPE_CHECKING:
-    from orip.multimodel.table_step import DriveTableOutcome
 
 
 class RunSettings(Struct, frozen=True):
@@ -56,14 +53,13 @@ EVERYTHING = RunSettings()
 
 
 class RunWatcher(Struct, frozen=True):
-    """Functions that are called after each step."""
+    """Functions that are called after each step; `driven` with the drive table of a bundle with models, or why not."""
 
     initialised: Callable[[Initialised], None]
     measured: Callable[[Committed[MeasureOutcome]], None]
     solving: SolveWatcher
     solved: Callable[[Committed[SolveOutcome]], None]
-    tabled: Callable[[DriveTableOutcome], None]
-    not_tabled: Callable[[InputError], None]
+    driven: Callable[[Any], None]
 
 
 def run(
@@ -95,20 +91,7 @@ def run(
         watcher.solved(solved)
         status = solved.outcome.solution.status
         if status in {"converged", "doubtful"} and bundle.definition.models:
-            _make_table(state, name, watcher)
+            watcher.driven(annex(DRIVE_STEPS).table_of_run(state, name))  # few bundles have models
         if status == "stopped":
             break
     return tuple(outcomes)
-
-
-def _make_table(state: ProjectState, bundle: str, watcher: RunWatcher) -> None:
-    """Make the drive table; models that cannot be driven do not make the adjustment fail."""
-    from orip.multimodel.table_step import DRIVEN_FROM, make_drive_table  # few bundles have models
-
-    try:
-        given = BundleState(state.read_again(*DRIVEN_FROM, bundles=[bundle]), bundle)
-        outcome = commit(make_drive_table(given)).outcome
-    except InputError as error:
-        watcher.not_tabled(error)
-    else:
-        watcher.tabled(outcome)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from msgspec import Struct
 
+from orip.annexes import DOWNLOAD_STEP, DRIVE_STEPS, annex
 from orip.errors import ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
@@ -68,9 +69,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
     if link is not None and any(map(_is_driven(state), project.bundle_names)):
-        from orip.multimodel.loaded_table import download_step  # few projects have a plate processor
-
-        download = download_step(state, link)
+        download: Step | ProjectWarning = annex(DOWNLOAD_STEP).download_step(state, link)
         if isinstance(download, Step):
             steps.append(download)
         elif is_there:
@@ -110,10 +109,9 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
 def _drive_steps(state: ProjectState) -> Iterator[Step]:
     for name in state.project.bundle_names:
         if state.definitions.bundle(name).models:
-            from orip.multimodel.table_step import DRIVEN_FROM, drive_step  # few bundles have models
-
-            bundle = state.read_again(*DRIVEN_FROM, bundles=[name])
-            step = drive_step(BundleState(bundle, name))
+            driving = annex(DRIVE_STEPS)  # few bundles have models
+            bundle = state.read_again(*driving.DRIVEN_FROM, bundles=[name])
+            step: Step | None = driving.drive_step(BundleState(bundle, name))
             if step is not None:
                 yield step
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import PINHOLE
-from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 
 from orip.exchange.conversion.cameras import (
     convert_camera,
@@ -18,6 +17,7 @@ from orip.exchange.conversion.determined import unknown_parameters
 from orip.exchange.conversion.image_axes import axes_from_pixels, pixels_from_axes
 from orip.exchange.conversion.lenses.exact_forms import parameters_from_polynomial, polynomial_from_parameters
 from orip.exchange.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
+from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

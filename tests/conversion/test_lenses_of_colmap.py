@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 
 from orip.exchange.colmap.model import ColmapCamera, ColmapModel, no_points
 from orip.exchange.colmap.reader import project_of_model
@@ -17,6 +16,7 @@ from orip.exchange.conversion.cameras import (
     pixels_of_directions,
 )
 from orip.exchange.conversion.lenses.fit import has_pole
+from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.records.exchanged import PIXELS, ExchangedCamera
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

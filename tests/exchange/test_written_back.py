@@ -10,12 +10,12 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange import test_metashape, test_opensfm
 from exchange.imported import read_well, reprojected, sample, with_frame
-from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError
 from reference.published_data import data_set
 
 from orip.errors import InputError
 from orip.exchange.conversion.cameras import convert_camera, export_camera, pixels_of_directions
 from orip.exchange.conversion.poses import exchanged_poses, orip_poses
+from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named
 from orip.exchange.metashape.source import read_metashape

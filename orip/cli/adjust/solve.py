@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from orip.annexes import DIVIDED_BLOCK, annex
 from orip.cli.adjust.method import MethodOptions
 from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
@@ -20,7 +21,6 @@ from orip.threads import limited_threads
 from orip.wording import counted
 
 if TYPE_CHECKING:
-    from orip.archive.cluster.divided_block import Moved
     from orip.bundle.problem import BlockProblem
     from orip.records.block import Block
     from orip.records.results.solution import IterationPass
@@ -56,9 +56,7 @@ class ClusterOptions(NamedTuple):
         if self.dask is None:
             yield
             return
-        from orip.archive.cluster.divided_block import columns_of_project
-
-        with columns_of_project(project):
+        with annex(DIVIDED_BLOCK).columns_of_project(project):
             yield
 
     @contextmanager
@@ -82,13 +80,12 @@ class ClusterOptions(NamedTuple):
             yield pose_problem, watcher
             return
         self._require_own_workers()
-        from orip.archive.cluster.divided_block import ClusterRequest, divided_blocks
-
+        divided = annex(DIVIDED_BLOCK)
         scheduler = None if self.dask == _LOCAL else self.dask
-        with divided_blocks(
-            ClusterRequest(scheduler, self.workers, _MEGABYTE * (self.worker_memory or 0)), project
-        ) as (blocks):
-            moved: list[Moved] = []
+        with divided.divided_blocks(
+            divided.ClusterRequest(scheduler, self.workers, _MEGABYTE * (self.worker_memory or 0)), project
+        ) as blocks:
+            moved: list[Any] = []
 
             def passed(row: IterationPass) -> None:
                 watcher.passed(row)
@@ -116,7 +113,7 @@ class ClusterOptions(NamedTuple):
             raise UsageError(message)
 
 
-def _moved_text(moved: Moved) -> str:
+def _moved_text(moved: Any) -> str:
     parts = (moved.there, moved.back, moved.between)
     there, back, between = (f"{part / _MEGABYTE:.1f}" for part in parts)
     return (

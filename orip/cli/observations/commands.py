@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.completion import photos, points
 from orip.cli.conversion import require_confirmation
 from orip.cli.editing import DryRunOption, EditOptions, YesOption
@@ -158,23 +159,6 @@ def _edited(
     return edit_observations(state, _ACTIONS[verb], _WHAT[what], owner, names, bundle=bundle, is_trial=dry_run)
 
 
-def _tell_next(invocation: Invocation, bundle: str | None) -> None:
-    """Tell what is worth measuring next, the most profitable first."""
-    from orip.online.replies import shown
-    from orip.online.requests import Request
-    from orip.online.session import OnlineSession
-
-    session = OnlineSession(invocation.folder, bundle)
-    invocation.terminal.warn(session.warnings)
-    advised = shown(session, Request("show", what="todo"))["todo"]
-    if invocation.terminal.json:
-        document = {"command": "observations todo", "bundle": session.bundle.name, "next": advised}
-        invocation.terminal.document("todo-next", document)
-        return
-    for one in advised:
-        invocation.terminal.data(f"{one['gain']:5.1f} bit  {one['text']}\n")
-
-
 def _register_again(group: typer.Typer) -> None:
     @command(group, "todo")
     def todo_command(
@@ -194,7 +178,7 @@ def _register_again(group: typer.Typer) -> None:
             if output is not None:
                 message = "--next lists places in photos on the terminal; leave --output out"
                 raise UsageError(message)
-            _tell_next(invocation, bundle)
+            annex(MEASURING_ONLINE).tell_next(invocation, bundle)
             return
         from orip.workflow.observations.listed import LISTED_FROM
         from orip.workflow.observations.todo import measure_again

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from orip.annexes import DRIVE_WORDS, annex
 from orip.cli.adjust.method import MethodOptions
 from orip.cli.adjust.progress import AllPhotos, exit_code, solve_watcher, tell_solution
 from orip.cli.adjust.report import Report, tell_report
@@ -16,7 +17,6 @@ from orip.cli.observations import measure
 from orip.cli.options import Invocation, command
 from orip.cli.project import init
 from orip.cli.terminal import Terminal
-from orip.multimodel.commands.drive import tell_no_table, tell_table
 from orip.threads import limited_threads
 
 if TYPE_CHECKING:
@@ -75,8 +75,7 @@ def run_project(
         measured=partial(measure.tell, terminal),
         solving=solve_watcher(terminal),
         solved=partial(tell_solution, terminal),
-        tabled=partial(tell_table, terminal),
-        not_tabled=partial(tell_no_table, terminal),
+        driven=partial(_tell_drive, terminal),
     )
     with limited_threads(terminal.threads):
         state = read_checked_project(folder, *INITIALISED_FROM)
@@ -91,3 +90,7 @@ def run_project(
     elif terminal.json:
         terminal.document("results", {"command": "run", "results": [result_document(one) for one in solutions]})
     return max((exit_code(outcome, all_wanted=all_photos) for outcome in outcomes), default=0)
+
+
+def _tell_drive(terminal: Terminal, made: Any) -> None:
+    annex(DRIVE_WORDS).tell_made(terminal, made)  # few bundles have models

@@ -6,7 +6,6 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.exchange.conversion.__init__.unsuitable_cameras import UnsuitableCameraError, named, require_possible
 from orip.exchange.conversion.image_axes import (
     aspect_of_sensor,
     axes_from_pixels,
@@ -31,6 +30,7 @@ from orip.exchange.conversion.lenses.table import (
     image_of_directions,
     lens_parameters,
 )
+from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError, named, require_possible
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens

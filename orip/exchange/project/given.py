@@ -8,7 +8,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.exchange.format import PIXEL_MM
-from orip.exchange.project.names_table import NamesTable
+from orip.exchange.sources.names_table import NamesTable
 from orip.geometry.ground_frame import GroundFrame
 from orip.interior.image_coordinates import sensor_transformation
 from orip.records.names import record_key

@@ -13,9 +13,9 @@ from orip.errors import Complaint, InputError, UsageError
 from orip.exchange.format import Format
 from orip.exchange.formats import FORMATS, FORMATS_READ, format_named, guessed_format
 from orip.exchange.project.block import ExchangeSettings, ImportedBlock, imported_block
-from orip.exchange.project.names_table import SOURCE_FILE, place_from
 from orip.exchange.project.temporary import write_whole_folder
 from orip.exchange.project.texts import ImportedTexts, ImportSource, imported_texts
+from orip.exchange.sources.names_table import SOURCE_FILE, place_from
 from orip.files.control.text import read_control
 from orip.files.log.text import read_measurements
 from orip.files.project.file_names import IGNORE_FILE, IGNORED

@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from orip.exchange.project.names_table import NAMES_FILE, TRACK_MARK, read_names
+from orip.exchange.sources.names_table import NAMES_FILE, TRACK_MARK, read_names
 from orip.records.exchanged import ExchangedPoints, ExchangedProject
 from orip.records.names import COMMENT_MARKS, RESERVED_NAMES, record_key
 from orip.structs import replace

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
+from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.completion import cameras, photos, points, templates
 from orip.cli.late_groups import add_group
 from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, command
@@ -224,11 +225,11 @@ def points_command(
     from orip.multimodel.digitising.new_points import NewPointsChoice, digitise_new_points
     from orip.multimodel.digitising.points import Viewing, digitise_points
     from orip.multimodel.digitising.wanted import PointChoice
-    from orip.online.commands import answered_online
 
     setup = instrument.setup(invocation, log, dry_run=dry_run)
     viewing: Viewing | None = None if stereo is None else "stereo" if stereo else "mono"
-    with answered_online(invocation, bundle) if online and not dry_run else nullcontext() as written:
+    answered = annex(MEASURING_ONLINE).answered_online(invocation, bundle) if online and not dry_run else nullcontext()
+    with answered as written:
         if new:
             _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
             chosen = NewPointsChoice(tuple(photo or ()), model, first)

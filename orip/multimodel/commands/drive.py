@@ -14,8 +14,6 @@ from orip.cli.options import LINK_VARIABLE, BundleArgument, Invocation, command,
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import InputError, OripError, ProjectWarning
 from orip.multimodel.commands import link
-from orip.multimodel.commands import link as emulator
-from orip.multimodel.commands import link as panel
 from orip.wording import counted
 
 if TYPE_CHECKING:
@@ -32,8 +30,9 @@ drive = group_of_commands("drive", _ABOUT, no_args_is_help=True)
 def register(app: typer.Typer) -> None:
     """Add the group of commands."""
     link.register(drive)
-    panel.register(drive)
-    emulator.register(drive)
+    link.register_panel(drive)
+    link.register_emulator(drive)
+    command(drive, "watch")(watch_command)
     app.add_typer(drive)
 
 
@@ -61,6 +60,14 @@ def table_command(invocation: Invocation, bundle: BundleArgument = None) -> None
             "warnings": warning_rows(outcome.warnings),
         }
         invocation.terminal.document("drive-table", document)
+
+
+def tell_made(terminal: Terminal, made: DriveTableOutcome | InputError) -> None:
+    """Say what `orip run` made of a bundle with models: a drive table, or why there is none."""
+    if isinstance(made, InputError):
+        tell_no_table(terminal, made)
+    else:
+        tell_table(terminal, made)
 
 
 def tell_table(terminal: Terminal, outcome: DriveTableOutcome) -> None:
@@ -100,11 +107,6 @@ Listen = Annotated[
 ]
 ANY_PORT = "127.0.0.1:0"
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
-
-
-def register_watch(_app: typer.Typer) -> None:
-    """Add the command to the group `orip drive`."""
-    command(drive, "watch")(watch_command)
 
 
 def watch_command(

@@ -6,11 +6,11 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from importlib.resources import files
 
 import numpy as np
 
-from orip.errors import LinkError, OripError
+from orip.errors import LinkError
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.link.watch_processor import WatchedProcessor
 from orip.multimodel.movement import KEYS
@@ -20,8 +20,7 @@ from orip.multimodel.plan_view import PlanView
 from orip.multimodel.state import SIDES, Side
 from orip.records.drive_table import STAGES, Triple
 from orip.records.project.photo import Stage
-
-Document = dict[str, Any]
+from orip.web.page_server import Document, RequestError
 
 FRESH_S = 0.04
 """A state as old as this is still shown: many pages ask the plate processor no more often than one."""
@@ -30,10 +29,6 @@ AXES = ("X", "Y", "Z")
 """What the object axes are called; in the local frame of a crs they are `LOCAL_AXES`."""
 
 LOCAL_AXES = ("east", "north", "up")
-
-
-class RequestError(OripError):
-    """What a page asks for cannot be understood."""
 
 
 class Watch:
@@ -53,7 +48,7 @@ class Watch:
     def __init__(
         self, block: OrientedBlock, plan: PlanView, processor: WatchedProcessor, axes: tuple[str, str, str] = AXES
     ) -> None:
-        self.page = "watch.html"
+        self.page = files("orip.multimodel.link") / "page" / "watch.html"
         self.scene = scene_document(block, plan, axes)
         self.commands: Mapping[str, Callable[[Document], Document]] = {
             "drive": self.drive,

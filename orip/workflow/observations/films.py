@@ -22,7 +22,6 @@ from orip.interior.definitions import Definitions
 from orip.interior.image_coordinates import scan_transformation
 from orip.interior.in_force import Interior, stored_to_log
 from orip.interior.replay import replay
-from orip.multimodel.state import Position
 from orip.records.names import near_names, record_key
 from orip.records.observations.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
 from orip.records.project.definition import BundleDefinition, plan_stages
@@ -32,6 +31,9 @@ from orip.workflow.observations.measure import with_digitised
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import Part, ProjectState, read_project
 from orip.workflow.project.texts import is_measurement_file, raise_complaints
+
+Position = tuple[float, float]
+"""On a stage plate."""
 
 Marked = TypeVar("Marked", TemplateRecord, PhotoRecord)
 Defined = TypeVar("Defined", Template, Photo)

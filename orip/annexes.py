@@ -1,0 +1,44 @@
+"""What annexes add to the kernel, by the names of their modules: the kernel imports none of them.
+
+An annex holds all of a subject in one folder (`archive`, `exchange`, `multimodel`, `online`, `stations`) and stands
+above the kernel, beside the others. What it adds is registered here and nowhere else: its commands, its steps of
+`orip run` and `orip status`, and what commands of others offer with it. A module is loaded when it is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+COMMANDS: Mapping[str, str] = {
+    "online": "orip.online.commands",
+    "import": "orip.exchange.commands",
+    "export": "orip.exchange.commands",
+    "adjust": "orip.exchange.adjust_source",
+    "drive": "orip.multimodel.commands.drive",
+    "digitise": "orip.multimodel.commands.digitise",
+    "stations": "orip.stations.commands",
+    "archive": "orip.archive.commands",
+}
+"""Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.commands`."""
+
+DRIVE_STEPS = "orip.multimodel.table_step"
+"""Steps of `run` and `status` for bundles with models: `DRIVEN_FROM`, `table_of_run`, `drive_step`."""
+
+DRIVE_WORDS = "orip.multimodel.commands.drive"
+"""What `run` says of these steps: `tell_made`."""
+
+DOWNLOAD_STEP = "orip.multimodel.loaded_table"
+"""Step of `status` where there is a plate processor: `download_step`."""
+
+DIVIDED_BLOCK = "orip.archive.cluster.divided_block"
+"""`solve --dask`: `ClusterRequest`, `divided_blocks`, `columns_of_project`."""
+
+MEASURING_ONLINE = "orip.online.commands"
+"""`observations todo --next` and `digitise points --online`: `tell_next`, `answered_online`."""
+
+
+def annex(module: str) -> Any:
+    """Return a module of an annex, by one of the names above."""
+    return import_module(module)
