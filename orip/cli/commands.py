@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import typer
 from typer.main import get_group
 
-from orip import annexes
+from orip.annexes import COMMANDS as COMMANDS_OF_ANNEXES
 from orip.cli.conversion import Group
 
 
@@ -131,7 +131,7 @@ class LateCommands(dict[str, Any]):
 
 def _loaded(name: str) -> Any:
     app = typer.Typer(rich_markup_mode=None)
-    modules = [f"orip.cli.{module}" for module in COMMANDS[name].modules] or [annexes.COMMANDS[name]]
+    modules = [f"orip.cli.{module}" for module in COMMANDS[name].modules] or [COMMANDS_OF_ANNEXES[name]]
     for module in modules:
         import_module(module).register(app)
     return get_group(app).commands[name]

@@ -8,6 +8,7 @@ import pytest
 import typer
 from typer.main import get_command, get_group
 
+from orip.annexes import COMMANDS as COMMANDS_OF_ANNEXES
 from orip.cli.commands import COMMANDS
 from orip.cli.main import app
 
@@ -20,9 +21,9 @@ def test_a_command_has_the_text_that_is_listed(name: str) -> None:
 
 def test_all_that_modules_register_is_listed() -> None:
     registered = set()
-    for listed in COMMANDS.values():
+    for name, listed in COMMANDS.items():
         part = typer.Typer()
-        for module in listed.modules:
-            import_module(f"orip.cli.{module}").register(part)
+        for module in [f"orip.cli.{module}" for module in listed.modules] or [COMMANDS_OF_ANNEXES[name]]:
+            import_module(module).register(part)
         registered |= set(get_group(part).commands)
     assert registered == set(COMMANDS)
