@@ -34,7 +34,7 @@ from msgspec import Struct, field
 from orip.archive.cluster.connection import cores
 from orip.archive.simulation import simulate_archive, simulated_project
 from orip.archive.task import ProjectTask, TaskSettings, carry_out
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.atomic import write_new_folder
 
 ALONE = 50
 """Projects by which the speed of one process is measured."""

@@ -16,7 +16,7 @@ from orip.adjustment.factorisation.cholesky import ExactConstraints, Factor, exa
 from orip.adjustment.factorisation.dissection.cholesky import DissectedFactor, factorise_dissected
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
-from orip.adjustment.factorisation.inner_constraints import Amounts, InnerConstraints
+from orip.adjustment.factorisation.null_space import Amounts, InnerConstraints
 from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
 from orip.set_aside import set_aside

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.inner_constraints import InnerConstraints
+from orip.adjustment.factorisation.null_space import InnerConstraints
 from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix, subtract_product
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts

@@ -19,7 +19,7 @@ from orip.adjustment.factorisation.elimination import (
     block_diagonal,
     factorise_blocks,
 )
-from orip.adjustment.factorisation.inner_constraints import Amounts
+from orip.adjustment.factorisation.null_space import Amounts
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
 

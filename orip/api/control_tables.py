@@ -24,8 +24,8 @@ from orip.records.observations.control import (
     ControlElement,
     ControlPoint,
     PreliminaryPoint,
+    Station,
 )
-from orip.records.observations.station import Station
 from orip.structs import replace
 
 _MOST_OF_A_COLUMN = 20

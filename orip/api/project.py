@@ -24,15 +24,14 @@ from orip.threads import limited_threads
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve_with_equations
 from orip.workflow.observations.measure import MEASURED_FROM, measure
-from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, carry_out, commit
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState, StoredParts, read_checked_project
 from orip.workflow.project.texts import raise_complaints
 from orip.workflow.records.initialise import INITIALISED_FROM, initialise
-from orip.workflow.records.initialise_step import initialise_step
 from orip.workflow.status import STATUS_FROM, project_status
+from orip.workflow.steps import initialise_step, measure_step
 
 _READ: frozenset[Part] = frozenset({*INITIALISED_FROM, *MEASURED_FROM, *ADJUSTED_FROM, *STATUS_FROM} - {"digests"})
 

@@ -22,7 +22,7 @@ from orip.archive.project_process import ProjectProcess
 from orip.archive.simulation import simulated_project
 from orip.archive.task import ProjectTask, TaskReply, TaskSettings, carry_out, keep_over_limit
 from orip.archive.worker import DIED, ENDED
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.atomic import write_new_folder
 
 
 def main() -> None:

@@ -12,8 +12,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import UsageError
-from orip.files.text.atomic import reporting_failure
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.atomic import reporting_failure, write_new_folder
 from orip.geometry.rotation import rotation_from_angles
 from orip.progress import stage
 

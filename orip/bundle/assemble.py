@@ -21,9 +21,8 @@ from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import places_of_names, record_key
-from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
+from orip.records.observations.control import Control, ControlElement, PreliminaryPoint, Station
 from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.observations.station import Station
 from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_key
 from orip.records.project.definition import Antenna, BundleDefinition
 from orip.records.project.photo import PHOTO_PARAMETERS, Photo

@@ -9,7 +9,7 @@ from scipy.linalg import lapack
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import Equations
-from orip.adjustment.factorisation.inner_constraints import InnerConstraints, PointMovements
+from orip.adjustment.factorisation.null_space import InnerConstraints, PointMovements
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.state import BlockState, entries_at
 from orip.bundle.unknowns import CONSTANT, Unknowns

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.factorisation.band import arranged
 from orip.adjustment.factorisation.elimination import BlockFactors
-from orip.adjustment.factorisation.inner_constraints import InnerConstraints
+from orip.adjustment.factorisation.null_space import InnerConstraints
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray

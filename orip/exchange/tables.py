@@ -12,8 +12,7 @@ from msgspec import Struct, field
 
 from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
-from orip.exchange.sources.table import Row, Table, read_table
-from orip.exchange.sources.text import Faults
+from orip.exchange.sources.text import Faults, Row, Table, read_table
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import (
     PIXELS,
@@ -23,8 +22,7 @@ from orip.records.exchanged import (
     ImageAxes,
     PoseReading,
 )
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import Station
+from orip.records.observations.control import ControlPoint, Station
 from orip.structs import replace
 from orip.wording import counted
 

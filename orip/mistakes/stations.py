@@ -17,7 +17,7 @@ from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.observations.station import Station
+from orip.records.observations.control import Station
 from orip.structs import replace
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.

@@ -17,9 +17,8 @@ from orip.bundle.ground_system import ground_system
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint
+from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.observations.measurement import PhotoObservations, no_observations
-from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 

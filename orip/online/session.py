@@ -24,13 +24,13 @@ from orip.records.observations.measurement import EditRecord, PhotoObservations,
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
-from orip.workflow.adjust.solve_step import inputs_now
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.run_id import changed_inputs
 from orip.workflow.project.state import read_state
 from orip.workflow.project.text_output import remove_leftovers_of_kills
 from orip.workflow.project.texts import EDITS_FILE
+from orip.workflow.steps import inputs_now
 
 _ENDED = ("converged", "doubtful")
 """What is doubtful about a solution shows in a session again."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from itertools import groupby
 from operator import itemgetter
+from typing import overload
 
 import numpy as np
 from msgspec import Struct
@@ -16,8 +18,7 @@ from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block,
 from orip.prelim.rays import ImageRays, PhotoIndex
 from orip.prelim.refinement.problem import no_corrections
 from orip.prelim.refinement.refinement import ROUGH
-from orip.prelim.relative.orientation import OrientedPair, orient_two_photos, pairs_by_common_points
-from orip.prelim.relative.oriented_models import ListedModels, OrientedModel
+from orip.prelim.relative.orientation import OrientedPair, listed, orient_two_photos, pairs_by_common_points
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.sampling import median
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row, connect_strips
@@ -26,6 +27,44 @@ from orip.records.project.definition import StereoModel
 from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted
+
+
+class OrientedModel(Struct, frozen=True):
+    """A model that is oriented relatively.
+
+    Parameters
+    ----------
+    pair : OrientedPair
+    row, column : int or None
+        Place of the model; None for a pair of photos that the chain chose itself.
+    """
+
+    pair: OrientedPair
+    row: int | None = None
+    column: int | None = None
+
+
+class ListedModels(Sequence[RelativeOrientation]):
+    """Models as listings show them; they are made when the first of them is read, as preliminary values need none."""
+
+    def __init__(self, rays: ImageRays, models: Sequence[OrientedModel]) -> None:
+        self._rays, self._models = rays, models
+
+    @cached_property
+    def _listed(self) -> tuple[RelativeOrientation, ...]:
+        return tuple(listed(self._rays, model.pair, model.row, model.column) for model in self._models)
+
+    def __len__(self) -> int:
+        """Return the number of models."""
+        return len(self._models)
+
+    @overload
+    def __getitem__(self, place: int) -> RelativeOrientation: ...
+    @overload
+    def __getitem__(self, place: slice) -> Sequence[RelativeOrientation]: ...
+    def __getitem__(self, place: int | slice) -> RelativeOrientation | Sequence[RelativeOrientation]:
+        """Return one model, or several."""
+        return self._listed[place]
 
 
 def in_driving_order(models: Sequence[StereoModel]) -> list[StereoModel]:

@@ -16,8 +16,8 @@ from orip.records.observations.control import (
     ControlElement,
     ControlPoint,
     PreliminaryPoint,
+    Station,
 )
-from orip.records.observations.station import Station
 from orip.records.project.camera import Camera
 from orip.records.project.definition import Antenna, BundleDefinition
 from orip.records.project.photo import Photo

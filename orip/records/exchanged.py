@@ -13,8 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.records.observations.control import ControlDistance, ControlPoint
-from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.records.observations.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
 
 RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
 AngleUnit = Literal["radian", "degree", "gon"]

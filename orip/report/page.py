@@ -1,16 +1,22 @@
-"""The page: all sections put into the template, with everything that the browser needs."""
+"""The report page: all sections put into the template, with everything that the browser needs."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import os
+import sys
+import tempfile
 import zlib
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
+from jinja2.bccache import Bucket, BytecodeCache
 from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
@@ -22,7 +28,7 @@ from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
 from orip.report.drawings.residual_vectors import vector_sheets
-from orip.report.first_page import key_numbers, method_facts, order_facts
+from orip.report.first_page import check_point_table, gate_table, key_numbers, method_facts, order_facts, verdict
 from orip.report.photos import (
     photo_residual_table,
     residual_histograms,
@@ -45,11 +51,59 @@ from orip.report.report_input import ReportInput
 from orip.report.run_mark import RUN_NAME
 from orip.report.table import counted, fixed, probability, significant
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
-from orip.report.trust import check_point_table, gate_table, verdict
 from orip.version import __version__
 
 if TYPE_CHECKING:
     from jinja2 import Template
+
+
+# Templates as they were compiled last, and the compressed script of the page.
+
+
+_FOLDER = Path(__file__).parent / "__pycache__"
+
+
+class CompiledTemplates(BytecodeCache):
+    """Reads and writes compiled templates in the folder of compiled modules, if that can be written.
+
+    Jinja2 compares the digest of the template, and its own version and that of Python.
+    """
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Read a template, if it is there."""
+        with suppress(OSError), self._path(bucket).open("rb") as file:
+            bucket.load_bytecode(file)
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Write a template; killed at any instant, the file is whole or not there."""
+        _keep(self._path(bucket), bucket.bytecode_to_string())
+
+    @staticmethod
+    def _path(bucket: Bucket) -> Path:
+        return _FOLDER / f"{bucket.key}.{sys.implementation.cache_tag}.template"
+
+
+def kept(name: str, made: Callable[[], bytes]) -> bytes:
+    """Return the content of a kept file, which is made where it is not there; its name tells what it was made from."""
+    path = _FOLDER / name
+    with suppress(OSError):
+        return path.read_bytes()
+    content = made()
+    _keep(path, content)
+    return content
+
+
+def _keep(path: Path, content: bytes) -> None:
+    """Write a file, if that can be; killed at any instant, it is whole or not there."""
+    if sys.dont_write_bytecode:
+        return
+    with suppress(OSError):
+        descriptor, written = tempfile.mkstemp(dir=_FOLDER, suffix=path.suffix)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+        Path(written).chmod(0o644)  # as compiled modules have it
+        os.replace(written, path)  # noqa: PTH105
+
 
 MOST_BYTES = 6_000_000
 """Largest size of a page; for 500 photos and 50 000 points it is kept by drawing and listing fewer of them."""
@@ -65,8 +119,6 @@ def report_page(given: ReportInput) -> str:
 @cache
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    from orip.report.kept_files import CompiledTemplates
 
     loader = PackageLoader("orip.report", "page")
     environment = Environment(
@@ -193,8 +245,6 @@ def _source() -> bytes:
 @cache
 def _plotly() -> Markup:
     """Return plotly's script, compressed: the page unpacks it when the block is to be shown."""
-    from orip.report.kept_files import kept
-
     source = _source()
     packed = kept(f"{_digest(source).hex()}.deflated", lambda: zlib.compress(source, _COMPRESSION))
     return Markup(base64.b64encode(packed).decode("ascii"))

@@ -14,10 +14,10 @@ from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Solution
 from orip.report.calibration import significance, significance_limit
+from orip.report.first_page import check_point_finding
 from orip.report.precision import Spread, spreads
 from orip.report.table import counted, parameter, significant
 from orip.report.trouble import suspects, weak_spots
-from orip.report.trust import check_point_finding
 from orip.wording import agreeing
 
 MOST_LINES = 16

@@ -15,8 +15,8 @@ from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
+    from orip.records.observations.control import Station
     from orip.records.observations.epochs import Quality
-    from orip.records.observations.station import Station
     from orip.stations.imported import ImportedStations
 
 

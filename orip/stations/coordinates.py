@@ -12,7 +12,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.geometry.ground_crs import near_place
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.observations.station import NOT_GIVEN, Station
+from orip.records.observations.control import NOT_GIVEN, Station
 from orip.units import METRES_PER_GROUND_UNIT
 
 _LEAST_ERROR = 1e-4

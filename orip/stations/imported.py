@@ -18,8 +18,8 @@ from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed
 from orip.records.names import record_key
+from orip.records.observations.control import Station
 from orip.records.observations.epochs import Epochs, epochs
-from orip.records.observations.station import Station
 from orip.stations.coordinates import stations_in_project
 from orip.stations.exposures import Matching, Sources, find_exposures
 from orip.stations.receiver_logs import read_dji_mrk, read_rtklib_pos

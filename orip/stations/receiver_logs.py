@@ -13,8 +13,7 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.shown import Parsed, shown_token
-from orip.records.gps_time import seconds_of_date, seconds_of_week_time
-from orip.records.observations.epochs import Epochs, Quality, epochs
+from orip.records.observations.epochs import Epochs, Quality, epochs, seconds_of_date, seconds_of_week_time
 from orip.stations.rows import LARGEST_PLACE, Row, RowReader, text_rows
 from orip.units import RADIANS_PER_DEGREE
 

@@ -15,9 +15,8 @@ from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, shown_token
-from orip.records.gps_time import seconds_of_date
 from orip.records.names import name_fault
-from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs
+from orip.records.observations.epochs import SECONDS_PER_WEEK, Epochs, Mount, Quality, epochs, seconds_of_date
 from orip.stations.rows import LARGEST_PLACE, Row, RowReader, rows_of
 from orip.units import RADIANS_PER_DEGREE
 

@@ -13,8 +13,7 @@ from orip.files.project.file_names import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project
 from orip.files.project.starting_texts import BlockKind, Start, starting_texts
 from orip.files.project.toml_text import toml_table
-from orip.files.text.atomic import remove_leftovers, reporting_failure
-from orip.files.text.new_folder import was_left, write_new_folder
+from orip.files.text.atomic import remove_leftovers, reporting_failure, was_left, write_new_folder
 from orip.geometry.ground_crs import geodetic_of
 from orip.workflow.project.folder import PROJECT_FILE
 

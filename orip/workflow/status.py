@@ -12,14 +12,12 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
 from orip.records.names import record_key
 from orip.report.run_mark import run_of_page
-from orip.workflow.adjust.solve_step import solve_step
-from orip.workflow.observations.measure_step import measure_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState
-from orip.workflow.records.initialise_step import initialise_step
+from orip.workflow.steps import initialise_step, measure_step, solve_step
 
 STATUS_FROM: tuple[Part, ...] = ("definitions", "digests", "replay", "heads")
 """What `project_status` needs of the stores."""

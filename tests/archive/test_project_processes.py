@@ -27,7 +27,7 @@ from orip.archive.simulation import simulated_project
 from orip.archive.task import Limits, ProjectTask, TaskReply, TaskSettings, begin_use
 from orip.archive.task import carry_out as carry_out_here
 from orip.archive.worker import DIED, ENDED
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.atomic import write_new_folder
 from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not copy processes")

@@ -11,7 +11,7 @@ from workflow.quiet import run_quietly
 
 from orip.archive.simulation import FAULTS, simulate_archive, simulated_project
 from orip.errors import InputError, UsageError
-from orip.files.text.new_folder import write_new_folder
+from orip.files.text.atomic import write_new_folder
 
 
 def with_fault(fault: str) -> int:

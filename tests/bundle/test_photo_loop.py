@@ -14,7 +14,7 @@ from support.conditioning import EPSILON, condition_of_normals
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.adjustment.factorisation.elimination import times_half, times_transposed_half
-from orip.adjustment.factorisation.inner_constraints import PointMovements
+from orip.adjustment.factorisation.null_space import PointMovements
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle import problem

@@ -17,7 +17,7 @@ from support.wrong_calls import recorded
 
 from orip import arrays, threads
 from orip.adjustment.factorisation import band as band_panels
-from orip.adjustment.factorisation import two_ends
+from orip.adjustment.factorisation import band_cholesky as two_ends
 from orip.bundle.compiled import photo_loop
 from orip.bundle.solve import solve_block
 from orip.records.block import Block

@@ -259,7 +259,7 @@ def test_locked_by_another_run(project: Path, command: str, monkeypatch: pytest.
     with writing([project / "FIRST.EXT", project / "MAIN.EXO"]):
         # orip waits ten seconds for the other run; the test does not
         monkeypatch.setitem(writing.__wrapped__.__kwdefaults__, "timeout", 0.01)
-        monkeypatch.setattr("orip.files.stores.load.load.__kwdefaults__", {"source": "dump", "timeout": 0.01})
+        monkeypatch.setattr("orip.files.stores.dump.load.__kwdefaults__", {"source": "dump", "timeout": 0.01})
         refused(orip(project, *command.split()), 6, "locked by another run of orip; wait for it, or end it, and repeat")
         assert orip(project, "--json", *command.split()).document["exit_code"] == 6
         assert orip(project, "status").code == 0

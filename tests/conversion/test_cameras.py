@@ -14,10 +14,9 @@ from orip.exchange.conversion.cameras import (
     pixels_of_directions,
 )
 from orip.exchange.conversion.determined import unknown_parameters
-from orip.exchange.conversion.image_axes import axes_from_pixels, pixels_from_axes
+from orip.exchange.conversion.image_axes import UnsuitableCameraError, axes_from_pixels, pixels_from_axes
 from orip.exchange.conversion.lenses.exact_forms import parameters_from_polynomial, polynomial_from_parameters
 from orip.exchange.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

@@ -15,8 +15,8 @@ from orip.exchange.conversion.cameras import (
     lens_pixels,
     pixels_of_directions,
 )
+from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.conversion.lenses.fit import has_pole
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.records.exchanged import PIXELS, ExchangedCamera
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace

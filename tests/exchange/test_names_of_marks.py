@@ -17,7 +17,7 @@ from exchange.test_written_back import BOTH_WAYS, DIGITS, LENS, in_conventions
 
 from orip.exchange.formats import format_named
 from orip.exchange.metashape.source import READING
-from orip.exchange.sources.names_table import read_names
+from orip.exchange.sources.names import read_names
 from orip.files.control.text import parse_points
 from orip.files.log.text import read_measurements
 from orip.files.text.shown import Parsed

@@ -14,8 +14,8 @@ from reference.published_data import data_set
 
 from orip.errors import InputError
 from orip.exchange.conversion.cameras import convert_camera, export_camera, pixels_of_directions
+from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.conversion.poses import exchanged_poses, orip_poses
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.exchange.format import Conventions
 from orip.exchange.formats import FORMATS, format_named
 from orip.exchange.metashape.source import read_metashape

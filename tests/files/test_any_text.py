@@ -25,8 +25,7 @@ from orip.files.control.text import parse_directions, parse_distances, parse_ele
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import read_project
 from orip.files.project.toml_lines import TomlLines
-from orip.files.stores.dump import dump
-from orip.files.stores.load import load
+from orip.files.stores.dump import dump, load
 from orip.files.text.decimal_numbers import parse_gate
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import Parsed

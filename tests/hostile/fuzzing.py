@@ -31,9 +31,8 @@ from orip.files.control.text import parse_directions, parse_distances, parse_ele
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.result.reader import read_result
-from orip.files.stores.dump import dump, read_dump
+from orip.files.stores.dump import PRIVATE, dump, read_dump
 from orip.files.stores.identity import create
-from orip.files.stores.load import PRIVATE
 from orip.files.stores.store import Store
 from orip.files.stores.transaction import connected
 from orip.files.text.decimal_numbers import parse_gate

@@ -51,9 +51,9 @@ ALLOWED = {
     ("archive/project_process.py", "os.open"): "/dev/null",
     ("cli/terminal.py", "os.open"): "/dev/null",
     ("cli/main.py", "open for writing"): "/dev/null",
-    ("report/kept_files.py", "tempfile.mkstemp"): "beside orip's own compiled modules",
-    ("report/kept_files.py", "chmod"): "beside orip's own compiled modules",
-    ("report/kept_files.py", "os.replace"): "beside orip's own compiled modules",
+    ("report/page.py", "tempfile.mkstemp"): "beside orip's own compiled modules",
+    ("report/page.py", "chmod"): "beside orip's own compiled modules",
+    ("report/page.py", "os.replace"): "beside orip's own compiled modules",
     ("schemas/generate.py", "mkdir"): "run by those who change orip, in orip's own folder",
     ("schemas/generate.py", "write_text"): "run by those who change orip, in orip's own folder",
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from cli.command_line import orip
 
-from orip.files.text.new_folder import exported_file_names, is_one_file_name
+from orip.files.text.atomic import exported_file_names, is_one_file_name
 
 FILES = {
     "geojson": "orip.geojson",

@@ -17,8 +17,7 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlDistance, ControlElement, ControlPoint
-from orip.records.observations.station import Station
+from orip.records.observations.control import ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.records.project.definition import BundleDefinition, Precision
 from orip.records.project.photo import Photo

@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.bundle.results.misfits import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
-from orip.records.observations.station import Station
+from orip.records.observations.control import Station
 from orip.records.project.definition import BORESIGHT, LEVER_ARM, Antenna
 from orip.structs import replace
 

@@ -57,8 +57,7 @@ from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.ground import PLAIN
-from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
-from orip.records.observations.station import Station
+from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement, Station
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.definition import ANTENNA_PARAMETERS, Antenna
 from orip.structs import replace

@@ -16,8 +16,8 @@ from orip.files.text.decimal_numbers import parse_gate
 from orip.records.project.definition import BundleDefinition
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Blunder, Diagnosis, Solution
+from orip.report.first_page import verdict
 from orip.report.report_input import ReportInput
-from orip.report.trust import verdict
 from orip.structs import replace
 
 

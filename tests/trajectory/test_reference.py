@@ -11,9 +11,9 @@ from pyproj import CRS, Proj, Transformer
 from orip.errors import InputError
 from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.lines import decode_lines
+from orip.geometry.other_crs import stations_of_reference
 from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
-from orip.geometry.station_reference import stations_of_reference
-from orip.records.observations.station import Station
+from orip.records.observations.control import Station
 
 PLACE = (9.9351, 53.5522, 142.21)
 LINE = "P1 {} {} {} 0.01 0.03 0.02 2 -3 135 0.1 0.2 0.3\n"

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 from scipy.sparse import csr_array
 
-from orip.adjustment.factorisation.envelope import effort_of, reach_of_panels, width_of
+from orip.adjustment.factorisation.lapack import effort_of, reach_of_panels, width_of
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.threads import by_threads
 

@@ -20,7 +20,7 @@ from orip.adjustment.factorisation.dissection.tree import (
     lowest_nodes,
 )
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
-from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
+from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.archive.blocking import sub_block as node_tasks
 from orip.archive.blocking.sub_block import (

@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.dissection.matrix import adjusted_front, triangle_of
 from orip.adjustment.factorisation.dissection.tree import DissectionTree
-from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
+from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling, photo_loop

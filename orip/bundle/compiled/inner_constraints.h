@@ -1,6 +1,6 @@
 /* Points of a free network: their part in the inner constraints, and their cofactors after the S-transformation.
  *
- * For the formulas and their source see orip/adjustment/factorisation/inner_constraints.py.
+ * For the formulas and their source see orip/adjustment/factorisation/null_space.py.
  */
 
 #ifndef ORIP_INNER_CONSTRAINTS_H

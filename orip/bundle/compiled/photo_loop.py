@@ -19,7 +19,7 @@ from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix, band_of
 from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
-from orip.adjustment.factorisation.inner_constraints import Amounts, MovementSums, PointMovements
+from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop

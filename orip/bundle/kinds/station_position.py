@@ -23,8 +23,8 @@ from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.geometry.rotation import cross_matrix
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
+from orip.records.observations.control import Station
 from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
-from orip.records.observations.station import Station
 from orip.records.project.definition import LEVER_ARM
 
 _ARM, _OFFSET = slice(0, 3), 6

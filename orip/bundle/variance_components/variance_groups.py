@@ -12,9 +12,8 @@ from orip.arrays import IntArray
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
-from orip.records.observations.control import ControlElement, ControlPoint
+from orip.records.observations.control import ControlElement, ControlPoint, Station
 from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
-from orip.records.observations.station import Station
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.result_tests import VarianceGroupKind
 from orip.structs import replace

@@ -11,7 +11,7 @@ import typer
 
 from orip.cli.completion import samples
 from orip.cli.options import Invocation, command
-from orip.cli.project.samples import list_samples, tell_made, tell_sample
+from orip.cli.project.new import list_samples, tell_made, tell_sample
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
 

@@ -41,7 +41,7 @@ def register(app: typer.Typer) -> None:
         Example: orip load ZURICH.PHO photos.txt
         """
         from orip.errors import InputError
-        from orip.files.stores.load import load
+        from orip.files.stores.dump import load
         from orip.files.text.regular_file import open_regular
 
         if text is None or str(text) == "-":

@@ -17,7 +17,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint
 from orip.files.text.shown import Parsed, printable
-from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.records.observations.control import IN_PROJECT, Station, StationReference
 
 DATABASE = "database.db"
 _LEVELS = 3

@@ -7,12 +7,15 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.exchange.conversion.image_axes import (
+    UnsuitableCameraError,
     aspect_of_sensor,
     axes_from_pixels,
     in_given_pixels,
     in_square_pixels,
+    named,
     pixel_aspect,
     pixels_from_axes,
+    require_possible,
     stretched_image,
 )
 from orip.exchange.conversion.lenses.exact_forms import (
@@ -30,7 +33,6 @@ from orip.exchange.conversion.lenses.table import (
     image_of_directions,
     lens_parameters,
 )
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError, named, require_possible
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens

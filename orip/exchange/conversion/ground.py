@@ -18,8 +18,7 @@ from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographi
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 from orip.geometry.rotation import navigation_from_rotation, rotation_from_navigation
 from orip.records.exchanged import ExchangedProject, GroundFrame, MappedPlaces
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.structs import replace
 
 _WGS84 = (6_378_137.0, 6_356_752.314245)

@@ -12,13 +12,11 @@ from msgspec import Struct, field
 
 from orip.exchange.metashape.chunk import DEFAULT_POSITION, LEAST_RADIUS
 from orip.exchange.sources.collected import PhotoNames
-from orip.exchange.sources.table import fields_of_line, separator_of
-from orip.exchange.sources.text import Faults, text_lines
+from orip.exchange.sources.text import Faults, fields_of_line, separator_of, text_lines
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.exchanged import ExchangedProject
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted

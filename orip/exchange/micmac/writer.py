@@ -10,8 +10,8 @@ from xml.sax.saxutils import escape
 from orip.errors import InputError
 from orip.exchange.micmac.source import find_orientations
 from orip.exchange.sources.xml_tree import PlacedElement, XmlEdit
+from orip.files.text.atomic import exported_file_names
 from orip.files.text.lines import read_bytes
-from orip.files.text.new_folder import exported_file_names
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
 
 ORIENTATION = "Orientation-{}.xml"

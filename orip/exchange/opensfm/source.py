@@ -31,8 +31,7 @@ from orip.exchange.sources.json_tree import read_json
 from orip.exchange.sources.text import Faults
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import IN_PROJECT, Station, StationReference
+from orip.records.observations.control import IN_PROJECT, ControlPoint, Station, StationReference
 from orip.structs import replace
 from orip.wording import counted
 

@@ -15,9 +15,9 @@ from orip.exchange.conversion.cameras import FAITHFUL_PX, ConvertedCamera, conve
 from orip.exchange.conversion.control_datum import ControlDatum
 from orip.exchange.conversion.determined import determined_parameters, unknown_parameters
 from orip.exchange.conversion.ground import LocalGround, in_local_ground, local_ground
+from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.conversion.poses import orip_poses
 from orip.exchange.conversion.reprojection import MOST_COARSE_PX, Reprojection, fitting_reading, said_of_reading
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.exchange.project.moved import datum_of_control, moved_block, placed_at_control, said_of_datum
 from orip.exchange.sources.names import mark_names, photo_names, point_names, unique_names
 from orip.geometry.ground_crs import known_crs

@@ -11,14 +11,13 @@ from msgspec import Struct
 from orip.errors import InputError, UsageError
 from orip.exchange.conversion.cameras import convert_camera, export_camera
 from orip.exchange.conversion.ground import from_local_ground, local_ground
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
+from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.format import Conventions, Format, Given
 from orip.exchange.formats import FORMATS_WRITTEN, format_named
 from orip.exchange.project.result import exchanged_result
 from orip.exchange.project.temporary import write_whole_folder
-from orip.exchange.sources.names_table import read_names, read_original
-from orip.files.text.atomic import remove_leftovers, replace_bytes, reporting_failure
-from orip.files.text.new_folder import is_one_file_name
+from orip.exchange.sources.names import read_names, read_original
+from orip.files.text.atomic import is_one_file_name, remove_leftovers, replace_bytes, reporting_failure
 from orip.files.text.regular_file import is_there
 from orip.files.text.shown import shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedProject

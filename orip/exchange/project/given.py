@@ -8,12 +8,11 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.exchange.format import PIXEL_MM
-from orip.exchange.sources.names_table import NamesTable
+from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame
 from orip.interior.image_coordinates import sensor_transformation
 from orip.records.names import record_key
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.project.camera import Camera, Sensor
 from orip.structs import replace
 from orip.wording import counted

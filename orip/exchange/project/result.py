@@ -10,12 +10,12 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.exchange.conversion.cameras import ExportedCamera, export_camera
+from orip.exchange.conversion.image_axes import UnsuitableCameraError
 from orip.exchange.conversion.poses import exchanged_poses
 from orip.exchange.conversion.result_figures import error_ellipses, footprint, rotation_vector_covariances
-from orip.exchange.conversion.unsuitable_cameras import UnsuitableCameraError
 from orip.exchange.format import Conventions
 from orip.exchange.project.given import cameras_with_frames, given_control, given_stations, measured_pixels
-from orip.exchange.sources.names_table import NamesTable
+from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
 from orip.records.coded_names import coded

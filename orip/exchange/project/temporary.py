@@ -8,8 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from orip.errors import UsageError
-from orip.files.text.atomic import remove_leftovers, reporting_failure, temporary_beside
-from orip.files.text.new_folder import was_left, write_new_folder
+from orip.files.text.atomic import remove_leftovers, reporting_failure, temporary_beside, was_left, write_new_folder
 from orip.files.text.own_files import make_named_folder, remove_folder, rename, replace_empty_folder
 from orip.files.text.regular_file import file_of
 

@@ -12,8 +12,7 @@ from orip.arrays import BoolArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera
 from orip.exchange.conversion.poses import described_reading
 from orip.exchange.project.block import ImportedBlock
-from orip.exchange.sources.names import unique_names
-from orip.exchange.sources.names_table import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text
+from orip.exchange.sources.names import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text, unique_names
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
 from orip.files.control.text import distances_text, points_text

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orip.errors import Complaint
-from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.records.names import name_fault
 from orip.records.observations.control import PreliminaryPoint

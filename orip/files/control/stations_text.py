@@ -7,12 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orip.errors import Complaint
-from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import TextLine, field_lines, read_lines
+from orip.files.text.lines import FieldReader, TextLine, field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.records.names import record_key
-from orip.records.observations.control import ANGLE_ERRORS, GROUND_ERRORS, ErrorLimits
-from orip.records.observations.station import NOT_GIVEN, Station, StationReference
+from orip.records.observations.control import (
+    ANGLE_ERRORS,
+    GROUND_ERRORS,
+    NOT_GIVEN,
+    ErrorLimits,
+    Station,
+    StationReference,
+)
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

@@ -9,8 +9,7 @@ from typing import Any, Generic, TypeVar, get_args
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
-from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import field_lines, read_lines
+from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.names import look_alikes, record_key
 from orip.records.observations.control import (

@@ -11,7 +11,7 @@ from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
-from orip.files.text.field_reader import FieldReader
+from orip.files.text.lines import FieldReader
 from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.observations.measurement import (
     EditRecord,

@@ -23,8 +23,7 @@ from orip.files.log.blocks import (
 from orip.files.log.plain_lines import PlainLines, plain_lines
 from orip.files.log.writing import points_header
 from orip.files.text.decimal_numbers import is_number
-from orip.files.text.field_reader import FieldReader
-from orip.files.text.lines import read_sound_bytes, split_line
+from orip.files.text.lines import FieldReader, read_sound_bytes, split_line
 from orip.files.text.shown import Parsed, shown_token
 from orip.number_text import shortest_texts
 from orip.progress import stage

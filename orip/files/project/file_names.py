@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
-from orip.files.text.new_folder import is_device
+from orip.files.text.atomic import is_device
 from orip.records.names import name_fault
 
 _UNFIT_IN_FILE_NAMES = frozenset('/\\:*?"<>|')

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from orip.files.result.identification import SCHEMA
-from orip.files.result.json_points import INDENT, SINGULAR, Column, Points, compact, point_columns
+from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.result_tests import GroupTest, VarianceComponent

@@ -1,25 +1,27 @@
-"""A store as canonical text: equal data give equal text; and the text of a dump checked against its tables."""
+"""A store as canonical text and back: equal data give equal text, checked as a whole before it replaces a store."""
 
 from __future__ import annotations
 
 import json
 import sqlite3
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
 
 from orip.errors import Complaint, InputError
-from orip.files.stores.digest import META, run_of
+from orip.files.stores.contents import exterior
+from orip.files.stores.digest import META, run_of, set_run
 from orip.files.stores.explain import explained
-from orip.files.stores.identity import DUMP_VERSION, summed_tables
+from orip.files.stores.identity import DUMP_VERSION, create, kind_of, summed_tables
 from orip.files.stores.store import Store, stored_fault
 from orip.files.stores.table import StoreColumn, StoreTable
-from orip.files.stores.transaction import reading
+from orip.files.stores.transaction import connected, reading, writing
 from orip.files.text.shown import printable
 from orip.records.names import name_fault, record_key
+from orip.structs import replace
 
 # A dump is one JSON value a line: a header, then for each table a line that names it and its columns, and its rows
 # sorted by primary key, and at last a line that tells that nothing is missing::
@@ -250,3 +252,49 @@ def _rule_broken(table: StoreTable, row: list[Any], error: str) -> str:
 def _short(value: object) -> str:
     text = json.dumps(value)
     return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def load(lines: Iterable[str], path: Path, *, source: str = "dump", timeout: float = 10.0) -> None:
+    """Replace the content of a store by that of a dump, in one transaction.
+
+    Parameters
+    ----------
+    lines : iterable of str
+        As `dump` gives them, with or without line ends.
+    path : Path
+        The store; made if it is absent.
+    source : str
+        Name of the text, for complaints.
+    timeout : float
+        Seconds to wait for another process that holds the store.
+
+    Raises
+    ------
+    InputError
+        With every fault of the text by line (the first hundred); the store is unchanged. Also if `path` is no store.
+    LockedError
+        If the store is still locked after `timeout`.
+    """
+    # All rows go to a private database with the same rules first, so that a fault never touches the store.
+    with closing(connected(PRIVATE, timeout)) as connection:
+        checked = Store(path, kind_of(path), connection, "main", present=True)
+        connection.execute("BEGIN")
+        create(checked, packed=False)
+        run = read_dump(lines, checked, source)
+        if checked.kind == "EXT":
+            exterior.require_names(checked, source)
+        with writing([path], timeout=timeout) as stores:
+            _take_over(stores[path], checked, run)
+
+
+PRIVATE = ""
+"""SQLite's name for a database of one connection, on disk where it grows large, gone at the end."""
+
+
+def _take_over(store: Store, checked: Store, run: str | None) -> None:
+    tables = dumped_tables(store.kind)
+    for table in reversed(tables):
+        store.delete(table)
+    for table in tables:
+        store.insert(table, checked.stored_rows(replace(table, packed=False)))
+    set_run(store, run)

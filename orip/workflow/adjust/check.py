@@ -13,10 +13,10 @@ from orip.records.results.result_tests import GateResult, ResultFigures, Status
 from orip.solving.comparison import Comparison, Tolerance, compare_figures
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM
-from orip.workflow.adjust.solve_step import solve_step
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import PROJECT_FILE, open_project
 from orip.workflow.project.state import Part
+from orip.workflow.steps import solve_step
 
 CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
 """What `check` needs of the stores."""

@@ -14,8 +14,7 @@ from msgspec import Struct
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.prelim.ground import absolute_in_project, block_in_project
 from orip.prelim.rays import ImageRays, image_rays, photo_index
-from orip.prelim.relative.oriented_models import ListedModels
-from orip.prelim.routes import bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
+from orip.prelim.routes import ListedModels, bridge_rows, connect_rows, in_driving_order, orient_model, orient_models
 from orip.prelim.similarity.bridging import JoinedSystems, bridge, connect
 from orip.prelim.similarity.joining import Joined
 from orip.records.block import Block

@@ -24,14 +24,14 @@ from orip.records.observations.measurement import EditRecord, LogRecord, Measure
 from orip.structs import replace
 from orip.workflow.observations.listed import LeftAlone, left_alone
 from orip.workflow.observations.measure import MEASURED_ON_TOP, replay_log
-from orip.workflow.observations.measure_step import measurement_inputs
-from orip.workflow.observations.names import Named, chosen_names, edited_owner
+from orip.workflow.observations.todo import Named, chosen_names, edited_owner
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import ProjectState
 from orip.workflow.project.text_output import EditedText
 from orip.workflow.project.texts import EDITS_FILE, MeasurementLog, raise_complaints
+from orip.workflow.steps import measurement_inputs
 
 EDITED_FROM = MEASURED_ON_TOP
 """What an edit needs of the stores."""

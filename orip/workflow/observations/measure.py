@@ -18,15 +18,14 @@ from orip.progress import stage
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
 from orip.structs import replace
-from orip.workflow.observations.measure_step import measurement_inputs
 from orip.workflow.project.commit import Change
-from orip.workflow.project.definitions import StoredDefinitions
+from orip.workflow.project.definitions import StoredDefinitions, measured_stores
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.measurements import measured_stores
 from orip.workflow.project.outputs import interior_output
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, ProjectState, ReplayRecord, StoredParts
 from orip.workflow.project.texts import Digests, MeasurementLog, raise_complaints
+from orip.workflow.steps import measurement_inputs
 
 MEASURED_FROM: tuple[Part, ...] = ("definitions", "replay")
 """What a replay of the whole log needs of the stores."""

@@ -82,7 +82,7 @@ def interior_output(project: ProjectFolder, interior: Interior, run: str) -> Tex
     definition = project.definition
 
     def listing() -> list[str]:
-        from orip.files.listings.interior import interior_listing
+        from orip.files.listings.errors import interior_listing
 
         return [interior_listing(interior.adjustments, definition.name, definition.user, run)]
 

@@ -22,16 +22,18 @@ from orip.interior.definitions import Definitions
 from orip.records.names import record_key
 from orip.records.observations.measurement import Measured
 from orip.structs import replace
-from orip.workflow.project.definitions import StoredDefinitions, read_definitions, require_initialised
-from orip.workflow.project.folder import ProjectFolder, open_project
-from orip.workflow.project.measurements import (
+from orip.workflow.project.definitions import (
     MeasuredDigests,
+    StoredDefinitions,
     digests_of,
     measured_stores,
+    read_definitions,
     read_digests,
     read_marks,
+    require_initialised,
     runs_of_measurements,
 )
+from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_project
 
 if TYPE_CHECKING:

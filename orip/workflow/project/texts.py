@@ -22,9 +22,8 @@ from orip.files.control.text import CONTROL_EXTENSIONS, read_control
 from orip.files.project.file_names import is_pattern
 from orip.files.text.regular_file import file_digest, natural_key
 from orip.files.text.shown import Parsed
-from orip.records.observations.control import Control, PreliminaryPoint
+from orip.records.observations.control import IN_PROJECT, Control, PreliminaryPoint, Station
 from orip.records.observations.measurement import LogRecord
-from orip.records.observations.station import IN_PROJECT, Station
 from orip.structs import replace
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 
@@ -161,7 +160,7 @@ def _stations_in_project(project: ProjectFolder, control: Control) -> tuple[Stat
     """Return the stations in the project's coordinates."""
     if control.station_reference == IN_PROJECT:
         return control.stations
-    from orip.geometry.station_reference import stations_of_reference
+    from orip.geometry.other_crs import stations_of_reference
 
     definition = project.definition
     return stations_of_reference(control.stations, control.station_reference, definition.crs, definition.ground_unit)

@@ -28,15 +28,13 @@ from orip.workflow.records.changes import RecordChange, Renaming, record_changes
 from orip.workflow.records.document import CheckedDocument, bound, checked, stored_document
 from orip.workflow.records.edits import Edit, EditedDocument, RecordName
 from orip.workflow.records.mentions import (
+    copy_preliminary,
     delete_measurements,
+    files_of_old_name,
     is_written,
     measurements_of,
     mention_warnings,
     rename_measurements,
-)
-from orip.workflow.records.renamed_bundle import (
-    copy_preliminary,
-    files_of_old_name,
     rename_solution,
     require_free_file,
 )

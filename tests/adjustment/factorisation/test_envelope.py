@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix, arranged, zero_matrix
 from orip.adjustment.factorisation.band_cholesky import factorise_band
 from orip.adjustment.factorisation.cholesky import factorise
-from orip.adjustment.factorisation.envelope import COLUMNS, effort_of, factorise_envelope, reach_of_panels, width_of
+from orip.adjustment.factorisation.lapack import COLUMNS, effort_of, factorise_envelope, reach_of_panels, width_of
 from orip.arrays import FloatArray, IntArray
 
 MAX_LOST = 12.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orip.adjustment.factorisation.band import add_product
-from orip.adjustment.factorisation.two_ends import factorise_from_both_ends
+from orip.adjustment.factorisation.band_cholesky import factorise_from_both_ends
 from orip.arrays import FloatArray
 
 

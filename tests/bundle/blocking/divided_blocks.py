@@ -8,8 +8,7 @@ from aerial_blocks import aerial_block
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
-from orip.records.observations.control import ControlDistance
-from orip.records.observations.station import Station
+from orip.records.observations.control import ControlDistance, Station
 from orip.records.project.definition import Antenna
 from orip.structs import replace
 

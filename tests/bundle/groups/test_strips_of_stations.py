@@ -11,7 +11,7 @@ from bundle.stations_of_block import ARM, MADE, NO_VECTOR, STRIP, stations, with
 
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.snooping.search import SnoopingSettings
-from orip.records.observations.station import NOT_GIVEN
+from orip.records.observations.control import NOT_GIVEN
 from orip.records.project.definition import Antenna
 from orip.records.results.solution import Solution
 from orip.structs import replace

@@ -14,8 +14,8 @@ from orip.exchange.conversion.lenses.table import image_of_directions
 from orip.exchange.conversion.poses import orip_poses
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
+from orip.records.observations.control import Station
 from orip.records.observations.epochs import Epochs
-from orip.records.observations.station import Station
 from orip.stations.imported import read_epochs
 
 Figures = Mapping[str, float]

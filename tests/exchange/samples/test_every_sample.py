@@ -29,7 +29,7 @@ from orip.exchange.photomodeler import read_photomodeler
 from orip.exchange.sources.text import Faults
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.records.exchanged import ExchangedProject
-from orip.records.observations.station import Station
+from orip.records.observations.control import Station
 from orip.stations.imported import read_epochs
 
 SCEAUX_9 = {

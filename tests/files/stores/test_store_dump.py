@@ -18,9 +18,8 @@ from orip.files.stores import digest as provenance
 from orip.files.stores import store
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
-from orip.files.stores.dump import dump
+from orip.files.stores.dump import dump, load
 from orip.files.stores.identity import DUMP_VERSION
-from orip.files.stores.load import load
 from orip.files.stores.transaction import reading, writing
 from orip.records.project.camera import Camera, Mark
 from orip.records.project.photo import Temtick

@@ -23,9 +23,8 @@ from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.text.shown import Parsed
 from orip.records.exchanged import ExchangedProject, PoseReading
-from orip.records.observations.control import ControlDistance, ControlPoint
+from orip.records.observations.control import ControlDistance, ControlPoint, Station, StationReference
 from orip.records.observations.measurement import PointsRecord
-from orip.records.observations.station import Station, StationReference
 from orip.records.project.definition import ProjectDefinition
 from orip.structs import replace
 

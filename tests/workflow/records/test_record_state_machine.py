@@ -28,8 +28,7 @@ from workflow.killed_here import Killed, killed_at
 from workflow.plain_records import PlainRecords, Refusal, Table
 
 from orip.errors import OripError
-from orip.files.stores.dump import dump
-from orip.files.stores.load import load
+from orip.files.stores.dump import dump, load
 from orip.files.stores.transaction import reading
 from orip.workflow.project.definitions import read_definitions
 from orip.workflow.project.folder import ProjectFolder, open_project
