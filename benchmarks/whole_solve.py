@@ -2,7 +2,7 @@
 
     python whole_solve.py 500
     python whole_solve.py 2000 --keep /var/tmp/block
-    python whole_solve.py 20000 --most-memory 16      photos with 250 points each, 5 million in all: takes an hour
+    python whole_solve.py 20000 --most-memory 16      photos with 250 points each, 5 million in all: takes ten minutes
     python whole_solve.py 20000 --points 100 --workers 4 --worker-memory 2000        `solve --dask local`
 
 The aerial block as orip.toml, .MEA and .PNT: photo coordinates in millimetres, weighted control, no values for points.

@@ -31,7 +31,7 @@ _LEAST_BYTES = 1 << 18
 """A shorter array stays in memory: a file takes longer, and there are many more short ones."""
 
 _LOOKED_AT_SECONDS = 0.02
-"""For so long at most memory is taken by what was looked at."""
+"""Pages that were read stay in memory for at most this long."""
 
 _M_MMAP_THRESHOLD = -3
 """Of glibc's mallopt: larger arrays have pages of their own, which the system gets back as soon as they are freed."""

@@ -24,8 +24,8 @@ from orip.structs import replace
 
 
 _MOST_ROWS, _MOST_REDUCED = 1000, 60
-"""Observations that are all tried, of more those of the points in doubt; and those that may have lost weight: of more,
-only some could be taken back, and which of them would depend on the start."""
+"""Up to 1000 observations are all tried, beyond that only those of doubtful points. No exchange is tried once more than
+60 are down-weighted: the outcome would depend on the start."""
 
 _NEAR = 0.7
 """Part of the limit above which a residual puts its point in doubt: without weight it would be larger."""

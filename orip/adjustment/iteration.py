@@ -34,7 +34,7 @@ _SAME_COST_ENP = 2.0
 """ENP from which a correction changes the robust cost by less than what rounding and acceleration make of it."""
 
 _REWEIGHTED_ENP = 0.0
-"""ENP from which residuals show what an exchange of observations has led to, and weights are computed from them."""
+"""ENP from which the residuals reflect an exchange, so that weights may be recomputed."""
 
 _SAME_PLACE_ENP = 3.0
 """ENP from which normal equations need not be formed again at the final state: corrections are a thousandth of the

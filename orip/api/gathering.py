@@ -220,7 +220,7 @@ def _observations(given: Given) -> Parsed[PhotoObservations | None]:
     if photo is not None and point is not None:
         _check_repeated(columns, photo, point)
     if error is not None:
-        message = "an own a-priori error of 0 is not allowed; write one above 0, or below to disregard"
+        message = "an a-priori error of 0 is not allowed here; write a positive one, or a negative one to disregard it"
         columns.complain_of("error", [(tuple(index), message) for index in np.argwhere(error == 0.0).tolist()])
         faults = ((index, PHOTO_ERRORS.fault(value)) for index, value in np.ndenumerate(error))
         columns.complain_of("error", [(index, fault) for index, fault in faults if fault is not None])

@@ -96,7 +96,11 @@ def show_status(terminal: Terminal, status: ArchiveStatus) -> None:
     progress, plan = status.progress, status.plan
     ended = progress.ended == progress.total
     state = (
-        "running" if status.is_running else "finished" if ended else "not running; the same 'orip archive run' goes on"
+        "running"
+        if status.is_running
+        else "finished"
+        if ended
+        else "not running; repeat 'orip archive run' to continue"
     )
     lines = [f"archive  {printable(plan.base)}, {state}", f"         {progress}"]
     lines += [f"         dashboard {printable(plan.dashboard)}"] if status.is_running and plan.dashboard else []

@@ -321,7 +321,7 @@ def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:
     where = f"bundle {solved.block.definition.name}"
     sigma0, active = solved.variance.sigma0, solved.equations.active
     if np.isfinite(sigma0) and sigma0 > _SIGMA0_TOO_LARGE:
-        text = f"sigma0 is {sigma0:.2f}: residuals are that many times larger than the a-priori errors"
+        text = f"sigma0 is {sigma0:.2f}: the residuals are that many times the a-priori errors"
         remedy = (
             "search for blunders with 'orip solve --snoop' (control needs errors above 0), then check a-priori errors"
         )

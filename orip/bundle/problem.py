@@ -97,7 +97,7 @@ class BlockProblem(Struct, frozen=True):
         return [kind.columns() for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
-        """Return the residuals (n,) of what was observed from those of all equations, in the units observed."""
+        """Convert equation residuals to residuals (n,) of the observations, in observed units."""
         found, first = residual.copy(), 0
         for kind in self.observations:
             part = slice(first, first + len(kind.rows.error))

@@ -50,7 +50,7 @@ COMMANDS: Mapping[str, Listed] = {
         "Write the report of the last adjustment: one HTML page that needs no network.", ("adjust.report",)
     ),
     "online": Listed(
-        "Answer measurements while they are made: each is tested, and a wrong one is named at once.",
+        "Check measurements as they are made and report wrong ones immediately.",
         (),
     ),
     "update": Listed(

@@ -147,7 +147,7 @@ def is_good(fit: Fit) -> bool:
 
 
 def fits_without_wrong_matches(fit: Fit) -> bool:
-    """Tell whether nothing but photo points spread over the photos does not fit, whatever their a-priori error.
+    """Return whether the only misfits are photo points scattered over the photos, as wrong matches are.
 
     No photo is wrong as a whole then, and no other kind of observation.
     """

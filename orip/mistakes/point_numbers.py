@@ -166,8 +166,8 @@ class _DoubtedPhotoPoints:
         text = f"point {self._point(worst)} does not fit by {self._distance(worst):.3f} mm and was down-weighted"
         if others := self._as_likely(worst):
             text = (
-                f"{text} in {self._photos([worst])}; without any one of these photos its other rays meet, so that it "
-                f"may be wrong in any of them: measure it again there, or check its number{more}"
+                f"{text} in {self._photos([worst])}; leaving out any one of these photos makes the remaining rays "
+                f"meet, so the error may be in any of them: remeasure the point there, or check its number{more}"
             )
         else:
             text = f"{text}; its other rays meet: measure it again in this photo, or check its number{more}"

@@ -149,7 +149,7 @@ def register(app: typer.Typer) -> None:
         page: Page = False,
         demo: Demo = False,
     ) -> None:
-        """Answer measurements while they are made: each is tested, and a wrong one is named at once.
+        """Check measurements as they are made and report wrong ones immediately.
 
         Requests are lines of JSON on stdin, replies on stdout; what others append to measurement files is answered as
         well. Every measurement is in EDITS.MEA before it is answered.

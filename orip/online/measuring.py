@@ -265,7 +265,7 @@ class Measuring:
             found = self._snooping.snoop(self._concerned(key, new), key, most=1) if is_settled else []
         answer = self._answer(key, before)
         if not is_settled and answer.state in ("included", "unchecked"):
-            text = f"{words_of(key)} is being tested: it moves photos, whose equations are computed again first"
+            text = f"{words_of(key)}: the test is pending until the photos that it moves have been linearised again"
             answer = replace(answer, state="unchecked", text=text, w=None, limit=None, is_pending=True)
         self._request = Request(
             key, before, answer, points, new, is_tested=is_settled and not found, has_oriented=bool(oriented)

@@ -66,7 +66,7 @@ ANSWERED_WITHIN_S = 0.05
 """Seconds that an answer is waited for where somebody measures."""
 
 _DECIMALS = 9
-"""Decimals of what is typed in that count: a millionth of a millimetre shows in the last digits of what is printed."""
+"""Decimals of typed coordinates that count: a millionth of a millimetre shows in the last printed digits."""
 
 
 class _Undo(Struct, frozen=True):

@@ -148,10 +148,10 @@ _NOTHING = 1e-6
 """Of the standard deviation of a mean: what rounding leaves of a mean that is zero."""
 
 _NOTE = (
-    "p: probability of so much or more by chance if the a-priori errors are right; marked are groups where it is too "
-    "small for the number of groups tested. Mean: of the residuals, adjusted minus observed. Common error: what all "
-    "observations of the group would have to be off by, observed minus what all others predict. Worst: the check point "
-    "that differs most for its standard deviation."
+    "p: probability that chance alone gives residuals this large if the a-priori errors are right. Marked: "
+    "significant for the number of groups tested. Mean: of the residuals, adjusted minus observed. Common error: an "
+    "offset shared by all observations of the group, observed minus predicted from all other observations. Worst: the "
+    "check point with the largest difference in units of its standard deviation."
 )
 
 

@@ -159,7 +159,8 @@ def _variance_components(solution: Solution) -> Iterator[SummaryLine]:
     label = "errors"
     for row in solution.variance_components:
         if math.isnan(row.factor):
-            why = "too little redundancy" if row.redundancy < 1.0 else "cannot be told from 0 or from another group's"
+            confounded = "not distinguishable from 0 or from that of another group"
+            why = "too little redundancy" if row.redundancy < 1.0 else confounded
             yield SummaryLine(label, f"{row.name}: not estimated, {why}")
         else:
             found = f"{_kept(f'{significant(row.factor, 3)} ± {significant(row.sd, 2)}')} times the given ones"

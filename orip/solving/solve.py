@@ -44,7 +44,7 @@ from orip.structs import replace
 FIRST_CAUSES = {
     OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, RESOLUTION, UNREAD_FILE,
 }  # fmt: skip
-"""Codes of warnings of what is given that come before what the adjustment shows, which may follow from it."""
+"""Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
 
 OF_STATIONS = {
     **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
@@ -164,7 +164,7 @@ def _judged(
 ) -> Solution:
     """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
     wrong = [
-        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "mend first what the warning says of it")
+        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "first correct it as the warning says")
         for found in (*mistaken, *gathered)
         if found.code in WRONG
     ]
@@ -199,7 +199,7 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
     if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
-        replace(found, remedy=f"mend first what the warning says of the {found.where}")
+        replace(found, remedy=f"first correct the {found.where} as the warning says")
         if found.code == CONTRADICTION and found.where in causes
         else found
         for found in solution.diagnosis
@@ -291,8 +291,8 @@ class _Adjuster(Struct):
         assert self.values is not None, "they are what it started from"
         self.watcher.replaced(self.values)
         text = (
-            f"the adjustment from the given values {doubt}; from orip's own preliminary values it ends at a better "
-            f"minimum with sigma0 {own.solution.sigma0:.4g}, and this is the result: 'orip update' keeps its values"
+            f"the adjustment from the given values {doubt}; this result was computed from preliminary values found by "
+            f"orip (sigma0 {own.solution.sigma0:.4g}). Keep them with 'orip update'"
         )
         return ProjectWarning(REPLACED, "", text)
 

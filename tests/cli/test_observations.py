@@ -312,7 +312,7 @@ def test_todo_on_stdout_and_in_a_file(film: Path) -> None:
 
 def test_todo_under_a_name_that_would_be_replayed_warns(film: Path) -> None:
     said = observe(film, "todo", "--output", "AGAIN.MEA")
-    assert "warning: AGAIN.MEA is among the project's measurement files by its name" in said.err
+    assert "warning: AGAIN.MEA: its name matches measurement_files" in said.err
     assert orip(film, "measure").code == 3
 
 

@@ -1,4 +1,7 @@
-"""Every `orip ...` that is named anywhere in the documentation exists, with its options and keys."""
+"""Every `orip ...` that is named anywhere in the documentation exists, with its options and keys.
+
+The table of all commands names every one that there is.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,13 @@ import re
 import shlex
 from collections.abc import Iterator
 from pathlib import Path
+from typing import get_args
 
 import pytest
 from command_tree import SHARED, commands, is_group, options_of
-from documentation.pages import pages, shown
+from documentation.pages import DOCS, pages, shown
 
+from orip.cli.adjust.results import What
 from orip.files.control.editing import FORMS
 from orip.files.project.tables import keys_of as keys_of_table
 from orip.files.project.tables import table_of
@@ -84,6 +89,34 @@ def keys_of(name: str) -> list[str]:
 def test_commands_and_options_exist(page: Path) -> None:
     found = named_commands(page.read_text(encoding="utf-8"))
     assert [f"orip {' '.join(words)}: {fault}" for words in found if (fault := fault_of(words))] == []
+
+
+def missing_in(table: str) -> list[str]:
+    """Return the commands, those of groups too, that no line of a table names; groups alone need no line."""
+    named = {" ".join(words[: index + 1]) for words in named_commands(table) for index in range(len(words))}
+    return [name for name, command in commands().items() if not is_group(command) and name not in named]
+
+
+def rows_of(page: Path) -> str:
+    """Return the rows of a page's tables that begin with a command."""
+    return "\n".join(line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `orip "))
+
+
+def test_the_table_of_commands_names_every_one() -> None:
+    assert missing_in(rows_of(DOCS / "reference" / "commands" / "index.md")) == []
+
+
+def test_a_command_that_the_table_lacks_is_found() -> None:
+    names = [name for name, command in commands().items() if not is_group(command)]
+    lines = [f"| `orip {name}` | |" for name in names]
+    assert missing_in("\n".join(lines)) == []
+    assert missing_in("\n".join(lines[1:])) == names[:1]
+    assert "digitise ticks" in missing_in("| `orip digitise template\\|photo` | |")
+
+
+def test_tables_of_commands_have_all_kinds_of_results() -> None:
+    words = [words for page in pages() for words in named_commands(rows_of(page)) if words[:1] == ["results"]]
+    assert {word for _, word, *_ in words} == set(get_args(get_args(What)[0]))
 
 
 @pytest.mark.parametrize(

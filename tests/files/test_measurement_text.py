@@ -107,7 +107,7 @@ def test_all_records_in_the_order_of_the_log(tmp_path: Path, line_end: str) -> N
         ("POINTS M P\n1 2 -", ":2: ", "a coordinate is missing"),
         ("POINTS M P\n1 2 3 4", ":2:7: ", "'4' does not fit here"),
         ("POINTS M P\n1 2 3 = 4 5", ":2:7: ", "'=' does not fit here"),
-        ("POINTS M P\n1 2 3 0 1", ":2:7: ", "an own a-priori error of 0 is not allowed"),
+        ("POINTS M P\n1 2 3 0 1", ":2:7: ", "an a-priori error of 0 is not allowed here"),
         ("POINTS M P\n1 2 3 1 -0.0px", ":2:9: ", "of 0 is not allowed"),
         ("POINTS M P\n1 2 3 1 xpx", ":2:9: ", "'xpx' is not a number of pixels; write for example 0.5px"),
         ("POINTS M P\n= 2 3", ":2:1: ", "'=' is not allowed as a name"),

@@ -54,7 +54,7 @@ def test_what_a_recognised_mistake_causes_is_not_to_be_set(tmp_path: Path) -> No
     said = said_of(DATA_MISTAKES["moved_by_one_photo"], tmp_path / "moved").told
     assert "all off by a lever arm" in said
     assert "set lever_arm" not in said
-    assert "mend first what the warning says of the exposure stations" in said
+    assert "first correct the exposure stations as the warning says" in said
 
 
 @pytest.mark.parametrize("project", [drone, scale_bar_project, two_camera_project])

@@ -53,7 +53,7 @@ class CommonShift(NamedTuple):
     Parameters
     ----------
     log_p : float
-        Logarithm of the probability of so much or more by chance.
+        Logarithm of the probability that chance alone gives as much or more.
     cause : Cause
     alternatives : tuple of Cause
         What it cannot be told apart from.

@@ -137,13 +137,13 @@ def _text(found: Contradiction, ground_unit: str) -> str:
             size = f"{group.worst_size:+.4g} {unit}"
             text = f"check point {group.worst} differs by {size} in {group.component}, more than its standard deviation"
         case "scatter" if group.kind == "check":
-            text = f"the {name} differ {group.sigma0:.1f} times more than their standard deviations"
+            text = f"the differences of the {name} are {group.sigma0:.1f} times what their standard deviations allow"
         case "scatter" if group.kind == "photo":
             text = (
-                f"the photo points of camera {group.of} fit {group.sigma0:.1f} times worse than their a-priori errors"
+                f"the residuals of camera {group.of}'s photo points are {group.sigma0:.1f} times their a-priori errors"
             )
         case "scatter":
-            text = f"the {name} fit {group.sigma0:.1f} times worse than their a-priori errors"
+            text = f"the residuals of the {name} are {group.sigma0:.1f} times their a-priori errors"
         case "down-weighted":
             text = f"{group.down_weighted} of {group.number} {name} do not fit and were down-weighted"
         case "shift":

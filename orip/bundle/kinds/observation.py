@@ -87,7 +87,7 @@ class Observations(Struct, frozen=True):
         return None
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
-        """Return the residuals (n,) of what was observed from those of the equations; both are in the rows' units.
+        """Convert equation residuals to residuals (n,) of the observations; both are in the rows' units.
 
         They differ where observations with correlated errors have equations that are not.
         """

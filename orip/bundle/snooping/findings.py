@@ -168,10 +168,10 @@ _WRONG = {
 _REMEDY = {
     PHOTO_POINT.name: "measure it again, or disregard it; check its name",
     CONTROL_POINT.name: "check the coordinates, and whether the feature measured in the photos is the one surveyed",
-    ELEMENT.name: "check its value and its a-priori error, and whose it is; or disregard it",
+    ELEMENT.name: "check its value, its a-priori error and the name it is given under, or disregard it",
     DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
-    ATTITUDE.name: "check its angles and their a-priori errors, and whose they are; or disregard it",
+    ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
     DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
 }
 

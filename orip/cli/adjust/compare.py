@@ -26,15 +26,12 @@ RelativeOption = Annotated[
     typer.Option(
         "--relative",
         min=0.0,
-        help="Relative part of the allowed difference: times the block's extent for ground coordinates, times one "
-        "radian for angles.",
+        help="Relative tolerance, multiplied by the block's extent for ground coordinates and by 1 rad for angles.",
     ),
 ]
 SigmaOption = Annotated[
     float | None,
-    typer.Option(
-        "--sigma", min=0.0, help="Allow so many standard deviations instead, and compare only adjusted values."
-    ),
+    typer.Option("--sigma", min=0.0, help="Tolerance in standard deviations instead; compares adjusted values only."),
 ]
 
 _SHOWN = 20

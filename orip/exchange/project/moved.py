@@ -250,8 +250,8 @@ def said_of_datum(datum: ControlDatum, unit: str) -> list[str]:
         moved,
         (
             f"The observed positions of the photos are {abs(datum.height_step):.3g} {unit} {way} than the control "
-            f"points say (standard deviation {datum.height_step_sd:.2g} {unit}), and fit otherwise: these heights "
-            "have different origins (ellipsoid, geoid, take-off point, altitude of a telephone). The control points "
+            f"points say (standard deviation {datum.height_step_sd:.2g} {unit}); apart from that they agree: the "
+            "heights refer to different zero levels (ellipsoid, geoid, take-off point, phone GPS). The control points "
             "count; the common error of the positions is an unknown, [[antenna]] in orip.toml. If the heights of the "
             "control points are the wrong ones, correct them in the source and import it again."
         ),

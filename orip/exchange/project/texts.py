@@ -147,8 +147,8 @@ def _precision(block: ImportedBlock, notes: list[str]) -> float:
         return _PIXEL
     rounded = float(f"{found:.2g}")
     notes.append(
-        f"No file says how precise the measurements are: their a-priori error is {rounded:g} px, as the residuals of "
-        "the import say (--precision)."
+        f"The source states no measurement precision: {rounded:g} px was estimated from the reprojection residuals; "
+        "override it with --precision."
     )
     return rounded
 

@@ -90,8 +90,8 @@ def photo_lines(solution: Solution) -> list[str]:
     lines = table_lines(columns)
     if any(about_axes):
         footnote = (
-            f"{AXES_MARK} PHI is so near to 90 or -90 degrees that OMEGA and KAPPA cannot be told apart: under OMEGA, "
-            "PHI and KAPPA stand the standard deviations of small rotations about the X, Y and Z axes of the ground"
+            f"{AXES_MARK} PHI is so near to 90 or -90 degrees that OMEGA and KAPPA are not separable: the columns "
+            "OMEGA, PHI, KAPPA give standard deviations of rotations about X, Y, Z"
         )
         lines += ["", *paragraph(footnote, hanging=2)]
     return lines

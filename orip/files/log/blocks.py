@@ -160,7 +160,8 @@ def _own_error(reader: FieldReader, position: int) -> tuple[float, bool]:
         reader.complain(str(fault), position)
         return float("nan"), False
     if value == 0:
-        reader.complain("an own a-priori error of 0 is not allowed; write one above 0, or below to disregard", position)
+        text = "an a-priori error of 0 is not allowed here; write a positive one, or a negative one to disregard it"
+        reader.complain(text, position)
     impossible = (PIXEL_ERRORS if in_pixels else PHOTO_ERRORS).fault(value)
     if impossible is not None:
         reader.complain(impossible, position)

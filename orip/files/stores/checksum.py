@@ -1,4 +1,4 @@
-"""Checksums of what a store holds: a flipped bit is found by whoever reads the rows it is in, and named.
+"""Checksums of what a store holds: reading rows with a flipped bit raises an error that names them.
 
 A sum goes over the values of a table, column by column, in the order in which they are read. Tables that are read
 owner by owner have one for each owner. They are computed while rows are written or read; a store is

@@ -72,7 +72,9 @@ def ellipse_views(solution: Solution) -> EllipseViews | None:
     enlargement = min(_enlargement(scene) for scene in scenes)
     note = f"Standard ellipses, enlarged {round(enlargement)} times. Point at a mark without a label to see its name."
     if len(rows) < count:
-        note += f" {len(rows)} of {count} points are drawn: control and check points, and every so many of the others."
+        note += (
+            f" {len(rows)} of {count} points are drawn: control and check points, and a regular sample of the others."
+        )
     found = {"photo", *(solution.point_kinds[row] for row in rows)}
     kinds = tuple(kind for kind in ("photo", "control", "check", "rejected", "tie") if kind in found)
     return EllipseViews(tuple(_view(solution, rows, scene, enlargement) for scene in scenes), note, kinds)

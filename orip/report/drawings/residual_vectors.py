@@ -112,7 +112,7 @@ def _sheet(given: ReportInput, camera: str) -> VectorSheet | None:
         notes.append(f"The {len(shown)} photos with the largest residuals of {len(vectors)} are drawn.")
     if any(len(photo.xy) > MOST_VECTORS for photo in shown):
         notes.append(
-            f"At most {MOST_VECTORS} vectors a photo are drawn: every so many, and all that are down-weighted."
+            f"At most {MOST_VECTORS} vectors a photo are drawn: a regular sample, and all that are down-weighted."
         )
     drawn = tuple(_photo_drawing(photo, frame) for photo in shown)
     if means is None:

@@ -210,8 +210,8 @@ def measure_again(bundle: BundleState, output: Path | None = None, *, overwrite:
 def _would_be_replayed(bundle: BundleState, path: Path) -> Iterator[ProjectWarning]:
     if is_measurement_file(bundle.project, path):
         text = (
-            "is among the project's measurement files by its name: 'orip measure' and 'orip run' will complain of it "
-            "until its coordinates are filled in; give it an extension that they do not have to avoid that"
+            "its name matches measurement_files, so 'orip measure' and 'orip run' report errors until its coordinates "
+            "are filled in; use another extension to avoid this"
         )
         yield ProjectWarning("unfinished-measurements", bundle.project.shown(path), text)
 

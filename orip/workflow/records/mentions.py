@@ -28,7 +28,7 @@ from orip.records.observations.measurement import (
 )
 from orip.records.results.solution import Solution
 from orip.structs import replace
-from orip.wording import agreeing, counted
+from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.run_id import digest_of_records, run_id
@@ -320,9 +320,8 @@ def files_of_old_name(
     if not results:
         return sources, ()
     text = (
-        f"{', '.join(map(project.shown, results))} had the old name and {agreeing(len(results), 'is', 'are')} gone; "
-        f"as soon as orip.toml has the new one, 'orip init' writes the listings, 'orip prelim', 'orip drive table' and "
-        f"'orip report' write the rest"
+        f"results under the old name were removed: {', '.join(map(project.shown, results))}. Rename the bundle in "
+        "orip.toml, then run 'orip run' to write them again"
     )
     return (*sources, *results), (ProjectWarning("renamed-bundle", "", text),)
 

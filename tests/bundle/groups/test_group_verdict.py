@@ -117,5 +117,5 @@ def test_a_camera_whose_photo_points_scatter_more_than_the_others_is_named() -> 
     )
     _, verdict = verdict_of(mixed)
     (diagnosis, *_) = group_diagnosis(verdict.contradictions, "m")
-    assert diagnosis.text.startswith("the photo points of camera WORN fit ")
+    assert diagnosis.text.startswith("the residuals of camera WORN's photo points are ")
     assert len(made.cameras) == 1

@@ -448,7 +448,8 @@ def test_rename_one_of_two_bundles_its_listings_go(tmp_path: Path) -> None:
     names = {"MAIN_RESULT.OUT", "MAIN_ERROR.OUT", "MAIN_result.json", "MAIN_residuals.csv", "MAIN_report.html"}
     assert names <= set(contents(folder))
     said = done(orip(folder, "bundle", "rename", "MAIN", "ALL"))
-    assert "MAIN_RESULT.OUT, MAIN_ERROR.OUT, MAIN_result.json, MAIN_residuals.csv, MAIN_report.html had the" in said.err
+    removed = "MAIN_RESULT.OUT, MAIN_ERROR.OUT, MAIN_result.json, MAIN_residuals.csv, MAIN_report.html"
+    assert f"results under the old name were removed: {removed}. Rename the bundle in orip.toml" in said.err
     assert not [name for name in contents(folder) if name.startswith("MAIN")]
     assert "AGAIN_RESULT.OUT" in contents(folder)
     for name in ("orip.toml", "FIRST.MEA"):
