@@ -135,7 +135,7 @@ _BY_CHANCE = 0.2
 
 
 def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWarning]:
-    """Return a warning if all distances are in another unit, else for each one that the block contradicts.
+    """Return a warning if distances are in another unit, all or some; else one for each that the block contradicts.
 
     Parameters
     ----------
@@ -149,6 +149,8 @@ def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWar
     wrong = is_distance & (rows.standard_residual > _DOUBTED)
     if not wrong.any():
         return []
+    if found := list(_in_two_units(solution, np.flatnonzero(is_distance))):
+        return found
     if found := list(_in_another_unit(solution, np.flatnonzero(wrong))):
         return found
     if np.count_nonzero(wrong) > 0.5 * np.count_nonzero(is_distance) or solution.status == "not_converged":
@@ -168,6 +170,36 @@ def _in_another_unit(solution: Solution, wrong: IntArray) -> Iterator[ProjectWar
     text = (
         f"the distances fit when they are multiplied by {factor:.5g} ({names}): they seem to be in {unit}, and the "
         f"control in {other}; write both in one unit, and correct the one that is wrong"
+    )
+    yield ProjectWarning("distance-unit", "control files", text)
+
+
+def _in_two_units(solution: Solution, all_distances: IntArray) -> Iterator[ProjectWarning]:
+    """Yield a warning where some distances fit the others once they are multiplied by the factor of a unit.
+
+    Where distances alone give the scale it lies anywhere between the two, so that none of them need fit; what the
+    block has for one divided by what it has for another does not depend on its scale.
+    """
+    rows = solution.residuals
+    observed = rows.observed[all_distances]
+    ratios = np.abs((observed + rows.residual[all_distances]) / observed)
+    smallest = ratios < np.sqrt(ratios.min() * ratios.max())
+    if not smallest.any() or smallest.all():
+        return
+    common, other_common = float(np.median(ratios[smallest])), float(np.median(ratios[~smallest]))
+    fitted = np.where(smallest, ratios / common, ratios / other_common)
+    factor = min(
+        (unit for unit in LENGTH_UNITS if unit < 1.0), key=lambda unit: abs(common / other_common / unit - 1.0)
+    )
+    if (np.abs(fitted - 1.0) > _LENGTH_ALIKE).any() or abs(common / other_common / factor - 1.0) > _LENGTH_ALIKE:
+        return
+    unit, other = LENGTH_UNITS[factor]
+    names, other_names = (
+        ", ".join(rows.point[row] for row in all_distances[chosen]) for chosen in (smallest, ~smallest)
+    )
+    text = (
+        f"the distances fit each other with the factor {factor:.5g} for {names}: written in {unit}, as it seems, and "
+        f"{other_names} in {other}; write all distances and their errors in the ground unit, {solution.ground_unit}"
     )
     yield ProjectWarning("distance-unit", "control files", text)
 

@@ -146,6 +146,20 @@ def _no_pixels(camera: Camera, sensor: Sensor, xy: FloatArray) -> Iterator[Proje
             )
             yield ProjectWarning(COORDINATE_UNIT, f"camera {camera.name}", text)
             return
+    # pixels are never far left of the first column and above the first row: these count from the middle
+    half = 0.5 * pixels
+    if (
+        (low < -_FILLED_BY_MILLIMETRES * half).all()
+        and (high > _FILLED_BY_MILLIMETRES * half).all()
+        and (farthest <= _EDGE * half).all()
+    ):
+        text = (
+            f"photo coordinates go from {low[0]:.4g} to {high[0]:.4g} and from {low[1]:.4g} to {high[1]:.4g} on a "
+            f"sensor of {sensor.columns} columns and {sensor.rows} rows: they seem to be pixels from the centre of the "
+            f"picture, but they count from its upper left corner: add {half[0]:g} and {half[1]:g} (where rows count "
+            "upwards, change their sign before)"
+        )
+        yield ProjectWarning(CODE, f"camera {camera.name}", text)
 
 
 def _reached(camera: Camera, xy: FloatArray) -> float:
@@ -197,6 +211,8 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
         photos = coded(observations.photos)[rows].occurring()
         if camera.sensor is None or len(rows) < _FEWEST_IN_A_PICTURE or len(photos) < _FEWEST_PICTURES:
             continue
+        if (observations.measured[rows] < -0.01 * np.array([camera.sensor.columns, camera.sensor.rows])).any():
+            continue  # no corner: they count from elsewhere
         reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
         for factor in _FACTORS_OF_PICTURES:
             if (

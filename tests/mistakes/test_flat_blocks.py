@@ -40,6 +40,12 @@ def parts_of_the_picture(block: FlatBlock) -> None:
     multiplied(block, 1.0 / PIXELS)
 
 
+def from_the_centre(block: FlatBlock) -> None:
+    for points in block.measured.values():
+        for xy in points.values():
+            xy[:] = xy - PIXELS / 2
+
+
 def half_resolution(block: FlatBlock) -> None:
     multiplied(block, np.array([0.5, 0.5]), ("P3",))
 
@@ -60,6 +66,7 @@ NAMED: dict[str, tuple[Callable[[FlatBlock], None], tuple[str, ...]]] = {
     "one photo mirrored": (one_mirrored, ("photo P2", "mirror image", "rows seem to count upwards")),
     "mm for pixels": (millimetres, ("camera CAM", "they seem to be mm from the upper left corner")),
     "parts of the picture": (parts_of_the_picture, ("camera CAM", "they seem to be parts of the picture")),
+    "from the centre": (from_the_centre, ("camera CAM", "pixels from the centre", "add 4429 and 6498")),
     "half the resolution": (half_resolution, ("photo P3", "at a lower resolution", "multiply columns and rows by 2")),
     "heights in feet": (heights_in_feet, ("Z seems to be in feet",)),
     "two numbers": (two_numbers, ("points 221 and 221x", "one point under two numbers")),

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import AERIAL, Folder, aerial, changed, flat_field, images, known, north_first
 
 from orip.structs import replace
+from orip.units import METRES_PER_FOOT
 
 SPREAD = ("00", "04", "40", "44", "80", "84", "42")
 
@@ -119,6 +121,45 @@ def test_the_first_line_names_the_mistake(tmp_path: Path, name: str) -> None:
     line = first_line([said])
     assert [word for word in words if word not in line] == [], line
     assert code is None or said.code == code
+
+
+def bars(made: Folder, factor: float, count: int = 3) -> str:
+    """Return lines of some distances, of which the first is multiplied by a factor."""
+    ends = [("00", "44", factor), ("20", "64", 1.0), ("40", "84", 1.0)][:count]
+    lengths = [np.linalg.norm(made.points[start] - made.points[end]) * by for start, end, by in ends]
+    errors = [0.001 * factor, 0.001, 0.001]
+    return "".join(
+        f"BAR{row} {start} {end} XYZ {lengths[row]:.4f} {errors[row]:.6f}\n" for row, (start, end, _) in enumerate(ends)
+    )
+
+
+@pytest.mark.parametrize(
+    ("factor", "multiplied", "unit", "others"),
+    [
+        (1000.0, 0.001, "millimetres", "BAR1"),
+        (100.0, 0.01, "centimetres", "BAR1, BAR2"),
+        (1.0 / METRES_PER_FOOT, 0.3048, "feet", "BAR1, BAR2"),
+    ],
+)
+def test_one_distance_in_another_unit_is_named_without_control(
+    tmp_path: Path, factor: float, multiplied: float, unit: str, others: str
+) -> None:
+    made = free_network()
+    folder = made.write(tmp_path / "folder")
+    (folder / "T.LEN").write_text(bars(made, factor, 1 + len(others.split())))
+    line = first_line([orip(folder, "run", "--no-report")])
+    assert f"factor {multiplied} for BAR0: written in {unit}, as it seems, and {others} in metres" in line
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_no_unit_is_named_where_none_explains_the_distances(tmp_path: Path, factor: float) -> None:
+    made = free_network()
+    folder = made.write(tmp_path / "folder")
+    (folder / "T.LEN").write_text(bars(made, factor))
+    said = orip(folder, "run", "--no-report").told
+    assert "status  " in said
+    assert "as it seems" not in said
+    assert "seem to be in" not in said
 
 
 def test_images_are_those_of_the_photos() -> None:
