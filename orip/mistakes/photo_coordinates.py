@@ -159,7 +159,7 @@ def _no_pixels(camera: Camera, sensor: Sensor, xy: FloatArray) -> Iterator[Proje
             f"picture, but they count from its upper left corner: add {half[0]:g} and {half[1]:g} (where rows count "
             "upwards, change their sign before)"
         )
-        yield ProjectWarning(CODE, f"camera {camera.name}", text)
+        yield ProjectWarning(COORDINATE_UNIT, f"camera {camera.name}", text)
 
 
 def _reached(camera: Camera, xy: FloatArray) -> float:
