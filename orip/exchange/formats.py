@@ -77,6 +77,7 @@ from orip.exchange.vision.openmvg import (
     write_openmvg,
 )
 from orip.exchange.vision.openmvg import READING as OPENMVG
+from orip.exchange.vision.opf import is_opf, read_opf
 
 
 def _never(_original: Path) -> bool:
@@ -276,6 +277,7 @@ FORMATS: tuple[Format, ...] = (
             lacks=("check points", *_OBSERVED),
         ),
     ),
+    Format("opf", "OPF (Open Photogrammetry Format), Pix4D: project.opf or its folder", read_opf, is_opf),
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, block
-from exchange import test_blocks_exchange, test_metashape, test_micmac, test_opensfm, test_tables
+from exchange import test_blocks_exchange, test_metashape, test_micmac, test_opensfm, test_opf, test_tables
 from exchange.imported import written
 from exchange.test_aerial import bingo_files, patb_files
 from exchange.test_gubaio import film
@@ -125,6 +125,8 @@ BLOCKS_ANGLES = text_file("b.xml", lambda: test_blocks_exchange.text(block(test_
 METASHAPE = text_file("cameras.xml", lambda: test_metashape.document(block(test_metashape.READING)))
 OPENMVG = text_file("sfm_data.json", lambda: openmvg_text(block(openmvg.READING)))
 ALICEVISION = text_file("cameras.sfm", lambda: alicevision_text(block(openmvg.READING)))
+OPF: Files = test_opf.project_folder
+OPF_FIRST = float(test_opf.first_mark()[0])
 PHOTOMODELER = text_file("a.txt", lambda: photomodeler_text(block(photomodeler.READING)))
 
 FIRST = float(block(aicon.READING).rays.image[0, 0])
@@ -167,6 +169,11 @@ TABLE = [
     Row("alicevision", "focalLength, sensorWidth", "mm", ALICEVISION, principal_distance, 3000.0),
     Row("alicevision", "x", "px from the centre of the first pixel", ALICEVISION, column, FIRST),
     Row("alicevision", "rotation", "1", ALICEVISION, turned, 0.0),
+    Row("opf", "focal_length_px", "px", OPF, principal_distance, 3000.0),
+    Row("opf", "position_px", "px", OPF, column, OPF_FIRST),
+    Row("opf", "accuracy", "px", OPF, ray, 0.5),
+    Row("opf", "sigmas of a control point", "ground unit", OPF, control("P0", 2), 0.05),
+    Row("opf", "sigmas of a position", "ground unit", OPF, station(1), 0.03),
     Row("csv", "s beside x_mm", "mm", tables, ray, 0.003 / PIXEL_MM),
     Row("csv", "control sY", "m", tables, control("A", 1), 0.02),
     Row("csv", "OMEGA PHI KAPPA", "degree", tables, turned, 0.0),
