@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from conversion.exchanged_blocks import OBLIQUE, block
-from exchange import test_blocks_exchange, test_metashape, test_micmac, test_opensfm, test_opf, test_tables
+from exchange import test_blocks_exchange, test_metashape, test_micmac, test_opensfm, test_tables
 from exchange.imported import written
 from exchange.test_aerial import bingo_files, patb_files
 from exchange.test_gubaio import film
 from exchange.test_metric import PIXEL_MM, aicon_files, ign_files, photomodeler_text, pix4d_files
 from exchange.test_scenes import alicevision_text, openmvg_text
+from exchange.vision import test_opf
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d
 from orip.exchange.formats import FORMATS_READ

@@ -21,7 +21,6 @@ from exchange import (
     test_metric,
     test_micmac,
     test_opensfm,
-    test_opf,
     test_scenes,
     test_tables,
     test_vision,
@@ -29,6 +28,7 @@ from exchange import (
 from exchange.imported import written
 from exchange.metashape import test_metashape_references
 from exchange.mutated_files import project_or_complaints, use_mutated_files
+from exchange.vision import test_opf
 
 from orip.exchange import aicon, bingo, ign, patb, photomodeler, pix4d, tables
 from orip.exchange.format import Format
