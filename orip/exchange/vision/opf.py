@@ -19,7 +19,7 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.json_tree import JsonValue
 from orip.exchange.vision.opf_documents import Documents, Ground, Vector, by_id, identity, path_of, read_ground, vector
 from orip.exchange.vision.opf_tracks import add_tracks
-from orip.files.text.shown import Parsed
+from orip.files.text.shown import Parsed, shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, Lens, PoseReading
 from orip.records.observations.control import (
     ANGLE_ERRORS,
@@ -159,6 +159,7 @@ def _oriented(
     photos: list[ExchangedPhoto] = []
     place_of_sensor: dict[int, int] = {}
     place_of_id: dict[int, int] = {}
+    taken_names: set[str] = set()
     is_rig = False
     for document in documents.of("calibrated-cameras", is_needed=True):
         found, taken = document.required("sensors"), document.required("cameras")
@@ -184,6 +185,9 @@ def _oriented(
                 what = f"camera {key} in camera_list" if key not in images else f"calibrated sensor {sensor_id}"
                 value.complain(f"there is no {what}; export the project again")
                 continue
+            if images[key] in taken_names:
+                value.complain(f"image {shown_token(images[key])} is that of another camera, too; correct camera_list")
+            taken_names.add(images[key])
             place_of_id[key] = len(photos)
             place = ground.place(position)
             photos.append(ExchangedPhoto(images[key], place_of_sensor[sensor_id], angles, place, key=len(photos)))
@@ -264,11 +268,12 @@ def _control(
                 value.complain("a control point of this name is there already; export the project again")
             check = value.get("is_checkpoint")
             is_check = check is not None and check.value is True
+            if is_check and key == "mtps":  # all its rays would be disregarded, and the point could not be determined
+                left_out += 1
+                continue
             place = places.get(name)
             point = points.add(name, None if place is None else ground.place(place))
-            is_active = key == "gcps" or not is_check
-            left_out += not is_active
-            lost += _add_marks(value, point, place_of_id, rays, is_active=is_active)
+            lost += _add_marks(value, point, place_of_id, rays)
             if key == "gcps":
                 given = _given(projected.get(name), value, ground, "coordinates")
                 elsewhere += given is None
@@ -276,7 +281,7 @@ def _control(
                     x, y, z = (None if error is None else -error if is_check else error for error in given[1])
                     yield ControlPoint(name, given[0], (x, y, z)), is_check
     if left_out:
-        documents.notes.append(f"{counted(left_out, 'manual tie point')} of the check are measured, and not used.")
+        documents.notes.append(f"{counted(left_out, 'manual tie point')} for checks alone, left out.")
     if lost:
         documents.notes.append(f"{counted(lost, 'mark')} in photos not calibrated, left out.")
     if elsewhere:
@@ -293,9 +298,7 @@ def _by_name(values: Iterator[JsonValue]) -> dict[str, JsonValue]:
     return found
 
 
-def _add_marks(
-    value: JsonValue, point: int, place_of_id: Mapping[int, int], rays: CollectedRays, *, is_active: bool
-) -> int:
+def _add_marks(value: JsonValue, point: int, place_of_id: Mapping[int, int], rays: CollectedRays) -> int:
     """Add the marks of a point, their accuracies as pixels; return how many are in photos that are not calibrated."""
     marks = value.required("marks")
     lost = 0
@@ -304,7 +307,7 @@ def _add_marks(
         if camera is not None and camera in place_of_id and image is not None and accuracy is not None:
             deviation = _error(accuracy, PIXEL_ERRORS)
             deviation = math.nan if deviation is None else deviation
-            rays.add(place_of_id[camera], point, image, deviation, is_active=is_active)
+            rays.add(place_of_id[camera], point, image, deviation)
         else:
             lost += 1
     return lost
