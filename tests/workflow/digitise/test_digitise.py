@@ -15,13 +15,13 @@ from workflow.small_projects import contents, film_project, first_project, repla
 
 from orip.errors import InputError, LinkError, UsageError
 from orip.files.log.text import read_measurements
+from orip.multimodel.digitising import operator as digitise_operator
 from orip.multimodel.digitising.marks import digitise_template
 from orip.multimodel.digitising.operator import (
     AtTheProcessor,
     script_requests,
     typed_requests,
 )
-from orip.multimodel.digitising.order import operator as digitise_operator
 from orip.multimodel.digitising.points import digitise_points
 from orip.multimodel.digitising.setup import rehearsal
 from orip.multimodel.digitising.wanted import PointChoice
