@@ -92,7 +92,6 @@ def most_are_lost(computable: int, at_first: int) -> bool:
 # part of the one before. Once corrections are smaller than the standard deviations, the step goes to where the sequence
 # of corrections would end. Neither the correction, by which convergence is judged, nor the solution is changed by it.
 
-
 _MEMORY = 3
 _STARTING_ENP = 0.0
 _FAST = 1.0

@@ -22,7 +22,6 @@ from orip.structs import replace
 # yet the cost is lower with another one down-weighted in its place. Here such exchanges are tried without an adjustment
 # (`weight_changes`), and then with the linearisation of the solution.
 
-
 _MOST_ROWS, _MOST_REDUCED = 1000, 60
 """Up to 1000 observations are all tried, beyond that only those of doubtful points. No exchange is tried once more than
 60 are down-weighted: the outcome would depend on the start."""

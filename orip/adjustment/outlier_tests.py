@@ -18,7 +18,6 @@ from orip.structs import replace
 # rise of the square sum when a group is taken back Fisher's F. The quantiles come from scipy.special; importing
 # scipy.stats would take a second.
 
-
 LEAST_SIGMA0 = 1e-6
 """A sigma0 below it comes from observations without errors: their residuals are rounding, not blunders."""
 
@@ -90,7 +89,6 @@ class OutlierTest(Struct, frozen=True):
 # Probabilities are given as natural logarithms, so that the most significant of several tests is known even where the
 # probabilities themselves underflow. Special functions come from scipy.special; importing scipy.stats would take a
 # second.
-
 
 _SMALL = 1e-280
 """Below this a probability of the chi-square distribution is about to underflow, or has."""

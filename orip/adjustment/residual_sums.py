@@ -23,7 +23,6 @@ from orip.structs import replace
 # All rows are divided by their a-priori errors. Check observations, which had no influence, are rows with weight 0:
 # their residuals have the covariance I + H.
 
-
 _AT_ONCE = 60
 """Right-hand sides that are solved together: limits memory, as each has as many elements as there are unknowns."""
 
@@ -210,7 +209,6 @@ def _smoothed(rows: RowsUnderTest, factors: FloatArray) -> FloatArray:
 # the observations i changes the residuals of all others, j, by H_ji (I - H_ii)^-1 v_i, and the cofactors by H_ji (I -
 # H_ii)^-1 H_ij; taking them back by -H_ji (I + H_ii)^-1 v_i and -H_ji (I + H_ii)^-1 H_ij. The weighted square sum falls
 # by v_i^T (I - H_ii)^-1 v_i, or rises by v_i^T (I + H_ii)^-1 v_i. Exact where the observations are linear.
-
 
 TESTABLE = 1e-4
 """Part of an error that must show in the residuals; where less does, the observation is not checked by others."""

@@ -17,7 +17,6 @@ from orip.threads import by_threads
 # some blocks end far from their minimum and make the step fail. With the reduced unknowns held a block depends on its
 # own observations alone: each has its own small least-squares problem, and its own damping.
 
-
 _PASSES = 2
 _FIRST_DAMPING, _DAMPING_STEP = 1e-2, 10.0
 _LITTLE = 1e-4
@@ -115,7 +114,6 @@ def _normals(after: Equations, root: FloatArray, lost: FloatArray, layout: Layou
 # nothing is damped: the iterations are those of Gauss and Newton. Damping multiplies the diagonal of the normal
 # equations, points included, by 1 + damping (Marquardt 1963). It changes the way to the minimum, and not the minimum:
 # iterations do not end with a damped correction. See docs/decisions/012.
-
 
 _NEAR_ENP, _FAR_ENP = 1.0, 0.0
 _FIRST, _LEAST, _MOST = 1e-3, 1e-10, 1e4

@@ -14,7 +14,6 @@ from orip.threads import by_threads
 # Krarup, Juhl and Kubik (1980) gave the principle. The function used here, exp(-u / c) above the limit c, is this
 # program's choice among those found under that name: it does not diverge where the steeper ones do.
 
-
 LEAST_WEIGHT = 1e-10
 """Smallest weight: unknowns that only down-weighted observations determine remain determined."""
 
@@ -113,7 +112,6 @@ def robust_scale(standard_residuals: FloatArray) -> float:
 
 
 # See docs/decisions/006 and 015.
-
 
 SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 # Each table is a folder, divided into shards by the digest of the project's name (Hive's form, ``shard=a``). Equal rows
 # give equal files; a table is replaced shard by shard.
 
-
 _TYPES: Mapping[ColumnType, pa.DataType] = {
     "text": pa.string(),
     "number": pa.float64(),

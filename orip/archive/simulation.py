@@ -19,7 +19,6 @@ from orip.progress import stage
 # Flying heights, cameras, relief, overlap and precision differ from project to project; equal numbers and seeds give
 # equal projects. Collinearity is that of `orip.geometry`; what tests orip's formulas is elsewhere.
 
-
 Fault = Literal["", "control point", "measured point", "measurement text", "too little control", "gate"]
 """What is wrong in a project: a coordinate of control, a photo point, a line that cannot be read, one control point
 alone, a gate that cannot be passed."""

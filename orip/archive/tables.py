@@ -18,7 +18,6 @@ from orip.records.results.solution import Estimates, Solution
 # docs/reference/archive.md describes them for users. A change that readers of older data sets would notice takes a new
 # `SCHEMA`.
 
-
 SCHEMA: Final = "orip.archive/1"
 """Name and version of the tables."""
 

@@ -168,7 +168,6 @@ def _positions(offset: FloatArray, size: float) -> FloatArray:
 # cofactors are then transformed to the inner constraints by an S-transformation (Baarda 1973), which needs no dense
 # matrix of all points. The result does not depend on which unknowns are held.
 
-
 _DETERMINED = 1e-8
 """An observation determines a movement if that changes it by more than this part of what its partials allow."""
 

@@ -30,7 +30,6 @@ from orip.wording import agreeing, counted, counted_names, joined
 # free, or no better than within limits at which the linear equations mean nothing, the block is not determined, however
 # regular noise makes its normal equations.
 
-
 _SHIFT, _ROTATION, _SCALE = 1.0, 0.2, 0.3
 """Standard deviations of the whole block from which a movement counts as free: a shift by the extent of the block, a
 rotation by 0.2 radians, 11 degrees, and a scale uncertain by 30 per cent. What a rotation by s adds to the linear
@@ -173,7 +172,6 @@ def _turned_at_will(solved: SolvedBlock) -> BoolArray:
 # With a coordinate reference system photos and points have local coordinates while they are adjusted. A constant of the
 # project is a constant of the frame only together with others: the three coordinates of a point or projection centre,
 # and a photo's angles with its centre. Constants without those others become exact constraints.
-
 
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])
 

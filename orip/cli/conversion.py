@@ -18,7 +18,6 @@ from orip.files.text.shown import visible
 
 # typer converts and checks the others with pydantic, which takes longer to load than `orip status` takes to answer.
 
-
 Parameter = TyperArgument | TyperOption
 
 _OF_TYPER = ("get_runtime_param", "type_descriptor", "display_type")

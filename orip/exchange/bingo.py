@@ -21,7 +21,6 @@ from orip.wording import counted
 # Image coordinates are millimetres from the centre of the image, y up. Orientations have phi, omega, kappa in gon; as
 # programs differ in that, the measurements decide. Lines that begin with ``*`` or ``C`` are comments.
 
-
 READING = PoseReading("y_up", "to_ground", "phi_omega_kappa", "gon", "centre")
 
 AXES = ImageAxes("mm", "frame_centre", "up")

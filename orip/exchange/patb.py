@@ -23,7 +23,6 @@ from orip.structs import replace
 # -99. The camera of a project is in its ``.pro``, which is not read: ``camera.txt`` beside it has the principal
 # distance, ``c = 153.24``.
 
-
 READINGS = (
     PoseReading("y_up", "to_ground", "matrix", "radian", "centre"),
     PoseReading("y_up", "to_camera", "matrix", "radian", "centre"),
@@ -183,7 +182,6 @@ def _control(path: Path, faults: Faults) -> Iterator[ControlPoint]:
 
 # Decimals are those of the format's columns: five of a projection centre, twelve of a rotation matrix. Measurements are
 # micrometres from the principal point.
-
 
 PATB_TERMS = ("f", "cx", "cy")
 

@@ -29,7 +29,6 @@ from orip.wording import counted
 # Coordinates in images are columns and rows from the outer corner of the upper left pixel, or millimetres from the
 # middle of the frame, y up. Cameras are in OpenCV's form, in pixels. Angles are orip's omega, phi, kappa in degrees.
 
-
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 MILLIMETRES = ImageAxes("mm", "frame_centre", "up")
 

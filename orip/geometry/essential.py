@@ -15,7 +15,6 @@ from orip.geometry.rotation import cross_matrix
 # b and R from the right photo to the left one, E = [b]x R, and the rays of a point lie in one plane with the base where
 # left^T E right = -b · (left × R right) = 0.
 
-
 _NEARLY_REAL = 0.1
 """Largest relative imaginary part of a solution whose real part is used: measuring errors turn two solutions that are
 close to each other into a complex pair."""

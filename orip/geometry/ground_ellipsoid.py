@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 # are metres from the centre of the ellipsoid, the third along its axis. An ellipsoid is given by its two semi-axes,
 # metres.
 
-
 _ROUNDS = 3
 """Steps of Bowring's iteration: one gives 0.3 micrometres at a height of 5 km, two are exact to rounding."""
 
@@ -99,7 +98,6 @@ def metres_per_radian(geographic: FloatArray, semi_axes: tuple[float, float]) ->
 # Where a geoid grid is missing PROJ silently leaves heights unchanged, even when asked for the best transformation
 # only. Only a transformation group tells which transformation would be possible with all grids, and which grids are
 # installed.
-
 
 _AROUND_PLACE = 0.1
 """Degrees around the place in which a transformation must be valid: the size of a block."""

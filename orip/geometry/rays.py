@@ -113,7 +113,6 @@ def points_at_origins(
 # Positions are tried from each two rays of a point, as in random sample consensus (Fischler and Bolles 1981): half of
 # the rays of a point may be wrong where a block has many outliers, and weights of residuals then settle anywhere.
 
-
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point: of two neither can be called wrong; of many the right ones outweigh the others."""
 

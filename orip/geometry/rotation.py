@@ -12,7 +12,6 @@ from orip.arrays import FloatArray, Number
 # The matrix takes photo axes to ground axes, R = Rx(omega) Ry(phi) Rz(kappa), right-handed; angles are radians.
 # Nothing here has a singular case except the angles themselves, which are only a way of writing R down.
 
-
 _GIMBAL_LOCK = 1e-9
 """Below this cosine of phi omega and kappa turn about the same axis, and kappa is written as zero."""
 
@@ -189,7 +188,6 @@ def angles_between(one: FloatArray, other: FloatArray) -> FloatArray:
 # Roll, pitch and heading (radians) turn the axes front, right, down to north, east, down: R = Rz(heading) Ry(pitch)
 # Rx(roll), the convention of navigation (heading clockwise from true north). They refer to the ellipsoid's normal and
 # to true north at the place.
-
 
 _NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 

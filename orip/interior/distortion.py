@@ -23,7 +23,6 @@ from orip.records.project.camera import AdditionalSet
 # thousands of times a second, and arrays of one point would be far slower. Coefficients are 9 numbers, or 9 arrays
 # (n,): A1, A3, A5, A7, A9, P1, P2, B1, B2.
 
-
 Mapped = tuple[Number, Number, Number, Number, Number, Number]
 """x and y that a point is mapped to, and their partials: x by x, x by y, y by x and y by y.
 
@@ -160,7 +159,6 @@ def _any_above(values: float | FloatArray, limit: float) -> bool:
 
 # Neither form has the term of A9: of what is taken to a polynomial it is 0.
 
-
 _POWERS = np.array([1, 3, 5, 7, 9])
 _FITTED = 4
 """Terms that are fitted to a curve: A1, A3, A5, A7."""
@@ -257,7 +255,6 @@ def polynomial_from_curve(points: Sequence[tuple[float, float]]) -> tuple[FloatA
 
 
 # It follows from the sets of `orip.interior.additional_parameters`, which have the partials by the parameters.
-
 
 Factors = tuple[tuple[float, ...], ...]
 """Factors (m, m) of x^i y^j."""

@@ -30,7 +30,6 @@ from orip.structs import replace
 # is. So a replay keeps plate coordinates and the number of their mounting until the log has ended; only then are they
 # taken to the coordinates that are stored.
 
-
 STORED = -1
 """Number of the mounting of what the stores hold already: nothing has to be done to its coordinates."""
 

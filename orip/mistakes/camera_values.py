@@ -14,8 +14,8 @@ from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
-from orip.mistakes.contradicting_distances import millimetres_per_unit
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
@@ -191,7 +191,6 @@ def _are_square(width: float, height: float) -> bool:
 
 # Every function yields hypotheses for one camera, given by its index in the block.
 
-
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, None)
 _LENS = ("A3", "A5", "P1", "P2")
@@ -268,7 +267,6 @@ def _is_unknown(camera: Camera) -> BoolArray:
 
 # Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
 # given coordinates.
-
 
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""

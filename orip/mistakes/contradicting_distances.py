@@ -1,4 +1,4 @@
-"""Distances that contradict the block, units that are mistaken for each other, and slips in writing a number."""
+"""Distances that contradict the block: in another unit, with a slip in writing, or between other points."""
 
 from __future__ import annotations
 
@@ -9,117 +9,13 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.errors import ProjectWarning
+from orip.mistakes.contradicting_control import slip_of_pen
+from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.observations.control import ControlDistance
-from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
-from orip.units import METRES_PER_FOOT, MILLIMETRES_PER_INCH
-
-LENGTH_UNITS = {
-    METRES_PER_FOOT: ("feet", "metres"),
-    1.0 / METRES_PER_FOOT: ("metres", "feet"),
-    1e-3: ("millimetres", "metres"),
-    1e-2: ("centimetres", "metres"),
-    1e2: ("metres", "centimetres"),
-    1e3: ("metres", "millimetres"),
-}
-"""By the factor that lengths have to be multiplied by: their unit, and the unit of what they are compared with."""
-
-FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
-"""The factors of the two units that are used side by side."""
-
-
-def control_unit_text(factor: float) -> str:
-    """Return the message for control that fits the orientations of the photos when multiplied by a factor."""
-    unit, other = LENGTH_UNITS[factor]
-    return (
-        f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in {unit}, "
-        f"and the orientations in {other}; use one unit"
-    )
-
-
-def millimetres_per_unit(camera: Camera) -> dict[str, float]:
-    """Return the size (mm) of the units that principal distances are written in by mistake; pixels if it has any."""
-    sizes = {"metres": 1e3, "inches": MILLIMETRES_PER_INCH}
-    if camera.sensor is not None:
-        sizes["pixels"] = camera.sensor.width / camera.sensor.columns
-    return sizes
-
-
-def smallest_pixel(block: Block) -> float | None:
-    """Return the width (mm) of the smallest pixel of a block's cameras; None where none has a sensor."""
-    widths = [camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None]
-    return min(widths, default=None)
-
-
-_NARROW = 0.2
-"""Largest tolerance, as a part of the error of a value: with a larger one, some slip explains any value."""
-
-_DISPLACED = "its decimal point is displaced"
-_ONE_DIGIT = "one digit is wrong"
-
-_CLOSE = 0.75
-"""Part of the tolerance within which a value with another digit has to be: there are many digits to be tried."""
-
-
-def slip_of_pen(value: float, seen: float, tolerance: float) -> str | None:
-    """Return which slip in writing turns the value that the photos see into the one that was written.
-
-    Parameters
-    ----------
-    value : float
-        As written.
-    seen : float
-        As the photos see it.
-    tolerance : float
-        Largest difference between what was meant and what the photos see.
-
-    Returns
-    -------
-    str or None
-        The words that complete "X = 12.3 ..."; None where no slip explains the value.
-    """
-    if value == 0.0:
-        return "was probably written because the value is not known: write - for it and for its error then"
-    if tolerance > _NARROW * abs(value - seen):
-        return None
-    for meant, how in _slips(value):
-        # every value is next to zero if its decimal point is displaced far enough
-        is_told_from_zero = tolerance <= _NARROW * abs(meant) or how != _DISPLACED
-        near = _CLOSE * tolerance if how == _ONE_DIGIT else tolerance
-        if abs(meant - seen) <= near and is_told_from_zero:
-            return f"is probably {meant:.10g}: {how}"
-    return None
-
-
-def _slips(value: float) -> Iterator[tuple[float, str]]:
-    """Yield what may have been meant, and the slip by which it was written otherwise; the likeliest first."""
-    yield -value, "its sign is wrong"
-    text = f"{value:.10g}"
-    for meant in _with_two_digits_exchanged(text):
-        yield meant, "two digits are exchanged"
-    for power in (1, 2, 3):
-        yield value * 10.0**power, _DISPLACED
-        yield value / 10.0**power, _DISPLACED
-    for place, digit in enumerate(text):
-        for other in "0123456789" if digit.isdigit() else "":
-            if other != digit:
-                yield float(text[:place] + other + text[place + 1 :]), _ONE_DIGIT
-
-
-def _with_two_digits_exchanged(text: str) -> Iterator[float]:
-    """Yield a number with each two neighbouring digits exchanged, also across the decimal point."""
-    for place in range(len(text) - 1):
-        one = text[place]
-        rest = text[place + 1 :].removeprefix(".")
-        if one.isdigit() and rest and rest[0].isdigit() and rest[0] != one:
-            after = len(text) - len(rest)
-            exchanged = list(text)
-            exchanged[place], exchanged[after] = exchanged[after], exchanged[place]
-            yield float("".join(exchanged))
-
 
 _LENGTH_ALIKE = 0.01
 """Relative difference within which a factor is recognised: wrong distances may have changed the scale of the block."""

@@ -28,7 +28,6 @@ from orip.wording import counted_names
 # Another principal distance moves photos up or down, as a strip of wrong heights would be: that they are of another
 # lens shows where the points fit better with it than without any of the positions that are accused.
 
-
 TWO_LENSES = "two-lenses"
 
 OF_TWO_LENSES = "photos of one camera were taken with two lenses, or zoom positions"

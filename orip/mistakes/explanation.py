@@ -16,11 +16,9 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
-from orip.mistakes.angle_units import angles_in_another_unit
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
-from orip.mistakes.error_units import errors_too_large
 from orip.mistakes.exchanged_photos import two_lenses
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
@@ -43,6 +41,7 @@ from orip.mistakes.hypothesis import (
 )
 from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
+from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations import misread_stations

@@ -73,7 +73,6 @@ def free_network(block: Block) -> Block:
 # The photos are adjusted as a free network. Where that fits, what does not fit is the control; its points and those of
 # the network differ by a spatial similarity, which shows what is wrong.
 
-
 _FEWEST_TO_COMPARE = 4
 """Least number of control points among which a wrong one shows."""
 

@@ -12,9 +12,8 @@ from orip.arrays import BoolArray, FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, angles_from_rotation, rotation_from_angles
-from orip.mistakes.angle_units import ANGLE_UNITS, angle_unit_text, is_nearer
-from orip.mistakes.contradicting_distances import FEET_AND_METRES, control_unit_text
 from orip.mistakes.hypothesis import Fit, is_good
+from orip.mistakes.other_units import ANGLE_UNITS, FEET_AND_METRES, angle_unit_text, control_unit_text, is_nearer
 from orip.records.block import Block
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.structs import replace

@@ -10,8 +10,8 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.contradicting_distances import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
+from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
 from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
 from orip.records.ground import PlainGround

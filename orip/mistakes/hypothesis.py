@@ -20,7 +20,6 @@ from orip.structs import replace
 # of the two, both or neither; those that fit only one decide, by the sign test (McNemar, 1947). It assumes nothing
 # about the size or the distribution of residuals that are far too large.
 
-
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
 

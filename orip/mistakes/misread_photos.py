@@ -57,7 +57,6 @@ def sigma0_without(solved: SolvedBlock, photo: str) -> float:
 
 # A photo that the others contradict is resected from the points that they determine, in every reading.
 
-
 _FITS = 6.0
 """Standard errors within which a point fits a resected photo."""
 

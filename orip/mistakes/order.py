@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from orip.bundle.solve import SolvedBlock
-from orip.mistakes.angle_units import angle_units, direction_units
 from orip.mistakes.camera_values import (
     distortion_of_lens,
     distortion_sign,
@@ -19,12 +18,12 @@ from orip.mistakes.doubted_observations import (
     photos_by_misfit,
     points_by_misfit,
 )
-from orip.mistakes.error_units import control_error_units, measurement_precision_units
 from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, other_cameras
 from orip.mistakes.free_network import control_of_free_network
 from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
 from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, is_good
 from orip.mistakes.misread_photos import misread_photos
+from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
 from orip.mistakes.stations import moved_stations
 from orip.records.block import Block

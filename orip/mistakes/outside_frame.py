@@ -23,7 +23,6 @@ from orip.wording import counted_names
 # No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most
 # points of a photo do, they were not measured on this photo, or its marks or its template are not those of the points.
 
-
 _BEYOND_MARKS = 0.25
 """Margin on each side, as a part of the extent of the fiducial marks: the image may extend beyond them."""
 
@@ -198,7 +197,6 @@ def _count(outside: NDArray[np.bool_]) -> str:
 # frame are nearly symmetrical. But no camera and no template is perfectly symmetrical: the given coordinates fit best
 # under the right names. So the marks are named in every order that a rotation or a reflection of the film would give,
 # and the residuals are compared with those of the other films.
-
 
 _UNLIKELY = 1e-6
 """Probability of such large residuals by chance below which names are doubted; there is one test for each film."""

@@ -53,7 +53,6 @@ def points_of_cameras(
 # Cameras with a sensor are measured in pixels: millimetres, or parts of the picture, are far smaller. Those with
 # fiducial marks are scaled by these.
 
-
 COORDINATE_UNIT = "coordinate-unit"
 
 _UNITS = {1e3: "micrometres", 1e4: "tenths of micrometres (0.0001 mm)", 1e-3: "metres", 1.0 / 25.4: "inches"}
@@ -79,7 +78,7 @@ _FEWEST_COORDINATES, _FEWEST_PIXELS = 4, 10
 """Least number of photo points with which a camera is judged, and one with a sensor."""
 
 _PIXELS, _EDGE = 5.0, 1.01
-"""Least number of pixels in a unit that is taken for them, and the tolerance at the edge of the picture."""
+"""Least number of pixels in a unit that is taken for them, and the tolerance at the edge of any picture."""
 
 
 def coordinates_in_other_units(definitions: Definitions, observations: PhotoObservations) -> Iterator[ProjectWarning]:
@@ -189,13 +188,13 @@ def _are_pixels(xy: FloatArray) -> bool:
 
 RESOLUTION = "resolution"
 
-_FACTORS_OF_PICTURES = (2, 4, 8)
+_FACTORS = (2, 4, 8)
 
 _FEWEST_IN_A_PICTURE, _FEWEST_PICTURES = 100, 3
 """Photo points and photos: photos of one object may show it in one corner."""
 
-_FILLED, _EDGE_OF_A_PICTURE = 0.9, 1.01
-"""Parts of the reduced picture that the points reach."""
+_FILLED = 0.9
+"""Part of the reduced picture that the points reach at least."""
 
 
 def find_reduced_pictures(definitions: Definitions, observations: PhotoObservations) -> Iterator[ProjectWarning]:
@@ -214,10 +213,8 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
         if (observations.measured[rows] < -0.01 * np.array([camera.sensor.columns, camera.sensor.rows])).any():
             continue  # no corner: they count from elsewhere
         reached = (observations.measured[rows] / [camera.sensor.columns, camera.sensor.rows]).max(axis=0)
-        for factor in _FACTORS_OF_PICTURES:
-            if (
-                np.abs(reached * factor - 0.5 * (_FILLED + _EDGE_OF_A_PICTURE)) < 0.5 * (_EDGE_OF_A_PICTURE - _FILLED)
-            ).all():
+        for factor in _FACTORS:
+            if (np.abs(reached * factor - 0.5 * (_FILLED + _EDGE)) < 0.5 * (_EDGE - _FILLED)).all():
                 text = (
                     f"all {len(rows)} points lie in the upper left corner of the {camera.sensor.columns} columns and "
                     f"{camera.sensor.rows} rows of the sensor, and would fill it multiplied by {factor}: they seem to "
@@ -227,13 +224,8 @@ def find_reduced_pictures(definitions: Definitions, observations: PhotoObservati
                 yield ProjectWarning(RESOLUTION, f"camera {camera.name}", text)
 
 
-_FACTORS = (2.0, 4.0, 8.0)
-
 _FEWEST_TO_TRY = 10
 """Number of photo points that all lie in one corner by chance with a probability of one in a million."""
-
-_EDGE_TO_TRY = 1.01
-"""Tolerance at the edge of the reduced picture."""
 
 
 def reduced_pictures(block: Block) -> Iterator[Hypothesis]:
@@ -246,7 +238,7 @@ def reduced_pictures(block: Block) -> Iterator[Hypothesis]:
         # columns and rows as parts of those of the sensor
         part = np.abs(block.photo_points.xy[rows] - corner) / np.abs(2.0 * corner)
         for factor in _FACTORS:
-            if np.count_nonzero(rows) < _FEWEST_TO_TRY or part.max() > _EDGE_TO_TRY / factor:
+            if np.count_nonzero(rows) < _FEWEST_TO_TRY or part.max() > _EDGE / factor:
                 break
             xy = block.photo_points.xy.copy()
             xy[rows] = (xy[rows] - corner) * factor + corner
@@ -262,7 +254,6 @@ def reduced_pictures(block: Block) -> Iterator[Hypothesis]:
 
 # A mirrored picture of points in a plane is what a camera behind the plane would see. The adjustment fits, with the
 # cameras on the wrong side; only their given positions show that.
-
 
 _FLAT = 0.01
 """Largest ratio of the extent across a plane to the smaller one within it."""

@@ -20,7 +20,6 @@ from orip.wording import counted_names
 # A photo point that does not fit may lie where another point should appear that is not measured in its photo. Rays that
 # miss the point where the other rays of their number meet, but meet somewhere else, are those of a second point.
 
-
 _MOST = 0.05
 """Largest part of the photo points that may be doubted; with more, it is not single points that are wrong."""
 

@@ -12,16 +12,15 @@ from orip.bundle.antennas import with_orientations_of_stations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.contradicting_distances import FEET_AND_METRES, LENGTH_UNITS
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.control import Station
 from orip.structs import replace
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
-
 
 ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
 

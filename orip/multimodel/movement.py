@@ -35,7 +35,6 @@ from orip.structs import replace
 # All of them return the new state and a `Driven`, or the old state and a `DriveFault`: a movement that cannot be done
 # moves nothing. Coordinates must be finite.
 
-
 _NOT_DRIVEN = {
     DriveCode.BEHIND_CAMERA: "the point is not in front of photo {photo}",
     DriveCode.OUTSIDE_STAGE: "the point is outside the limits of the {stage} stage with photo {photo}",
@@ -191,7 +190,6 @@ def _change(block: OrientedBlock, state: ProcessorState, index: int) -> Outcome:
 
 
 # A setting returns the new state and the `Status`, or the old state and a `DriveFault`.
-
 
 KEYS = (*(str(number) for number in range(16)), "ENTER", "ZERO")
 """The keypad of four by four keys, and the two beside it."""

@@ -22,7 +22,6 @@ from orip.records.names import record_key
 # the difference left minus right of −C dy / dz, with C the mean principal distance, in mm. It is zero exactly when the
 # two rays lie in one plane with the base, that is, when they meet.
 
-
 _PARALLEL = 1e-10
 """Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
 

@@ -25,7 +25,6 @@ from orip.structs import replace
 # Additional parameters, which have even higher degrees, mean nothing beyond the photo; with them the reach is limited
 # to slightly more than the photo.
 
-
 _REACH_IN_HALF_DIAGONALS = 1.5
 _REACH_IN_BASES = 4.0
 """Where no frame is known: the base is 0.4 of its shorter side, half the diagonal of a usual one some two bases."""

@@ -37,7 +37,6 @@ from orip.workflow.project.state import read_state
 # The plate processor drives in the object system of its drive table. With a `crs` that is a local frame, which only the
 # project's solution knows; the project's table then has to be the one that is loaded.
 
-
 _NEAR = 10.0
 """Ground units; origins of object systems lie 100 apart or more, adjusted photos do not move as far."""
 

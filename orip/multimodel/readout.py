@@ -95,7 +95,6 @@ def which(block: OrientedBlock, state: ProcessorState, xyz: Triple) -> str | Non
 
 # The active model depends on the point before, so that the order of points matters; all else does not.
 
-
 MOST_PROFILE_POINTS = 10_000
 
 

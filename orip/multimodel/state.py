@@ -25,7 +25,6 @@ from orip.structs import replace
 #
 # `orip.multimodel.processor.load` makes the block and its first state from a drive table.
 
-
 Guide = Literal["UPPER", "LOWER", "BOTH", "MODEL", "OBJECT"]
 GUIDES: tuple[Guide, ...] = ("UPPER", "LOWER", "BOTH", "MODEL", "OBJECT")
 """Guiding systems in the order of their numbers 1 to 5."""
@@ -162,7 +161,6 @@ def _rounded(position: Position, least_count: float) -> Position:
 # active model is kept while the point is inside it. Otherwise all models that it is inside of are candidates: the
 # one with the smallest |row difference| + |column difference| from the active one is taken, of equals the one in whose
 # photos the point is farthest from the frame lines (the smallest ratio), of equals again the first by row and column.
-
 
 _LARGEST_CHUNK = 8192
 _CHUNK_ENTRIES = 1 << 20

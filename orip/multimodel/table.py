@@ -41,7 +41,6 @@ from orip.units import RADIANS_PER_DEGREE
 # Stage limits of films are 240 mm, the usual travel of a stage, around everything that is shown or was measured on that
 # stage, and more if necessary; those of digital frames are the frame.
 
-
 STAGE_TRAVEL_MM = 240.0
 LEAST_COUNT = 0.001
 """Millimetres on film, pixels on a digital frame."""
@@ -232,7 +231,6 @@ def _triple(values: FloatArray) -> Triple:
 # The plate processor knows models of two photos. A photo that has no partner is given one that does not exist: the same
 # camera beside it, on the other stage, where nothing lies. The mark then has a place in the object: movements keep its
 # height, or take it where they are told to, and the stage of the photo follows.
-
 
 EMPTY = "-EMPTY"
 """At the end of the name of what is not there."""

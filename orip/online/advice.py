@@ -27,7 +27,6 @@ from orip.structs import replace
 # 1956, *On a measure of the information provided by an experiment*): it is large where coordinates are imprecise, where
 # observations are unchecked, and where the datum is weak.
 
-
 _MOST_OF_A_PHOTO = 12
 """Points of a photo whose gain is computed: those with the fewest rays."""
 

@@ -21,7 +21,6 @@ from orip.prelim.sampling import subsets
 # normal distribution; Mardia, Kent and Bibby 1979, *Multivariate analysis*, section 3.2). A block may bend as much as
 # its rays allow, which a similarity of the points would take for errors.
 
-
 _CARRYING = 3
 """Control points that fix a datum."""
 
@@ -121,7 +120,6 @@ def misfits(found: ControlDifferences, carries: BoolArray) -> FloatArray:
 # All control is observed with errors so large that the rays alone decide how the block lies in itself; the rays are
 # tested so, and then which control points agree with each other. Values, equations and tests are those of the session:
 # nothing is adjusted from the beginning.
-
 
 _FEWEST = 5
 """Control points from which one that is wrong differs from the majority."""

@@ -80,7 +80,6 @@ def _in_block(part: Block, found: RelativeOrientation, first: int) -> FloatArray
 # Photos are oriented by points that are known, points are intersected by photos that are oriented. The first photos
 # come from the same chain and adjustment as in `orip solve`.
 
-
 _KNOWN_POINTS = 4
 """Known points that orient a photo: three leave up to four orientations."""
 

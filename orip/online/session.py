@@ -58,7 +58,6 @@ def solution_of_what_is_measured(bundle: BundleState) -> Solution | None:
 #
 # An answer is waited for as long as agreed; what takes longer, or follows from it, is told later.
 
-
 LOG = Path(EDITS_FILE)
 """Where measurements are written: it is replayed after all other measurement files."""
 

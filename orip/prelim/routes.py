@@ -136,7 +136,6 @@ def connect_rows(bridged: JoinedSystems, rays: ImageRays) -> JoinedSystems:
 
 # Each route gives one or more blocks in systems of their own, or one that is on the ground from the beginning.
 
-
 POINTS_FOR_A_PAIR = 5
 
 _PAIRS_COMPARED = 12

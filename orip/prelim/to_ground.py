@@ -25,7 +25,6 @@ from orip.wording import counted, first_names
 # Position and rotation are those of the photo; scale comes from known coordinates of other projection centres, else
 # from distances.
 
-
 _LEAST_BASE = 1e-3
 """Known coordinates have to differ from those of the photo by more than this part of the model's extent."""
 

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
 
 # Templates as they were compiled last, and the compressed script of the page.
 
-
 _FOLDER = Path(__file__).parent / "__pycache__"
 
 

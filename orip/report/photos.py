@@ -21,7 +21,6 @@ from orip.report.table import PageColumn, PageTable, counted, decimals_of_most, 
 # Each module makes the tables and charts of one subject; the scale of photos is in `orip.report.report_input`, as the
 # drawings need it too.
 
-
 _W_REACH, _W_STEP = 4.0, 0.25
 _MOST_RAYS = 20
 MOST_PHOTOS = 1000

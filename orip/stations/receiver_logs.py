@@ -23,7 +23,6 @@ from orip.units import RADIANS_PER_DEGREE
 # (user manual of the Matrice 4 series, 2025, p. 92); the offset serves positions of the antenna that were computed
 # afterwards.
 
-
 _TAGS = ("N", "E", "V", "LAT", "LON", "ELLH")
 _FORM = "number seconds [week] mm,N mm,E mm,V degrees,Lat degrees,Lon metres,Ellh sN, sE, sU code,Q"
 _FIXED, _FLOAT = 50, range(32, 50)
@@ -94,7 +93,6 @@ def _quality(flag: float) -> Quality:
 
 # A text whose comments begin with %; the last one before the data names the columns. Q 1 is fixed, 2 float, others code
 # measurements. sdne, sdeu and sdun are roots of the sizes of covariances with their signs (RTKLIB, src/solution.c).
-
 
 _SEPARATORS = r"\s,;"
 _QUALITY: dict[int, Quality] = {1: "fixed", 2: "float", 6: "fixed"}

@@ -27,7 +27,6 @@ from orip.errors import UsageError
 # The token of a plate processor is in a file that nobody but the user reads, for as long as it is served, so that
 # orip's own commands find it where they run on the same machine.
 
-
 ASKING = "OK KDPP-EMU 1 TOKEN"
 """What is said first where a token is wanted."""
 

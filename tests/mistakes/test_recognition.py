@@ -15,8 +15,7 @@ from workflow.quiet import run_quietly
 from orip.errors import InputError, ProjectWarning
 from orip.interior.orientation import orient_photo
 from orip.mistakes.camera_values import camera_warnings, raise_if_impossible
-from orip.mistakes.contradicting_control import control_warnings
-from orip.mistakes.contradicting_distances import slip_of_pen
+from orip.mistakes.contradicting_control import control_warnings, slip_of_pen
 from orip.mistakes.names import photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks
 from orip.records.block import Block

@@ -15,7 +15,6 @@ from orip.threads import by_threads
 # Row j of a band (n, w + 1) has the elements (j, j) to (j + w, j) of a symmetric or a lower triangular matrix. A panel
 # of `count` columns has rows from its first column on to w rows beyond its last one; it is kept transposed.
 
-
 PANEL = 64
 """Columns of a panel."""
 

@@ -37,7 +37,6 @@ from orip.threads import at_once, available_threads
 # the unknowns between them alone, as many as the band is wide, which are eliminated last. The halves go to two threads,
 # and the result does not depend on whether there is a second one.
 
-
 T = TypeVar("T")
 
 _WORK_OF_A_THREAD = 1e6

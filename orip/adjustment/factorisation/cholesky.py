@@ -17,7 +17,6 @@ from orip.structs import replace
 # rounding leaves a pivot of its own size, magnified, where nothing should be left. A removed unknown has neither row
 # nor column, and its correction is zero.
 
-
 _BLOCK = 128
 """Rows and columns copied at once: a square of 128 kB."""
 
@@ -143,7 +142,6 @@ class _Symmetric:
 # In the normal equations a constraint c x = 0 has a moderate weight, and its value is met by iterating. Cofactors of
 # the unknowns with constraints C (k, m) that have an infinite weight follow from any finite one: Q - S (C S)^-1 S^T
 # with S = Q C^T, as the weight drops out of the projection onto the null space of C (Koch 1999, section 3.2.7).
-
 
 _DEPENDENT = 1e-10
 """Constraints whose cofactors have eigenvalues below this part of the largest repeat each other."""

@@ -55,7 +55,6 @@ def solve_lower(lower: FloatArray, right: FloatArray, *, transposed: bool = Fals
 # A band (n, w + 1) has column j from its element j on. So the columns of a panel, from any row below its diagonal on,
 # are a matrix whose columns lie w numbers apart.
 
-
 _name_of_capsule = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
 _pointer_in_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
     ("PyCapsule_GetPointer", ctypes.pythonapi)
@@ -192,7 +191,6 @@ def _call(routine: Callable[..., None], *arguments: NDArray[Any]) -> None:
 
 # Elimination fills no column beyond the last place that it, or one before it, is coupled with (Jennings 1966). Columns
 # go panel by panel; all within a panel reach equally far, so that each panel is a full matrix.
-
 
 COLUMNS = 128
 """Columns of a panel: with so many a product of matrices takes far longer than fetching them from memory."""

@@ -17,7 +17,6 @@ from orip.structs import replace
 # found by subspace iteration with the factor of N (Bauer 1957; Rutishauser 1969), and their stiffness is computed with
 # N itself: errors of its factorisation do not count. For each movement below the limit one unknown is removed.
 
-
 LOST_ALL = 99.0
 """Digits lost by an unknown that no observation touches."""
 

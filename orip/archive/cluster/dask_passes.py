@@ -70,7 +70,6 @@ def least_memory(tree: DissectionTree) -> int:
 # worker; where that dies, Dask computes it again from what it was computed from: files that the workers read. The
 # scheduler keeps nothing that grows with the number of photo points.
 
-
 _PARTS_A_WORKER = 2
 """Parts of the tree for each worker: the more, the evener the work, and the more messages."""
 

@@ -30,7 +30,6 @@ from orip.version import __version__
 # A folder that is complete is never changed; its marker is written last. The folder of a project may come from anybody:
 # a folder that does not hold what its name says is made again, and whoever reads a file compares it with its digest.
 
-
 FOLDER = ".orip-sub-blocks"
 """Within the folder of a project."""
 

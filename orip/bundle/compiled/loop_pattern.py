@@ -18,7 +18,6 @@ from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
 # reduced system. Points of the same photos share it without any loss. Where a point is seen by many photos no two of
 # them have quite the same ones: then neighbours share the matrix of all their photos.
 
-
 _OF_A_GROUP = 8.0
 """Time of clearing an element of a group's matrix and adding it to the reduced system, over that of eliminating a point
 from it."""
@@ -237,7 +236,7 @@ class Cameras(Struct, frozen=True):
 class Pattern(Struct, frozen=True):
     """How the photo points of eliminated points go into the normal equations, group by group.
 
-    A group consists of points that are measured in the same photos, or in nearly the same; see `point_groups`. A run is
+    A group consists of points that are measured in the same photos, or in nearly the same. A run is
     the unknowns of a camera, given by its number, or of a photo, given by its number plus c.
 
     Parameters

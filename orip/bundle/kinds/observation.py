@@ -169,7 +169,6 @@ def columns_of_coordinates(ground: GroundSystem, columns: IntArray, axis: IntArr
 # A weight large enough to enforce them would cost the normal equations their digits. Such an equation has a moderate
 # error instead, and after each iteration its value is shifted by the remaining misclosure (an augmented Lagrangian).
 
-
 _PART_OF_PHOTO_ERROR = 0.01
 """Error that the equation of a constant has, as a part of what a photo error changes of it."""
 

@@ -39,7 +39,6 @@ from orip.wording import agreeing, first_names, joined
 # known as elsewhere. Its residual is the rotation delta with R = Exp([delta]x) R_observed: those of OMEGA, PHI and
 # KAPPA are what R is turned by about X, Y and Z, and their a-priori errors are the errors of these rotations.
 
-
 _COSINE_NEAR_POLE = 0.1
 """Of an observed phi of 84.3 degrees: beyond it the rotation is what was observed."""
 

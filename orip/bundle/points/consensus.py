@@ -25,7 +25,6 @@ from orip.structs import replace
 # that happens depends on the starting values, and which position most of its rays agree on does not. As in random
 # sample consensus (Fischler and Bolles 1981) positions are tried, here from each two rays of a point, photos held.
 
-
 _FEWEST_RAYS, _MOST_RAYS = 3, 10
 """Rays of a point whose consensus is looked for: of two, neither can be called wrong; many outweigh a wrong one."""
 
@@ -201,7 +200,6 @@ def moves_of_points(
 # from the photos that show it (Montiel, Civera, Davison 2006), and far from linear in its distance: by corrections of
 # its coordinates a point goes to infinity slowly, and one that should come much nearer passes through the photos. Both
 # ways are the same to first order, so that the correction is that of the coordinates.
-
 
 _NEAR = 0.5
 """Part of its distance from a photo that a point keeps: beside a projection centre it fits any ray of that photo."""

@@ -128,7 +128,6 @@ def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray | int) -> 
 # from where it is, and whether that is better shows only in the other coordinates, and in those of the photos' other
 # points. Places are computed with the photos held, for each few coordinates that may be wrong.
 
-
 _FEWEST_RAYS, _MOST_RAYS = 2, 6
 """Rays of a point: many leave no doubt about a wrong one."""
 

@@ -150,7 +150,6 @@ def given_coordinates(block: Block) -> FloatArray:
 # The distance of such a point is anything up to infinity. Its corrections grow from iteration to iteration, and the
 # standard deviations of what little they determine say nothing of where it is.
 
-
 _DETERMINED = 0.5
 """Standard deviation of the distance of a point, as a part of the distance, up to which it is determined."""
 

@@ -123,7 +123,6 @@ _FIGURES: Mapping[str, Callable[[Solution], float]] = {
 # with the factor of the normal equations when it is asked for: Q E = N^-1 E, with unit vectors E. In a free network it
 # is S Q S^T E, with the S-transformation of its datum (see `orip.bundle.datum`).
 
-
 _AT_ONCE = 60
 """Columns of the inverse computed together: limits memory, as each has as many elements as there are unknowns."""
 

@@ -19,7 +19,6 @@ from orip.units import DEGREES_PER_RADIAN
 # the photos is computed, but it means nothing, nor does its standard deviation: any other one fits the same
 # observations.
 
-
 _ALONG = 1e-6
 """Component of a ray's unit vector above which a coordinate depends on the distance along the ray."""
 

@@ -84,7 +84,6 @@ def _key(residuals: Residuals, row: int) -> tuple[str, str, str]:
 # One may be a blunder. Where most rays of a photo or of the control points are lost, the solution is not that of the
 # block that was measured, however well the rest fits.
 
-
 _MOST = 0.5
 
 

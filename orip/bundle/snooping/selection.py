@@ -17,7 +17,6 @@ from orip.bundle.solve import SolvedBlock
 # Hypotheses of different size compete by the fall of the weighted square sum less the limit of their own test: a group
 # wins over a single observation only if its further observations explain more than chance does.
 
-
 _SEPARABLE = 2.0 * log(100.0)
 """Difference of square sums from which two hypotheses are told apart: one is a hundred times likelier."""
 

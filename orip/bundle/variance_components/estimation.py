@@ -31,7 +31,6 @@ from orip.structs import replace
 # redundancies r_i. Repeated with the new errors until all s are 1, they are those of restricted maximum likelihood,
 # whose covariance is 2 H^-1 there.
 
-
 _MOST_EXACT = 600
 """Observations on the ground of which all pairs are taken; groups of more count as if independent of each other."""
 

@@ -18,7 +18,6 @@ from orip.structs import replace
 # block has. Each photo gives the normal equations of its pose and of its camera; poses are eliminated. Beside that
 # there have to be four photos, and more observations than unknowns.
 
-
 _MOST_UNSURE = 0.5
 """Of the radius of what is measured: what errors of 1 px in the measurements may do to the image there."""
 

@@ -102,7 +102,6 @@ def _to_pixels(
 # Unequal focal lengths of OpenCV and b1 of Metashape stretch the distorted image along x. Orip's B1 stretches the ideal
 # one. Measured in square pixels, columns being multiplied by fy / fx, the image of these lenses has no such affinity.
 
-
 _SQUARE = 1e-12
 """By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
 

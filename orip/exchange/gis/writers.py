@@ -97,7 +97,6 @@ def _plain(name: str) -> str:
 # A project without a coordinate reference system has no longitude and latitude: its own coordinates are written, and a
 # member ``coordinates`` and a note say so.
 
-
 _GEOMETRIES = {"LINESTRING": "LineString", "POLYGON": "Polygon"}
 _DIGITS = 10
 """Decimals of a degree: 0.01 mm."""

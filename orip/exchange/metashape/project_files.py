@@ -90,7 +90,6 @@ def open_zip(path: Path, faults: Faults) -> ZipMembers | None:
 # in another zip file that it names by a path from its own folder. All of them are joined here to one chunk, as exported
 # XML has it.
 
-
 _DOCUMENT = "doc.xml"
 _PROJECT_NAME = "{projectname}"
 _TIE_POINTS = ("point_cloud", "tie_points")

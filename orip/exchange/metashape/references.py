@@ -26,7 +26,6 @@ from orip.wording import counted
 # coordinates, X Y Z their accuracies, a b c yaw, pitch and roll, A B C their accuracies, any other letter a column that
 # is passed over. Their order is never guessed.
 
-
 COORDINATES = ("x", "y", "z")
 ACCURACIES = ("accuracy_x", "accuracy_y", "accuracy_z")
 ANGLES = ("yaw", "pitch", "roll")

@@ -14,7 +14,6 @@ from orip.records.exchanged import ExchangedCamera, ExchangedProject, Lens
 # The frame camera has f, b1, b2 in pixels and cx, cy in pixels from the middle of the frame, y down; what is missing is
 # 0. Documents of PhotoScan before 1.3 have fx, fy, skew, principal points from the corner, and p1, p2 exchanged.
 
-
 _RADIAL = ("k1", "k2", "k3", "k4")
 _DECENTRING = ("p1", "p2", "p3", "p4")
 _AFFINE = ("b1", "b2")

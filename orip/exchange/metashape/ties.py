@@ -98,7 +98,6 @@ def _layout(head: list[str], faults: Faults) -> tuple[int, list[tuple[str, str]]
 # A vertex has the number of its track. Coordinates are those of the chunk, projections are pixels from the outer
 # corner.
 
-
 _POINT, _PROJECTION = ("x", "y", "z", "id"), ("x", "y", "id")
 
 

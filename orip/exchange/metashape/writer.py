@@ -179,7 +179,6 @@ def _calibrate(edit: XmlEdit, element: PlacedElement, camera: ExchangedCamera, p
 # The given coordinates are those that *Import Reference* reads; the estimates, as Metashape's own export has them, may
 # be chosen there instead, with their standard deviations as accuracies.
 
-
 CAMERAS, MARKERS = "reference_cameras.csv", "reference_markers.csv"
 
 _HEADING: Final[tuple[str, ...]] = (
@@ -261,7 +260,6 @@ def _table(crs: str, rows: Iterable[list[str]], further: tuple[str, ...] = ()) -
 
 
 # Tie points have no place in these documents. Metashape finds cameras and sensors by their labels.
-
 
 _NAME = "cameras.xml"
 _LOCAL = 'LOCAL_CS["Local Coordinates (m)",LOCAL_DATUM["Local Datum",0],UNIT["metre",1,AUTHORITY["EPSG","9001"]]]'

@@ -18,7 +18,6 @@ from orip.files.text.shown import shown_token
 # after the number 2 (4 bytes) and a weight (8 bytes), and after a head of 8 bytes, 2 and the number of pairs. The same
 # feature has the same coordinates in all files of its photo.
 
-
 _FOLDER = "Pastis"
 _STEPS_PER_PIXEL = 100
 """Coordinates are printed with more digits than a feature is located; equal to a hundredth of a pixel is equal."""
@@ -127,7 +126,6 @@ def _read_binary(path: Path, photos: tuple[int, int], joiner: TrackJoiner, fault
 # ``NAME=number``, and the number of configurations. A configuration has the numbers of its points and photos, the
 # numbers of these photos, and for each point a column and a row in each of them and its attributes. Texts have comments
 # after ``#``; the binary form has none, 4 bytes for a whole number and 8 for a decimal one, little endian.
-
 
 _BEGIN, _END = b"BeginHeader-MicMacTiePointFormat", b"EndHeader"
 _COMMENT = b"#"

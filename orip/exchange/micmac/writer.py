@@ -118,7 +118,6 @@ def _orientation(data: bytes, shown: str, photo: ExchangedPhoto, *, is_camera_sa
 
 # It is a copy of the folder that the project was imported from, where that is of the first version, too.
 
-
 _HEAD = '<?xml version="1.0" ?>\n<ExportAPERO>\n'
 
 

@@ -18,7 +18,6 @@ from orip.files.text.shown import shown_token
 # (longitude, latitude, height), a string of PROJ or WKT. A ground control point has no name there, and is known by its
 # coordinates.
 
-
 _UTM = re.compile(r"WGS\s*84\s*/?\s*UTM\s*(?:zone)?\s*([0-9]{1,2})\s*([A-Z]|north|south)", re.IGNORECASE)
 _UPS = re.compile(r"WGS\s*84\s*/?\s*UPS\s*(N|S|north|south)(?:\s*pole)?(?:\s*\(.*\))?", re.IGNORECASE)
 _EPSG = re.compile(r"(?:\+init\s*=\s*)?EPSG\s*:\s*([0-9]{4,6}(?:\+[0-9]{4,6})?)", re.IGNORECASE)

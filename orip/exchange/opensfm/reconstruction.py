@@ -25,7 +25,6 @@ from orip.records.observations.control import Station
 # Lengths of a camera are divided by the longer side of its photos and counted from their centre, y down. A photo has a
 # rotation vector from ground to camera and a translation. Coordinates are east, north and up at ``reference_lla``.
 
-
 READING = PoseReading("y_down", "to_camera", "rotation_vector", "radian", "translation")
 
 _RADIAL = ("k1", "k2", "k3", "k4")
@@ -227,7 +226,6 @@ def _frame(part: JsonValue) -> GroundFrame:
 # A shot has the projection centre in the output's map projection (``translation``), the rotation vector from ground to
 # camera, and the focal length divided by the longer side of the photo. There are neither distortion nor measurements.
 # The projection is named in the first line of ``odm_georeferencing/coords.txt``.
-
 
 SHOTS_READING = PoseReading("y_down", "to_camera", "rotation_vector", "radian", "centre")
 

@@ -58,7 +58,6 @@ def read_settings(config: Path, faults: Faults) -> Settings:
 # the segmentation and the instance. The coordinates are normalised: from the centre of the photo, divided by its longer
 # side, y down.
 
-
 _HEAD = "OPENSFM_TRACKS_VERSION_v"
 _FIELDS = {0: 8, 1: 9, 2: 11}
 _FARTHEST = 10.0

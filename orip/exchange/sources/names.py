@@ -21,7 +21,6 @@ from orip.structs import replace
 
 # The place of the original is that from the project folder, so that both can be moved together.
 
-
 NAMES_FILE = "names.csv"
 SOURCE_FILE = "exchange.toml"
 TRACK_MARK = "T"

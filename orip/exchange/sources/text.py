@@ -111,7 +111,6 @@ def quoted_words(line: str) -> list[str]:
 
 # Where a line may have a fault nothing is returned, and the reader goes through the lines one by one to name it.
 
-
 _PLAIN = re.compile(r"[0-9+\-.eE \t\r\n]*")
 """Words of these letters that Python reads as numbers are those that orip takes for numbers."""
 
@@ -153,7 +152,6 @@ def sound_rows(lines: Sequence[str], fields: int, whole: int = 0) -> FloatArray 
 
 # Decimal commas are read where another separator divides the fields and no number of the table has a point; else they
 # are refused. Fields may be in quotation marks.
-
 
 _SEPARATORS = (";", "\t", ",")
 _COMMENT = "#"

@@ -17,7 +17,6 @@ from orip.files.text.shown import shown_token
 # Document types and entities are refused: no format read here has them, and they can make a small file expand without
 # bound. Parsed by expat itself, as the trees of `xml.etree` do not know lines.
 
-
 MOST_ELEMENTS = 3_000_000
 """Elements that a tree may have; in memory each of them is many times larger than in the file."""
 

@@ -21,7 +21,6 @@ from orip.wording import counted
 # Camera axes are x right, y up, z backward; image coordinates count from the centre, y up. No file says the size of the
 # photos. A camera of bundle.out whose f is 0 was not oriented.
 
-
 BUNDLER = PoseReading("y_up", "to_camera", "matrix", "radian", "translation")
 BAL = PoseReading("y_up", "to_camera", "rotation_vector", "radian", "translation")
 

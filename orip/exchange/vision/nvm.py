@@ -25,7 +25,6 @@ from orip.records.exchanged import (
 # A photo has a quaternion from ground to camera, y down, z forward, and its projection centre. Image coordinates count
 # from the centre; some programs write columns and rows, which is seen by all of them being positive.
 
-
 READING = PoseReading("y_down", "to_camera", "quaternion", "radian", "centre")
 
 _HEAD, _FIXED = "NVM_V3", "FixedK"

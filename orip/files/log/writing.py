@@ -21,7 +21,6 @@ from orip.records.project.photo import Stage
 # template. With every measurement the file is replaced as a whole, so that whoever reads it, or finds it after the
 # machine went down, has a log that can be replayed, with everything that was measured until then.
 
-
 DECIMALS = 4
 """Decimals of what is measured: a tenth of a micrometre, or of a thousandth of a pixel."""
 
@@ -260,7 +259,6 @@ def edit_line(record: EditRecord) -> str:
 #       1003   35.2310  -12.0040
 #
 # What follows a name is ignored, as are blocks of templates and photos, and edits.
-
 
 _POINTS = "POINTS"
 

@@ -34,7 +34,6 @@ from orip.records.project.fields import Field, Part, RecordField, fields_by_key,
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-
 SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "photo", "antenna", "bundle")
 """Tables of orip.toml; all but the first three may come several times."""
 

@@ -24,7 +24,6 @@ from orip.records.results.solution import Solution
 
 # They are written some thousands at a time, without building a document of them.
 
-
 SINGULAR = "singular"
 INDENT = "  "
 

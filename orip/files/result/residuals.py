@@ -74,7 +74,6 @@ def _number_cells(values: FloatArray) -> list[str]:
 
 # `numpy.load` reads it. Names are numbers from 0 in the lists `photos`, `points` and so on, which are there once.
 
-
 _SAMPLE, _GAIN = 1 << 14, 0.5
 """Bytes by which it is judged whether an array compresses, and to which part it has to: measured and adjusted numbers
 lose a sixth, and would take longer than all else that is written."""

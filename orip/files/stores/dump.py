@@ -33,7 +33,6 @@ from orip.structs import replace
 #
 # Numbers are written with as few digits as give the same double back; infinity is ``Infinity``, NaN is ``null``.
 
-
 FORMAT = "orip.dump/1"
 # JSON leaves these characters as they are, but many programs end a line there.
 LINE_ENDS = str.maketrans({mark: f"\\u{ord(mark):04x}" for mark in "\x7f\x85\u2028\u2029"})

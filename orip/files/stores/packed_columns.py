@@ -20,7 +20,6 @@ from orip.records.coded_names import CodedNames, coded, joined
 # come first, then the second ones and so on: those of sign and exponent compress well, the last digits of measured and
 # adjusted values not at all, and what does not compress is left as it is.
 
-
 _LEVEL = 1
 _SAMPLE = 1 << 12
 """Bytes by which it is judged whether a part compresses."""
@@ -102,7 +101,6 @@ def _compressed(data: bytes | memoryview) -> bytes:
 
 
 # In a module of its own, since arrays take longer to load than `orip status` to answer.
-
 
 ColumnValues = Sequence[Any] | NDArray[Any]
 

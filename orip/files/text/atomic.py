@@ -31,7 +31,6 @@ from orip.files.text.regular_file import NoRegularFileError, file_of, kind_of_no
 # A process number alone is not enough: another host that shares the folder has the same numbers, and numbers are
 # reused. The name therefore also has the host and the start time of the process.
 
-
 _NAME = re.compile(r"\.orip-(?P<host>[0-9a-f]{8})-(?P<process>[0-9]{1,18})-(?P<began>[0-9]{1,20})-[0-9a-f]{16}\.tmp")
 _FOREIGN_AGE_SECONDS = 86400.0
 """Whether a process of another host still runs cannot be asked; no text takes a day to write."""

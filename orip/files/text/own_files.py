@@ -22,7 +22,6 @@ from orip.files.text.regular_file import open_regular
 # a link; nothing is made through a link either. What is written for the user goes through `orip.files.text.atomic`,
 # which puts a whole new file in the place of an old one.
 
-
 STORE_NAME = r"[^/]+\.(?i:CAM|TIK|PHO|TEM|EXT|EXO)"
 TEMPORARY_NAME = r"\.orip-[0-9a-f]{8}-[0-9]{1,18}-[0-9]{1,20}-[0-9a-f]{16}\.tmp"
 

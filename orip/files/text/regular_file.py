@@ -14,7 +14,6 @@ from pathlib import Path
 # A pipe keeps its reader waiting, a device may never end, and a file of /proc may do both. All of them are recognised
 # by their kind and refused before anything is read.
 
-
 LARGEST_FILE = 1 << 30
 """Bytes that are read of a file: some ten million lines."""
 

@@ -17,7 +17,6 @@ from orip.number_text import CONSTANT, HUGE, MISSING, SINGULAR, fixed
 # more than its double tells here (a tie, as far as one can see) is left to Python's own formatting, so that every cell
 # is what `orip.number_text.fixed` makes of its number.
 
-
 Characters = NDArray[np.uint32]
 """One code point each, rows one under the other."""
 

@@ -53,7 +53,6 @@ class LineReader:
 # (a download, a client that does not read, a file) holds up nobody else. A client that breaks off leaves the station as
 # its last whole request made it.
 
-
 MOST_TABLE_LINES = 100_000
 MOST_TABLE_BYTES = 64 * 1024 * 1024
 

@@ -27,7 +27,6 @@ from orip.structs import replace
 # needs it: `bare_stages` is a block of one model that stands for the two of them. Whatever asks for an orientation is
 # refused then.
 
-
 TableLoader = Callable[[bytes], Loaded | tuple[DriveFault, ...]]
 """Makes a block from the bytes of a drive table, or tells all that is wrong with it."""
 

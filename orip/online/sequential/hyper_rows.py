@@ -93,7 +93,6 @@ class ReducedRows(NamedTuple):
 # tells where the point is once the reduced unknowns are known. All further rows have no coordinate of the point any
 # more: they are equations of the reduced unknowns.
 
-
 _WORK = 32
 """Numbers of LAPACK's work space for each column."""
 

@@ -156,7 +156,6 @@ def _parts(places: Sequence[int], observations: Sequence[ObservationRows]) -> It
 # as many photos and observations are computed together. That has fewer digits than a substitution where the datum is
 # weak: with the weight of all control at a millionth, redundancy numbers of 512 photos are right to 3e-6.
 
-
 _NUMBERS = 4_000_000
 """Elements of N^-1 that are taken out of it at once."""
 

@@ -22,7 +22,6 @@ from orip.structs import replace
 # 1966). Levels are improved with the heights. The common points are eliminated: each is the mean of where parts have
 # it.
 
-
 _AGREEING = 0.5
 """Length of the mean of the photos' axes below which they do not say where up is."""
 

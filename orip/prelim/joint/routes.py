@@ -30,7 +30,6 @@ from orip.structs import replace
 
 # For blocks whose parts share too few points to be joined one after the other, or none of which sees enough control.
 
-
 _POINTS = 3
 """Points that a part needs."""
 
@@ -125,7 +124,6 @@ def _with_single_rays(part: PartialBlock, grower: BlockGrower) -> PartialBlock:
 # It needs neither pairs of photos with common points enough for a model nor known points for a resection. Where the
 # first attitudes lead to another minimum, others are tried (random multi-start); not where the redundancy is large,
 # since the other routes then lead to the block if anything does.
-
 
 _TILTS = (0.1, 0.3)
 """Standard deviations of the slopes of photos that are tried, in turns."""

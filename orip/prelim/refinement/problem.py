@@ -20,7 +20,6 @@ from orip.structs import replace
 # do not fit, and seem to be in the wrong place. A few corrections per camera prevent that: C' = C exp(s),
 # x' = x + C b + k (r / C)² x, and y alike. The bundle adjustment starts the camera with them.
 
-
 EXPECTED = np.array([0.03, 0.02, 0.02, 0.1])
 """A-priori standard deviations of the corrections: they bound what a block does not determine."""
 

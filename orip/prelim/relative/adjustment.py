@@ -163,7 +163,6 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 # The unknowns are two components of the base across itself and a small rotation of the right photo: no direction of the
 # base and no rotation is singular. Several starts are adjusted side by side.
 
-
 MAX_STANDARD_RESIDUAL = 5.0
 
 _CONVERGED = 1e-9

@@ -133,7 +133,6 @@ def _squares(common: CommonPoints, starts: Similarities) -> FloatArray:
 # Gauss-Newton finds the rotation from some 60 degrees off; rotations that turn axes into axes are never further than 63
 # degrees from any other. Where seven coordinates are just enough, several rotations may fit.
 
-
 _STEPS = 40
 _SETTLED = 1e-3
 """Relative gain of a step below which a start is good enough for an adjustment with Danish weights."""

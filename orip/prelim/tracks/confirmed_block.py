@@ -164,7 +164,6 @@ def _contradicted(rays: ImageRays, comparison: RayComparison) -> BoolArray:
 # nothing agrees, and right rays are left out with the wrong ones, among them those that tie the parts. In a part that
 # has been grown and adjusted a ray is compared with all others of its point, at positions of known photos.
 
-
 _ROUNDS = 8
 """How often parts are grown: of more rays they become larger, and tell more rays."""
 

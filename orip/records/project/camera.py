@@ -166,7 +166,6 @@ def without_radial_distortion(camera: Camera) -> Camera:
 # `same_lens_as` of a camera names the one whose lens it has. What the lens determines is given, adjusted and updated
 # there.
 
-
 LENS_PLACES = tuple(place for place, name in enumerate(CAMERA_PARAMETERS) if name not in OWN_PARAMETERS)
 """Places of the lens's parameters among those of a camera."""
 

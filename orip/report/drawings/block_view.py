@@ -23,7 +23,6 @@ from orip.units import DEGREES_PER_RADIAN
 
 # Up is Z, or in a network without given coordinates what the photos tell.
 
-
 _FEWEST = 3
 _FLAT = 0.15
 """Projection centres that reach less far across than this part of their length are on a line, and have no plane."""

@@ -44,7 +44,6 @@ from orip.workflow.project.named_output import first_bytes, require_replaceable
 # Stores hold standard deviations and some correlations, not normal equations: the adjustment is computed again, by the
 # method by which it was made, which its run id tells.
 
-
 MOST_FIGURES = 10_000
 """A matrix of so many figures takes 800 MB."""
 

@@ -25,7 +25,6 @@ from orip.workflow.records.reconcile import with_polynomial
 # A model names its two photos, a photo its camera and its template, a template its tick marks, a camera with the lens
 # of another one that camera. The list of photos of a template repeats what the photos say, and follows them.
 
-
 RecordKind = Literal["camera", "temtick", "photo", "template", "bundle", "model"]
 
 _REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
@@ -152,7 +151,6 @@ def _names(table: TomlTable, key: str, name: str) -> bool:
 
 
 # Each rule and message of orip.toml thus holds for records that are edited by a command, and is stated once.
-
 
 T = TypeVar("T", bound=NamedRecord)
 

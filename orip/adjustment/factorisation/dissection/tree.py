@@ -16,7 +16,6 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 # from both sides (George 1973). A node of the tree is a separator or an undivided part. Its *front* are its own
 # unknowns and its *border*: the unknowns of nodes above that are coupled with it.
 
-
 _BORDER_SHARE = 0.25
 """Part of all groups of unknowns; one without a position that is coupled with more of them goes to the root."""
 
@@ -239,7 +238,6 @@ def _unknowns_of(border: IntArray, first: IntArray, place: IntArray) -> IntArray
 
 # The mathematics of the nodes know nothing of where they are computed. What they return stays where that was, and is
 # passed on as a handle; only what is gathered comes back.
-
 
 Handles = Any
 """Results of all nodes: the values themselves, or what stands for them in other processes."""

@@ -18,7 +18,6 @@ from orip.records.project.camera import CAMERA_PARAMETERS
 # them that of linear least squares with the denominator before as weight (Sanathanan and Koerner, 1963); with the best
 # profiles all parameters of the lens are fitted.
 
-
 RATIONAL = ("k4", "k5", "k6")
 """Coefficients of the denominator."""
 
@@ -224,7 +223,6 @@ _FAR = 1e12
 
 # With the polynomial at ideal coordinates, measured coordinates are linear in DX, DY, C, C³ A3, C⁵ A5, C⁷ A7, C² P1,
 # C² P2, C B1 and C B2: one linear least-squares problem.
-
 
 _FITTED = tuple(name for name in CAMERA_PARAMETERS[3:] if name != "A1")
 """A1 does the same as C."""

@@ -1,23 +1,64 @@
-"""A-priori errors that are far too large, mostly by a wrong unit."""
+"""Lengths, angles and a-priori errors in another unit than the one they are read in."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
+from orip.arrays import FloatArray
+from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.contradicting_distances import smallest_pixel
+from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.coded_names import coded
-from orip.records.observations.control import ControlPoint
+from orip.records.observations.control import ControlDirection, ControlPoint
+from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.structs import replace
+from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, METRES_PER_FOOT, MILLIMETRES_PER_INCH, RADIANS_PER_DEGREE
+
+LENGTH_UNITS = {
+    METRES_PER_FOOT: ("feet", "metres"),
+    1.0 / METRES_PER_FOOT: ("metres", "feet"),
+    1e-3: ("millimetres", "metres"),
+    1e-2: ("centimetres", "metres"),
+    1e2: ("metres", "centimetres"),
+    1e3: ("metres", "millimetres"),
+}
+"""By the factor that lengths have to be multiplied by: their unit, and the unit of what they are compared with."""
+
+FEET_AND_METRES = (METRES_PER_FOOT, 1.0 / METRES_PER_FOOT)
+"""The factors of the two units that are used side by side."""
+
+
+def control_unit_text(factor: float) -> str:
+    """Return the message for control that fits the orientations of the photos when multiplied by a factor."""
+    unit, other = LENGTH_UNITS[factor]
+    return (
+        f"the control fits the photos' orientations when it is multiplied by {factor:.5g}: it seems to be in {unit}, "
+        f"and the orientations in {other}; use one unit"
+    )
+
+
+def millimetres_per_unit(camera: Camera) -> dict[str, float]:
+    """Return the size (mm) of the units that principal distances are written in by mistake; pixels if it has any."""
+    sizes = {"metres": 1e3, "inches": MILLIMETRES_PER_INCH}
+    if camera.sensor is not None:
+        sizes["pixels"] = camera.sensor.width / camera.sensor.columns
+    return sizes
+
+
+def smallest_pixel(block: Block) -> float | None:
+    """Return the width (mm) of the smallest pixel of a block's cameras; None where none has a sensor."""
+    widths = [camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None]
+    return min(widths, default=None)
+
 
 # Errors that are too small show as a large sigma0, which has many causes. Errors that are too large show as residuals
 # that are small throughout, which has only this one.
-
 
 _TOO_GOOD = 0.2
 """Standard error of unit weight below which caution is not the cause: nobody assumes errors five times too large."""
@@ -25,7 +66,7 @@ _TOO_GOOD = 0.2
 _UNLIKELY = 1e-6
 """Probability of residuals so small by chance."""
 
-_FEWEST = 3.0
+_FEWEST_OBSERVATIONS = 3.0
 """Least redundancy with which a kind of observation is judged."""
 
 _NEAR = 4.0
@@ -79,7 +120,7 @@ def _factor(solution: Solution, kind: str) -> float | None:
     used = coded(rows.kind).where(kind.__eq__) & (rows.weight_factor >= 1.0)
     redundancy = float(np.sum(rows.redundancy_number[used]))
     square_sum = float(np.sum(rows.standard_residual[used] ** 2))
-    if redundancy < _FEWEST or square_sum >= _TOO_GOOD**2 * redundancy:
+    if redundancy < _FEWEST_OBSERVATIONS or square_sum >= _TOO_GOOD**2 * redundancy:
         return None
     from scipy.special import gammainc  # takes its time; few adjustments need it
 
@@ -149,3 +190,90 @@ def _control_is_useless(block: Block) -> bool:
 def _with_errors(point: ControlPoint, factor: float) -> ControlPoint:
     x, y, z = (None if error is None else error * factor for error in point.errors)
     return replace(point, errors=(x, y, z))
+
+
+ANGLE_UNITS = {DEGREES_PER_GON: "gon", DEGREES_PER_RADIAN: "radians"}
+"""Names of units by their size in degrees."""
+
+_CLEARLY = 0.5
+"""The right unit leaves less than this part of the rotations between preliminary and adjusted photos."""
+
+_FEWEST = 4
+"""Number of photos that a unit has to bring nearer, and as many more for each photo that it takes farther away."""
+
+
+def angles_in_another_unit(block: Block, solution: Solution) -> list[ProjectWarning]:
+    """Return a warning if the preliminary rotations are near the adjusted ones in gon or radians, and not in degrees.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered: with the rotations that were given, NaN where none were.
+    solution : Solution
+    """
+    centres = solution.photos.values[:, :3]
+    adjusted = rotation_from_angles(solution.photos.values[:, 3:] * RADIANS_PER_DEGREE)
+    in_frame = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ adjusted
+    return [
+        ProjectWarning("angle-unit", "orip.toml", angle_unit_text(factor))
+        for factor in ANGLE_UNITS
+        if is_nearer(block.photo_orientation[:, 3:], factor, in_frame)
+    ]
+
+
+def angle_unit_text(factor: float) -> str:
+    """Return what to say of preliminary rotations that are in another unit."""
+    return (
+        f"the preliminary OMEGA, PHI and KAPPA of the photos fit when they are in {ANGLE_UNITS[factor]}, but angles "
+        f"have to be in degrees; multiply them by {factor:.6g}"
+    )
+
+
+def is_nearer(given: FloatArray, factor: float, adjusted: FloatArray) -> bool:
+    """Tell whether angles (n, 3), NaN where not given, are near rotations (n, 3, 3) when multiplied by a factor."""
+    known = np.isfinite(given).all(axis=1)
+    as_given, scaled = (
+        angles_between(rotation_from_angles(given[known] * unit), adjusted[known]) for unit in (1.0, factor)
+    )
+    # of photos that were given roughly, or with small angles, either may be nearer by chance
+    clear = np.abs(scaled - as_given) > _CLEARLY * np.minimum(scaled, as_given)
+    nearer, farther = np.count_nonzero(clear & (scaled < as_given)), np.count_nonzero(clear & (scaled > as_given))
+    if nearer < _FEWEST * (1 + farther):
+        return False
+    return bool(np.median(scaled[clear]) < _CLEARLY * np.median(as_given[clear]))
+
+
+def angle_units(block: Block) -> Iterator[Hypothesis]:
+    """Yield the preliminary rotations as angles in other units than degrees."""
+    for factor in ANGLE_UNITS:
+        orientation = block.photo_orientation * [1.0, 1.0, 1.0, factor, factor, factor]
+        changed = replace(block, photo_orientation=orientation)
+        near = partial(_is_near, given=block.photo_orientation[:, 3:], factor=factor)
+        found = finding("angle-unit", "orip.toml", angle_unit_text(factor))
+        yield Hypothesis(changed, found, near, concerns_start=True)
+
+
+def _is_near(solved: SolvedBlock, given: FloatArray, factor: float) -> bool:
+    return is_nearer(given, factor, solved.state.rotations)
+
+
+def direction_units(block: Block) -> Iterator[Hypothesis]:
+    """Yield the theodolite directions and zenith angles, with their a-priori errors, as values in gon."""
+    if block.directions:
+        changed = replace(block, directions=tuple(map(_from_gon, block.directions)))
+        text = (
+            "the theodolite directions fit when they are in gon; write degrees: multiply directions, zenith angles and "
+            "their a-priori errors by 0.9"
+        )
+        yield Hypothesis(changed, finding("direction-unit", "control directions", text))
+
+
+def _from_gon(observed: ControlDirection) -> ControlDirection:
+    zenith, error = observed.zenith, observed.zenith_error
+    return replace(
+        observed,
+        direction=observed.direction * DEGREES_PER_GON,
+        direction_error=observed.direction_error * DEGREES_PER_GON,
+        zenith=None if zenith is None else zenith * DEGREES_PER_GON,
+        zenith_error=None if error is None else error * DEGREES_PER_GON,
+    )
