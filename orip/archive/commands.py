@@ -123,10 +123,10 @@ def _register_reading(group: typer.Typer) -> None:
         """
         from orip.archive.cluster.connection import require_dask
         from orip.archive.output import report_document, tell_collected
+        from orip.archive.results import collect
         from orip.archive.run_files import ResultsFolder, read_plan
 
         require_dask()
-        from orip.archive.results import collect
 
         folder = (invocation.folder / results).resolve()
         collected = collect(ResultsFolder(folder), read_plan(folder, str(results)))
@@ -195,11 +195,11 @@ def _request(
         If they contradict each other, or a gate is malformed.
     """
     from orip.archive.cluster.connection import require_dask
+    from orip.archive.run import ArchiveRequest
+    from orip.archive.task import Limits, TaskSettings
     from orip.workflow.adjust.gates import gates_from
 
     require_dask()
-    from orip.archive.run import ArchiveRequest
-    from orip.archive.task import Limits, TaskSettings
 
     if cluster.dask is not None and cluster.workers is not None:
         message = "--workers starts workers on this machine, and --dask uses those of a scheduler; give one of them"

@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 from markupsafe import Markup
 from msgspec import Struct
 
@@ -35,12 +33,8 @@ if TYPE_CHECKING:
 # Each table is a folder, divided into shards by the digest of the project's name (Hive's form, ``shard=a``). Equal rows
 # give equal files; a table is replaced shard by shard.
 
-_TYPES: Mapping[ColumnType, pa.DataType] = {
-    "text": pa.string(),
-    "number": pa.float64(),
-    "count": pa.int64(),
-    "yes_no": pa.bool_(),
-}
+_TYPES: Mapping[ColumnType, str] = {"text": "string", "number": "float64", "count": "int64", "yes_no": "bool"}
+"""Names of Arrow's types. Arrow itself, an extra, is imported where a table is written or read."""
 
 
 def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
@@ -51,8 +45,13 @@ def write_shard(results: ResultsFolder, shard: str, rows: Mapping[str, Sequence[
     OripError
         If the folder or the disk refuses.
     """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     for table, columns in TABLES.items():
-        schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()], {"schema": SCHEMA})
+        schema = pa.schema(
+            [(name, pa.type_for_alias(_TYPES[kind])) for name, kind in columns.items()], {"schema": SCHEMA}
+        )
         buffer = io.BytesIO()
         pq.write_table(
             pa.Table.from_pylist(list(rows.get(table, ())), schema=schema),
@@ -75,6 +74,9 @@ def read_shard(results: ResultsFolder, table: str, shard: str, columns: Sequence
     InputError
         If the file cannot be read, or has another schema.
     """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     path = results.table(table, shard)
     if not path.exists():
         return []

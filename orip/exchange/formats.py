@@ -348,7 +348,7 @@ def guessed_format(path: Path) -> Format:
         If it looks like none, or like several.
     """
     if not path.exists():
-        message = f"there is no {path}; name the file or folder of the other program"
+        message = f"there is no '{path}'; name the file or folder of the other program"
         raise UsageError(message)
     found = [one for one in FORMATS_READ if one.recognises(path)]
     if len(found) == 1:

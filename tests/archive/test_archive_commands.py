@@ -104,6 +104,15 @@ def test_help_does_not_load_dask(tmp_path: Path) -> None:
     assert said.stdout.endswith("[]\n")
 
 
+@pytest.mark.parametrize("words", [("run", "."), ("report",), ("diff", "a", "b")])
+def test_what_is_not_installed_is_named_with_the_way_to_get_it(tmp_path: Path, words: tuple[str, ...]) -> None:
+    code = "import sys; sys.modules['pyarrow'] = sys.modules['distributed'] = None\n"
+    code += f"sys.argv = {['orip', 'archive', *words]}\nfrom orip.cli.main import main; main()"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert said.returncode == 2
+    assert said.stderr == "error: archives need distributed and pyarrow: pip install 'orip[archive]'\n"
+
+
 class Workers:
     """A client of a cluster whose workers are as given."""
 

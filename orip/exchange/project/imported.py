@@ -84,7 +84,7 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
         message = f"the format '{found.name}' is written, not read; 'orip import --list' shows those that are read"
         raise UsageError(message)
     if not source.exists():
-        message = f"there is no {source}; name the file or folder of the other program"
+        message = f"there is no '{source}'; name the file or folder of the other program"
         raise UsageError(message)
     parsed = found.read(source, str(source))
     if parsed.complaints or parsed.value is None:
