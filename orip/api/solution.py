@@ -11,7 +11,8 @@ import numpy as np
 from orip.api.estimates import AdjustedCamera, AdjustedCameras, AdjustedPhotos, AdjustedPoints
 from orip.api.tables import ObservationResiduals, TableName, data_frame, residuals_of
 from orip.arrays import FloatArray
-from orip.bundle.results.figures import Figures, camera_figures, covariance, figure, photo_figures, point_figures
+from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.results.figures import figure
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text

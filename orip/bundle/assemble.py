@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.antennas import with_orientations_of_stations
-from orip.bundle.ground_system import constants_in_frame, frame_complaints, ground_system, photos_in_frame
+from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera

@@ -15,7 +15,7 @@ from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.ground_system import control_count, not_determined
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import reduced_cofactors
-from orip.bundle.results.misfits import lost_control, lost_photos
+from orip.bundle.results.reliability import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT

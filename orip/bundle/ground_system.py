@@ -1,29 +1,22 @@
-"""The local frame in which a block is adjusted, and whether the observations fix it on the ground at all."""
+"""Whether the observations fix a block at all: where it lies on the ground, and how its photos are turned."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.datum import information_on_movements, movements_of_block
-from orip.bundle.points.starting import given_coordinates
 from orip.bundle.problem import BlockProblem
 from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
-from orip.errors import Complaint, InputError
-from orip.geometry.ground_frame import ground_frame
-from orip.geometry.rotation import angles_from_rotation, axes_rotation_from_angle_rates, rotation_from_angles
+from orip.geometry.rotation import axes_rotation_from_angle_rates
 from orip.records.block import Block
-from orip.records.ground import PLAIN, GroundSystem
-from orip.records.observations.control import ControlElement, ControlPoint
 from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
 from orip.records.results.solution import Diagnosis
-from orip.structs import replace
 from orip.wording import agreeing, counted, counted_names, joined
 
 # An adjustment ends with some numbers whatever the observations say. Where they leave a movement of the whole block
@@ -167,135 +160,3 @@ def _turned_at_will(solved: SolvedBlock) -> BoolArray:
     largest = np.linalg.eigvalsh(cofactors).max(axis=1, initial=0.0)
     scale = min(solved.deviation_scale, 1.0)
     return np.asarray(scale * np.sqrt(np.maximum(largest, 0.0)) > _PHOTO_ROTATION)
-
-
-# With a coordinate reference system photos and points have local coordinates while they are adjusted. A constant of the
-# project is a constant of the frame only together with others: the three coordinates of a point or projection centre,
-# and a photo's angles with its centre. Constants without those others become exact constraints.
-
-_POSITION = frozenset(PHOTO_PARAMETERS[:3])
-
-_ROUNDED_TO = -2
-"""Decimals to which the origin is rounded, so that a small change of the block does not move it."""
-
-
-def ground_system(
-    crs: str | None, ground_unit: str, points: Sequence[ControlPoint], centres: FloatArray
-) -> GroundSystem:
-    """Return the system that a block is adjusted in, with its origin in the middle of control, else of the photos.
-
-    Parameters
-    ----------
-    crs : str or None
-        None: the project's coordinates are plain.
-    ground_unit : str
-    points : sequence of ControlPoint
-    centres : array (n, 3)
-        Projection centres, in the project.
-
-    Raises
-    ------
-    InputError
-        If the system does not fit the project, or a grid for its heights is missing.
-    """
-    if crs is None:
-        return PLAIN
-    known = [point.coordinates for point in points if not point.rejected and None not in point.coordinates]
-    places = np.array(known, dtype=np.float64) if known else centres[np.isfinite(centres).all(axis=1)]
-    if not len(places):
-        message = "with a crs the block needs a location: give a control point with X, Y and Z, or projection centres"
-        raise InputError.single(message)
-    # the median, so that one mistyped point does not move the frame of all others
-    return ground_frame(crs, ground_unit, np.round(np.median(places, axis=0), _ROUNDED_TO))
-
-
-def frame_complaints(block: Block) -> list[Complaint]:
-    """Return complaints about what the frame does not allow; the photos still have the project's coordinates."""
-    if block.ground is PLAIN:
-        return []
-    names = [f"photo {photo.name}" for photo in block.photos]
-    names += [f"control point {point.name}" for point in block.control_points]
-    names += [f"preliminary point {point.name}" for point in block.preliminary]
-    names += [f"exposure station {station.photo}" for station in block.stations]
-    given = [tuple(centre) for centre in block.photo_orientation[:, :3].tolist()]
-    given += [point.coordinates for point in block.control_points]
-    given += [point.coordinates for point in block.preliminary]
-    given += [station.position for station in block.stations]
-    xyz = np.array(given, dtype=np.float64)
-    outside = np.isfinite(xyz).all(axis=1) & np.isnan(block.ground.to_local(xyz)).any(axis=1)
-    complaints = [
-        Complaint(
-            f"{names[row]} has the coordinates {', '.join(f'{value:.3f}' for value in xyz[row])}, which are "
-            "outside the area of the crs; check the coordinates, and that X is the easting and Y the northing"
-        )
-        for row in np.flatnonzero(outside)
-    ]
-    return [*complaints, *_free_network_complaints(block)]
-
-
-def _free_network_complaints(block: Block) -> Iterator[Complaint]:
-    """Yield complaints of observations that would tie a free network to its location on the earth."""
-    if not block.is_free_network:
-        return
-    name = block.definition.name
-    if block.directions:
-        yield Complaint(
-            f"bundle {name} is a free network with theodolite directions, whose verticals differ from place to place "
-            "with a crs; leave crs out, or take the directions out of the .DIR file"
-        )
-    on_grid = [distance.name for distance in block.distances if distance.code != "XYZ" and distance.error >= 0.0]
-    if on_grid:
-        yield Complaint(
-            f"distance {', '.join(on_grid)} of the free network {name} is taken on the map grid with a crs, which "
-            "differs from place to place; give a spatial distance (XYZ), or leave crs out"
-        )
-
-
-def photos_in_frame(block: Block) -> Block:
-    """Return the block with its photos' orientations taken from the project to the frame.
-
-    A photo with an unknown coordinate has NaN for all elements, one with an unknown angle for all three angles.
-    """
-    if block.ground is PLAIN:
-        return block
-    orientation = np.full_like(block.photo_orientation, np.nan)
-    placed = np.isfinite(block.photo_orientation[:, :3]).all(axis=1)
-    orientation[placed, :3] = block.ground.to_local(block.photo_orientation[placed, :3])
-    known = np.isfinite(block.photo_orientation).all(axis=1)
-    centres, angles = block.photo_orientation[known, :3], block.photo_orientation[known, 3:]
-    rotation = np.swapaxes(block.ground.axes_at(centres), 1, 2) @ rotation_from_angles(angles)
-    orientation[known] = np.hstack([block.ground.to_local(centres), angles_from_rotation(rotation)])
-    return replace(block, photo_orientation=orientation)
-
-
-def constants_in_frame(block: Block) -> Block:
-    """Return the block with what is constant in the project either constant in the frame, or an exact constraint."""
-    if block.ground is PLAIN:
-        return block
-    whole = block.constant_points & block.constant_points.all(axis=1, keepdims=True)
-    given = given_coordinates(block)
-    single = [
-        ControlElement(block.point_names[point], "POINT", "XYZ"[axis], float(given[point, axis]), 0.0)
-        for point, axis in np.argwhere(block.constant_points & ~whole)
-    ]
-    photos = [_constants_of_photo(photo) for photo in block.photos]
-    return replace(
-        block,
-        constant_points=whole,
-        photos=tuple(photo for photo, _ in photos),
-        constant_elements=(*single, *(element for _, elements in photos for element in elements)),
-    )
-
-
-def _constants_of_photo(photo: Photo) -> tuple[Photo, list[ControlElement]]:
-    """Return a photo with the elements that are constant in the frame, and those that are exact constraints."""
-    constant = frozenset[str]()
-    if set(photo.constant) >= _POSITION:
-        constant = frozenset(PHOTO_PARAMETERS) if set(photo.constant) == set(PHOTO_PARAMETERS) else _POSITION
-    values = dict(zip(PHOTO_PARAMETERS, photo.orientation, strict=True))
-    single = [
-        ControlElement(photo.name, "PHOTO", kind, value, 0.0)
-        for kind in photo.constant
-        if kind not in constant and (value := values[kind]) is not None
-    ]
-    return replace(photo, constant=tuple(kind for kind in photo.constant if kind in constant)), single

@@ -37,15 +37,15 @@ from orip.bundle.points.consensus import (
     with_points_moved,
     with_steady_weights,
 )
-from orip.bundle.points.other_places import other_places
-from orip.bundle.points.rival_places import control_rows, rival_places
-from orip.bundle.points.starting import (
+from orip.bundle.points.left_out import (
     LEAST_WEIGHT_OF_FIT,
     improved_points,
     without_contradicting_pairs,
     without_contradictory_points,
     without_undetermined_points,
 )
+from orip.bundle.points.other_places import other_places
+from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.points.starting import given_coordinates
-from orip.bundle.solve import SolvedBlock
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
@@ -19,6 +19,9 @@ from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
 from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
+
+if TYPE_CHECKING:
+    from orip.bundle.solve import SolvedBlock
 
 _LONGEST = 20.0
 """Largest ratio of principal distance to diagonal of the frame: the angle of view is 3°, that of a telescope."""

@@ -6,7 +6,6 @@ from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.mistakes.camera_values import camera_warnings
-from orip.mistakes.free_network import observations_without_weight
 from orip.mistakes.names import name_warnings, photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
@@ -57,5 +56,7 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     control : Control
         All control of the project, even what the block does not use.
     """
+    from orip.mistakes.free_network import observations_without_weight  # measurements are checked without it
+
     names = name_warnings(block, control, block.preliminary)
     return (*photos_under_two_names(block), *names, *observations_without_weight(block))

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.weights import MEDIAN_OF_NORMAL, SETTLED_ENP
 from orip.arrays import FloatArray, parts
-from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.errors import NotSolvableError, ProjectWarning
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block
 from orip.records.coded_names import CodedNames, joined, repeated
 from orip.structs import replace
+
+if TYPE_CHECKING:  # `orip measure` looks for signs of mistakes, and adjusts nothing
+    from orip.bundle.solve import SolvedBlock
 
 # One adjustment is of the data as given, the other of the data as they may have been meant. Each observation fits one
 # of the two, both or neither; those that fit only one decide, by the sign test (McNemar, 1947). It assumes nothing
@@ -86,6 +88,8 @@ class Fit(Struct, frozen=True):
 
 def fit_of_adjustment(solved: SolvedBlock) -> Fit:
     """Return how the observations fit an adjustment; disregarded ones, such as check points, are not among them."""
+    from orip.adjustment.weights import MEDIAN_OF_NORMAL
+
     rows = [observations.rows for observations in solved.problem.observations]
     equations = solved.equations
     standard = np.abs(equations.residual)
@@ -226,7 +230,7 @@ class Readjuster(Struct, frozen=True):
 
     def adjust_roughly(self, block: Block) -> SolvedBlock | None:
         """Return the adjustment of a block, as soon as it shows what fits; None where there is none."""
-        return self._adjusted(block, SETTLED_ENP)
+        return self._adjusted(block, _rough_enp())
 
     def _adjusted(self, block: Block, enp_stop: float) -> SolvedBlock | None:
         try:
@@ -243,12 +247,20 @@ class Readjuster(Struct, frozen=True):
             started = self.start(replace(self.block, photo_orientation=orientation))
             ended = state.points[[place[name] for name in started.point_names]]
             points = np.where(started.constant_points, started.point_start, ended)
-            return _solved(replace(started, point_start=points), SETTLED_ENP)
+            return _solved(replace(started, point_start=points), _rough_enp())
         except (NotSolvableError, np.linalg.LinAlgError):
             return None
 
 
+def _rough_enp() -> float:
+    from orip.adjustment.weights import SETTLED_ENP
+
+    return SETTLED_ENP
+
+
 def _solved(block: Block, enp_stop: float) -> SolvedBlock:
+    from orip.bundle.solve import iteration_settings, solve_block
+
     # whether a mistake explains the misfit is seen long before the last observation has the right weight
     settings = iteration_settings(block.definition)
     settings = replace(settings, enp_stop=min(enp_stop, settings.enp_stop), most_attempts=0)
@@ -263,7 +275,7 @@ def _always(_: SolvedBlock) -> bool:
     return True
 
 
-Findings = Callable[[SolvedBlock], list[ProjectWarning]]
+Findings = Callable[["SolvedBlock"], list[ProjectWarning]]
 
 
 class Hypothesis(Struct, frozen=True):

@@ -14,9 +14,9 @@ from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import are_equidistant, image_vectors, suit_plane_image
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
+from orip.mistakes.photo_coordinates import exchanged_axes
 from orip.prelim.resection.resection import Resected, resect
 from orip.records.block import Block
-from orip.records.project.camera import Sensor
 from orip.structs import replace
 
 _LARGEST_SIGMA0 = 6.0
@@ -194,11 +194,6 @@ def mirror_readings(block: Block, photo: int) -> Iterator[Reading]:
     if sensor is not None and sensor.width != sensor.height:
         text = "it fits when columns and rows are exchanged in it, a mirror image; write the column first"
         yield Reading("exchanged-axes", _with_xy(block, rows, exchanged_axes(xy, sensor)), text)
-
-
-def exchanged_axes(xy: FloatArray, sensor: Sensor) -> FloatArray:
-    """Return photo coordinates (n, 2) of pixels that were written with the row before the column."""
-    return np.asarray(0.5 * (sensor.height - sensor.width) - xy[:, ::-1])
 
 
 def _with_xy(block: Block, rows: IntArray, xy: FloatArray) -> Block:

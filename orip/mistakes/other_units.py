@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.hypothesis import Hypothesis, finding
@@ -19,6 +19,9 @@ from orip.records.project.camera import Camera
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, METRES_PER_FOOT, MILLIMETRES_PER_INCH, RADIANS_PER_DEGREE
+
+if TYPE_CHECKING:
+    from orip.bundle.solve import SolvedBlock
 
 LENGTH_UNITS = {
     METRES_PER_FOOT: ("feet", "metres"),

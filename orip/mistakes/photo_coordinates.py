@@ -10,7 +10,6 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
-from orip.mistakes.misread_photos import exchanged_axes
 from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.names import record_key
@@ -313,6 +312,11 @@ def mirrored_photos(block: Block) -> Iterator[Hypothesis]:
         changed = replace(block, photo_points=replace(block.photo_points, xy=xy))
         text = f"the photos fit as mirror images: {_EXCHANGED}"
         yield Hypothesis(changed, finding("mirrored", f"camera {camera.name}", text), photos_stay_near)
+
+
+def exchanged_axes(xy: FloatArray, sensor: Sensor) -> FloatArray:
+    """Return photo coordinates (n, 2) of pixels that were written with the row before the column."""
+    return np.asarray(0.5 * (sensor.height - sensor.width) - xy[:, ::-1])
 
 
 def _text(camera: Camera, axis: int) -> str:

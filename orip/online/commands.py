@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import queue
 import signal
@@ -74,6 +73,8 @@ def serve_programs(invocation: Invocation, session: ServedSession, address: tupl
     OripError
         If the address is taken.
     """
+    import asyncio
+
     from orip.online.server import Answering, OnlineServer
     from orip.web.access import new_token
 

@@ -23,7 +23,7 @@ from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
 from orip.records.observations.control import ControlPoint
 from orip.records.results.preliminary import RelativeOrientation
-from orip.solving.comparison import doubt_about
+from orip.solving.better_minimum import doubt_about
 from orip.structs import replace
 from orip.wording import counted
 

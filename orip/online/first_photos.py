@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.bundle.assemble import with_starting_values
-from orip.bundle.ground_system import photos_in_frame
+from orip.bundle.local_frame import photos_in_frame
 from orip.bundle.unknowns import UnknownName
 from orip.errors import NotSolvableError
 from orip.online.measurements import Measurements

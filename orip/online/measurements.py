@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
-from orip.bundle.ground_system import ground_system
+from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key

@@ -31,7 +31,7 @@ from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import Diagnosis, IterationPass, Solution
-from orip.solving.comparison import doubt_about, is_better
+from orip.solving.better_minimum import doubt_about, is_better
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,

@@ -147,6 +147,17 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
 
 
+@pytest.mark.parametrize("words", [["status"], ["measure"], ["compare", "result.json", "result.json"]])
+def test_commands_that_adjust_nothing_load_nothing_that_does(tmp_path: Path, words: list[str]) -> None:
+    # with models and their drive table, of which `status` tells whether it is up to date
+    folder = tmp_path / "block"
+    assert orip(tmp_path, "init", "--sample", "small_frame_block", str(folder)).code == 0
+    assert orip(folder, "run", "--no-report").code == 0
+    statements = f"from orip.cli.main import app; app(['-C', '.', *{words}], standalone_mode=False)"
+    found = modules_after(statements, folder)
+    assert not {"orip.adjustment", "orip.bundle.problem", "orip.prelim", "scipy.sparse", "scipy.linalg"} & found
+
+
 def test_run_imports_neither_what_converts_words_nor_parts_of_libraries_that_small_blocks_do_without(
     project: Path,
 ) -> None:

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.results.misfits import reliability, suspect_rows
+from orip.bundle.results.misfits import suspect_rows
+from orip.bundle.results.reliability import reliability
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.result.residuals import residuals_csv_pieces

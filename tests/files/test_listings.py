@@ -28,7 +28,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip import __version__
-from orip.bundle.results.misfits import reliability
+from orip.bundle.results.reliability import reliability
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
 from orip.files.listings.errors import interior_listing
 from orip.files.listings.identification import run_of_listing

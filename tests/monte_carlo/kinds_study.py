@@ -10,7 +10,7 @@ from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solv
 from msgspec import Struct
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.bundle.results.misfits import NON_CENTRALITY
+from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, TheodoliteSet

@@ -9,7 +9,7 @@ from bundle.stations_of_block import MADE, stations
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
 from msgspec import Struct
 
-from orip.bundle.results.misfits import NON_CENTRALITY
+from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 from orip.records.observations.control import Station

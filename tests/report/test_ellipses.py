@@ -9,7 +9,7 @@ import pytest
 from bundle.solving import OFF, noisy, redefined, solved
 from support.synthetic_block import synthetic_block
 
-from orip.bundle.results.figures import covariance, photo_figures
+from orip.bundle.results.covariance import covariance, photo_figures
 from orip.bundle.results.solution import solution_of
 from orip.bundle.unknowns import CONSTANT
 from orip.report.drawings.ellipses import drawn_points, ellipse_views, standard_ellipses

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.records.results.result_tests import Figure, FigureGroup, Quantity, ResultFigures
-from orip.solving.comparison import Tolerance, compare_figures
+from orip.solving.differences import Tolerance, compare_figures
 
 
 def result(kind: str = "point", name: str = "1", **figures: Figure) -> ResultFigures:

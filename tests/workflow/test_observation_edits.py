@@ -18,8 +18,8 @@ from support.aerial_block_in_crs import CRS, PRINCIPAL_DISTANCE, aerial_block
 from workflow.commands import edit_observations, list_observations, measure, measure_again, remeasure
 from workflow.small_projects import film_project, replace_in
 
-from orip.bundle.ground_system import ground_system
-from orip.bundle.results.figures import predict_photo_coordinates
+from orip.bundle.local_frame import ground_system
+from orip.bundle.results.prediction import predict_photo_coordinates
 from orip.errors import InputError, LockedError
 from orip.files.stores.contents import observations, solutions
 from orip.files.stores.dump import dump

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.figures import cofactors_times
+from orip.bundle.results.covariance import cofactors_times
 from orip.bundle.results.ground import LEVEL_PHI
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT

@@ -18,7 +18,7 @@ from orip.bundle.results.ground import (
     deviations,
     photo_correlations,
 )
-from orip.bundle.results.misfits import lost_control, lost_photos
+from orip.bundle.results.reliability import lost_control, lost_photos
 from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names

@@ -77,7 +77,7 @@ def register(app: typer.Typer) -> None:
 def _write_covariance(
     invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None, *, force: bool
 ) -> None:
-    from orip.workflow.adjust.results import covariance_matrix, require_format, write_covariance
+    from orip.workflow.adjust.covariance import covariance_matrix, require_format, write_covariance
     from orip.workflow.adjust.solve import ADJUSTED_FROM
     from orip.workflow.project.bundle_state import read_bundle
 

@@ -1,20 +1,16 @@
-"""Gates checked against the last adjustment, and the figures of two results against each other."""
+"""`orip check`: gates checked against the last adjustment of a bundle."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from msgspec import Struct
 
-from orip.errors import Complaint, InputError, ProjectWarning, UsageError
-from orip.files.result.reader import read_result
-from orip.records.results.result_tests import GateResult, ResultFigures, Status
-from orip.solving.comparison import Comparison, Tolerance, compare_figures
+from orip.errors import ProjectWarning, UsageError
+from orip.records.results.result_tests import GateResult, Status
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.solve import ADJUSTED_FROM
 from orip.workflow.project.bundle_state import BundleState
-from orip.workflow.project.folder import PROJECT_FILE, open_project
 from orip.workflow.project.state import Part
 from orip.workflow.steps import solve_step
 
@@ -78,71 +74,3 @@ def check(bundle: BundleState, expressions: Sequence[str]) -> CheckOutcome:
         text = f"the last adjustment is out of date: {step.text}"
         warnings = (ProjectWarning("out-of-date", f"bundle {bundle.name}", text),)
     return CheckOutcome(bundle.name, solution.run, solution.status, check_solution(solution, gates), warnings)
-
-
-class CompareOutcome(Struct, frozen=True):
-    """The files that were compared, as they are shown, and what came out."""
-
-    a: str
-    b: str
-    tolerance: Tolerance
-    comparison: Comparison
-
-
-def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutcome:
-    """Compare two results. Reads only.
-
-    Parameters
-    ----------
-    folder : Path
-        What relative paths are relative to.
-    a, b : Path
-        A result.json, or a project folder with one.
-    tolerance : Tolerance
-
-    Raises
-    ------
-    InputError
-        If a file is not a result; both are checked.
-    UsageError
-        If a folder has several results.
-    """
-    complaints: list[Complaint] = []
-    results: list[ResultFigures] = []
-    shown: list[str] = []
-    for given in (a, b):
-        try:
-            path, name = _result_file(folder, given)
-            results.append(read_result(path, name))
-            shown.append(name)
-        except InputError as error:
-            complaints += error.complaints
-    if complaints:
-        raise InputError(list(dict.fromkeys(complaints)))
-    return CompareOutcome(shown[0], shown[1], tolerance, compare_figures(results[0], results[1], tolerance))
-
-
-def _folder_of_results(path: Path, given: Path) -> tuple[Path, Path]:
-    """Return where the results of a project folder are, and how messages name that; of another folder itself."""
-    if not (path / PROJECT_FILE).is_file():
-        return path, given
-    results = open_project(path).results
-    return results, given / results.relative_to(path)
-
-
-def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
-    path = folder / given
-    if not path.exists():
-        message = "there is no such file or folder; name a result.json that 'orip solve' wrote, or a project folder"
-        raise InputError.single(message, str(given))
-    if not path.is_dir():
-        return path, str(given)
-    path, given = _folder_of_results(path, given)
-    found = sorted(file.name for file in path.iterdir() if file.name.endswith("result.json")) if path.is_dir() else []
-    if not found:
-        message = "there is no result.json in this folder; run 'orip solve' there first"
-        raise InputError.single(message, str(given))
-    if len(found) > 1:
-        message = f"the folder '{given}' has several results; name one of them: {', '.join(found)}"
-        raise UsageError(message)
-    return path / found[0], str(given / found[0])

@@ -10,9 +10,9 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
-from orip.bundle.ground_system import ground_system
-from orip.bundle.results.figures import predict_photo_coordinates
-from orip.bundle.results.misfits import reliability
+from orip.bundle.local_frame import ground_system
+from orip.bundle.results.prediction import predict_photo_coordinates
+from orip.bundle.results.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.interior.in_force import stored_to_log
 from orip.interior.mounting import frame_corners

@@ -44,7 +44,8 @@ def solution_outputs(project: ProjectFolder, solution: Solution, measured: Photo
         Those that were adjusted.
     """
     # slow to import, and most commands write no solution
-    from orip.bundle.results.misfits import reliability_of, suspect_rows
+    from orip.bundle.results.misfits import suspect_rows
+    from orip.bundle.results.reliability import reliability_of
     from orip.files.listings.bundle import bundle_listing_lines
     from orip.files.listings.errors import error_listing_lines
     from orip.files.result.json_text import result_pieces

@@ -12,7 +12,7 @@ from support.aerial_block_in_crs import aerial_block as aerial_block_in_crs
 from support.synthetic_block import synthetic_block
 
 from orip.adjustment.factorisation.band import BandMatrix
-from orip.bundle.results.figures import Figures, camera_figures, covariance, photo_figures, point_figures
+from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.state import BlockState

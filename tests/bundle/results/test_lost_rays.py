@@ -6,7 +6,7 @@ import numpy as np
 from bundle.aerial_block import aerial_block
 
 from orip.bundle.diagnosis import diagnose
-from orip.bundle.results.misfits import lost_control, lost_photos, lost_rays
+from orip.bundle.results.reliability import lost_control, lost_photos, lost_rays
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block

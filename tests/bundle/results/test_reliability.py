@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orip.bundle.results.misfits import NON_CENTRALITY, reliability
+from orip.bundle.results.reliability import NON_CENTRALITY, reliability
 from orip.records.results.solution import Residuals
 
 

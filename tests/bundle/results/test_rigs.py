@@ -7,7 +7,7 @@ import pytest
 from bundle.solving import solved
 from scipy.spatial.transform import Rotation
 
-from orip.bundle.results.figures import covariance, photo_figures
+from orip.bundle.results.covariance import covariance, photo_figures
 from orip.bundle.results.rigs import RIG_PARAMETERS, rig_estimates
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
