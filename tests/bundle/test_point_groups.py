@@ -60,6 +60,32 @@ def test_coordinates_that_say_nothing_are_no_obstacle(coordinates: np.ndarray) -
     assert sorted(set(groups_of_sets(sets, coordinates))) == list(range(max(groups_of_sets(sets, coordinates)) + 1))
 
 
+def least_time(shown: list[set[int]], first: int, end: int) -> float:
+    """Return the time of a part of a row of points in the best of all its groups, by trying all halves of halves."""
+    photos = set().union(*shown[first:end])
+    rays = sum(len(of_point) for of_point in shown[first:end])
+    whole = float(point_groups._time(np.array([len(photos)]), np.array([rays]))[0])
+    if end - first == 1:
+        return whole
+    middle = first + (end - first) // 2
+    return min(whole, least_time(shown, first, middle) + least_time(shown, middle, end))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_that_miss_photos_at_random_are_joined_where_only_many_of_them_save_time(seed: int) -> None:
+    # 30 of 50 photos show a point: two of them together take longer than apart, sixteen do not
+    random = np.random.default_rng(seed)
+    shown = [set((random.permutation(50)[:30] + 60 * (k // 64)).tolist()) for k in range(128)]
+    sets = of_points(*(tuple(sorted(photos)) for photos in shown))
+    along = np.column_stack([np.arange(128.0), np.zeros((128, 2))])
+    group = groups_of_sets(sets, along)
+    in_groups = [[shown[k] for k in np.flatnonzero(group == number)] for number in range(group.max() + 1)]
+    photos = np.array([len(set().union(*of_group)) for of_group in in_groups])
+    rays = np.array([sum(map(len, of_group)) for of_group in in_groups])
+    assert point_groups._time(photos, rays).sum() == least_time(shown, 0, 128)
+    assert len(in_groups) == 2
+
+
 def test_there_may_be_no_points() -> None:
     sets = sets_of_photos(np.empty(0, dtype=np.int32), np.zeros(1, dtype=np.int64))
     assert groups_of_sets(sets, np.empty((0, 3))).tolist() == []

@@ -22,6 +22,9 @@ _OF_A_GROUP = 8.0
 """Time of clearing an element of a group's matrix and adding it to the reduced system, over that of eliminating a point
 from it."""
 
+_HOPELESS = 2.0
+"""Where half of the row as one group takes so many times as long as in groups, no larger part of it is tried."""
+
 
 class PhotoSets(NamedTuple):
     """The s different sets of photos that show b points, numbered in the order of their first points.
@@ -106,7 +109,7 @@ def _order_of_neighbours(positions: FloatArray) -> IntArray:
     rank = np.empty((size, 3), dtype=np.int64)
     np.put_along_axis(rank, np.argsort(positions, axis=0, kind="stable"), np.arange(size)[:, None], axis=0)
     order = np.arange(size)
-    for first, _ in _halves(size)[:-1]:  # of two it does not matter which comes first
+    for first, _, _ in _halves(size)[:-1]:  # of two it does not matter which comes first
         placed = positions[order]
         longest = np.argmax(np.maximum.reduceat(placed, first) - np.minimum.reduceat(placed, first), axis=1)
         part = np.repeat(np.arange(len(first)), np.diff(first, append=size))
@@ -115,7 +118,11 @@ def _order_of_neighbours(positions: FloatArray) -> IntArray:
 
 
 def _begins_group(place: IntArray, photo: IntArray, points: IntArray) -> BoolArray:
-    """Return which of s sets in a row begin a group (s,), when neighbours are joined by halves while that saves time.
+    """Return which of s sets in a row begin a group (s,), so that all groups together take the least time.
+
+    A group is one set, or a half of the row, a half of that and so on. Of each half it is found, from the smallest on,
+    whether it takes less time as one group than its own halves do by themselves, as a regression tree is pruned
+    (Breiman et al. 1984). Two sets of many photos that a group does not pay for may well be part of one of ten.
 
     Parameters
     ----------
@@ -126,22 +133,31 @@ def _begins_group(place: IntArray, photo: IntArray, points: IntArray) -> BoolArr
     """
     size, every = len(points), int(photo.max(initial=0)) + 1
     photos = np.bincount(place, minlength=size)
-    rays = points * photos
+    # of halves by the place where they begin; of those that may still be one group, the pairs with their photos
+    rays, least, is_open = points * photos, _time(photos, points * photos), photos > 0
     begins = np.ones(size, dtype=bool)
-    # of groups by the place where they begin; of those that may still be joined, the pairs with their photos
     pairs = distinct(place * every + photo)
-    for first, middle in reversed(_halves(size)):
-        both = _joined(pairs, every, first, middle, size)
-        joined_photos = np.bincount(both // every, minlength=size)[first]
-        apart = _time(photos[first], rays[first]) + _time(photos[middle], rays[middle])
-        whole = (photos[first] > 0) & (photos[middle] > 0)
-        saves = whole & (_time(joined_photos, rays[first] + rays[middle]) <= apart)
-        begins[middle[saves]] = False
-        photos[first] = np.where(saves, joined_photos, 0)
-        photos[middle] = 0
+    for first, middle, end in reversed(_halves(size)):
+        may_join = is_open[first] & is_open[middle]
+        pairs = _joined(pairs, every, first, middle, size)
         rays[first] += rays[middle]
-        pairs = both[photos[both // every] > 0]
+        apart = least[first] + least[middle]
+        joined = _time(np.bincount(pairs // every, minlength=size)[first], rays[first])
+        saves = may_join & (joined <= apart)
+        begins[_within(first[saves] + 1, end[saves], size)] = False
+        least[first] = np.where(saves, joined, apart)
+        is_open[middle] = False
+        is_open[first] = may_join & (joined <= _HOPELESS * apart)
+        pairs = pairs[is_open[pairs // every]]
     return begins
+
+
+def _within(first: IntArray, end: IntArray, size: int) -> BoolArray:
+    """Return which of the places up to `size` lie in one of some ranges that do not overlap."""
+    change = np.zeros(size + 1, dtype=np.int64)
+    np.add.at(change, first, 1)
+    np.add.at(change, end, -1)
+    return np.asarray(np.cumsum(change)[:-1] > 0)
 
 
 def _time(photos: IntArray, rays: IntArray) -> FloatArray:
@@ -157,15 +173,15 @@ def _joined(pairs: IntArray, every: int, first: IntArray, middle: IntArray, size
     return distinct(begin[group] * every + photo)
 
 
-def _halves(size: int) -> list[tuple[IntArray, IntArray]]:
-    """Return where parts of a row begin and their middles, of the whole, of its halves, and so on down to two."""
+def _halves(size: int) -> list[tuple[IntArray, IntArray, IntArray]]:
+    """Return where parts of a row begin, their middles and ends, of the whole, of its halves, and so on down to two."""
     found = []
     ends = np.array([0, size])
     while (length := np.diff(ends)).max() > 1:
         divided = length > 1
         first = ends[:-1][divided]
         middle = first + length[divided] // 2
-        found.append((first, middle))
+        found.append((first, middle, ends[1:][divided]))
         ends = np.sort(np.concatenate([ends, middle]))
     return found
 
