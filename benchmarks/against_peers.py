@@ -5,10 +5,11 @@
     python benchmarks/against_peers.py --table docs/performance.md
 
 Cases: a number of photos; penta and rings, blocks without a narrow band; BAL, a real problem with a camera for each
-photo; Zurich, the sample project from texts to results; solve:N, a project of N photos on the disk; threads:N, two
-threads against one; variants:N, free network, sets of additional parameters and fisheye against the same block with
-control and a plain camera; chain:N, blocks of the studies of preliminary values, once; large, 5000 photos and 500 000
-points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
+photo; aerial-bal, penta-bal and rings-bal, blocks as other programs leave them (`bal_files.py`); Zurich, the sample
+project from texts to results; solve:N, a project of N photos on the disk; threads:N, two threads against one, where N
+may be one of these names; variants:N, free network, sets of additional parameters and fisheye against the same block
+with control and a plain camera; chain:N, blocks of the studies of preliminary values, once; large, 5000 photos and
+500 000 points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
 
 Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
 in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
@@ -28,6 +29,7 @@ from pathlib import Path
 
 from aerial_blocks import VARIANTS
 from bal import COST_TOLERANCE, LADYBUG, MINIMUM_COST
+from bal_files import BAL_FILES
 from figures import Figures, Results, grown_slower, machine, requirement_table, tables, write_tables
 from startup import help_cpu, status_cpu, zurich
 from wide_blocks import BLOCKS
@@ -83,7 +85,7 @@ def compared(case: str, peer: str, repetitions: int) -> dict[str, Figures]:
         # a process starts with the peak memory of the one that started it: the block is not made in this one
         subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True)
         colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
-        if case in BLOCKS:
+        if case in BLOCKS or case in BAL_FILES:
             colmap += ["--solver", quicker_solver(colmap)]
         if case == "BAL":
             until = run(*colmap, "--until", repr(MINIMUM_COST * (1.0 + COST_TOLERANCE)))

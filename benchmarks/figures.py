@@ -28,11 +28,22 @@ _TO_THE_MINIMUM = {
     "BAL": (3.0, 6.0),
     "penta": (4.0, 6.0),
     "rings": (15.0, 25.0),
+    "aerial-bal": (8.0, 10.0),
+    "penta-bal": (7.5, 10.0),
+    "rings-bal": (14.0, 20.0),
 }
-_COVARIANCES = {"500": (5.0, 10.0), "2000": (10.0, 20.0), "penta": (12.0, 20.0), "rings": (8.0, 15.0)}
+_COVARIANCES = {
+    "500": (5.0, 10.0),
+    "2000": (10.0, 20.0),
+    "penta": (12.0, 20.0),
+    "rings": (8.0, 15.0),
+    "aerial-bal": (18.0, 25.0),
+    "penta-bal": (15.0, 20.0),
+    "rings-bal": (16.0, 25.0),
+}
 """How many times faster than pycolmap orip must be, and should be."""
 _LIMITED_MEMORY = ("500", "2000")
-_NAMED = ("BAL", "penta", "rings")
+_NAMED = ("BAL", "penta", "rings", "aerial-bal", "penta-bal", "rings-bal")
 """Blocks that are not called by their number of photos."""
 _COMMANDS = ("init", "measure", "solve")
 _OF_PROJECTS: dict[str, tuple[tuple[str, str, tuple[str, ...], float, float], ...]] = {

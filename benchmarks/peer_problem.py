@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from aerial_blocks import FRAME_MM, NOISE_MM, POINTS_A_PHOTO, aerial_block
 from bal import LADYBUG, bal_block
+from bal_files import BAL_FILES, block_of_file
 from wide_blocks import BLOCKS
 
 from orip.bundle.problem import starting_state
@@ -19,14 +20,17 @@ from orip.structs import replace
 
 BAL = "BAL"
 _PIXEL_MM = 2.0 * NOISE_MM
-_BAL_SIZE = (4000, 4000)
+_IN_PIXELS = (BAL, *BAL_FILES)
+_BAL_SIZE = (40_000, 40_000)
 """Larger than the photos are: where the picture ends is of no influence."""
 
 
 def block_of(case: str, points_a_photo: int = POINTS_A_PHOTO) -> Block:
-    """Return the block of a case: the BAL problem, a wide block, or an aerial one of so many photos."""
+    """Return the block of a case: the BAL problem, a BAL text, a wide block, or an aerial one of so many photos."""
     if case == BAL:
         return bal_block(LADYBUG)
+    if case in BAL_FILES:
+        return block_of_file(case)
     return constant_control(BLOCKS[case]() if case in BLOCKS else aerial_block(int(case), points_a_photo))
 
 
@@ -45,7 +49,7 @@ def constant_control(block: Block) -> Block:
 
 def pixel_mm(case: str) -> float:
     """Return the size of a pixel in the unit of the block's photo coordinates."""
-    return 1.0 if case == BAL else _PIXEL_MM
+    return 1.0 if case in _IN_PIXELS else _PIXEL_MM
 
 
 def save_for_peer(case: str, path: Path) -> None:
@@ -55,7 +59,7 @@ def save_for_peer(case: str, path: Path) -> None:
     """
     block, pixel = block_of(case), pixel_mm(case)
     state = starting_state(block)
-    width, height = _BAL_SIZE if case == BAL else (round(side / pixel) for side in FRAME_MM)
+    width, height = _BAL_SIZE if case in _IN_PIXELS else (round(side / pixel) for side in FRAME_MM)
     turned = np.diag([1.0, -1.0, -1.0]) @ np.swapaxes(state.rotations, 1, 2)
     c, a3, a5 = (state.cameras[:, place] for place in (0, 4, 5))
     middle = np.full(len(c), width / 2.0), np.full(len(c), height / 2.0)
@@ -66,7 +70,7 @@ def save_for_peer(case: str, path: Path) -> None:
         cameras=np.column_stack([c / pixel, *middle, a3 * c**2, a5 * c**4]),
         camera=block.photo_camera,
         principal_point_unknown="DX" in block.cameras[0].unknown,
-        free=case == BAL or block.is_free_network,
+        free=case in _IN_PIXELS or block.is_free_network,
         rotations=turned,
         translations=-np.einsum("nij,nj->ni", turned, state.centres),
         points=state.points,
