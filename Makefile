@@ -131,7 +131,7 @@ docs-links: $(READY)
 BENCH_PHOTOS := 50 500
 # also: solve:20000 (half an hour), large; BAL is left out where its data are not
 BENCH_CASES := penta rings BAL aerial-bal penta-bal rings-bal Zurich threads:500 threads:2000 threads:penta-bal \
-	threads:rings-bal variants:500 variants:2000 chain:400 solve:500 solve:2000
+	threads:rings-bal adjust:aerial-bal adjust:aerial-bal-2000 variants:500 variants:2000 chain:400 solve:500 solve:2000
 BENCH_ARGS :=
 BENCH_PYTHON := .venv-bench/bin/python
 BENCH_PACKAGES := pycolmap==4.2.1 scipy

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,19 +25,25 @@ from orip.records.block import Block
 from orip.structs import replace
 
 PIXEL_MM = 2.0 * NOISE_MM
-_SEEN = {"aerial-bal": 0.9, "penta-bal": 0.6, "rings-bal": 0.6}
-"""The share of the rays that are left of each block."""
-BAL_FILES = tuple(_SEEN)
+_MADE: dict[str, tuple[Callable[[], Block], float]] = {
+    "aerial-bal": (partial(aerial_block, 500), 0.9),
+    "aerial-bal-2000": (partial(aerial_block, 2000), 0.9),
+    "penta-bal": (penta_block, 0.6),
+    "rings-bal": (rings_block, 0.6),
+}
+"""The blocks, and the share of the rays that is left of each."""
+BAL_FILES = tuple(_MADE)
 _OFF = 0.003
 """Of the distance between photo and points: how far both start from where they should be."""
 
 
 def bal_text(case: str) -> str:
     """Return the text of a block; the same at every call."""
-    block = {"aerial-bal": lambda: aerial_block(500), "penta-bal": penta_block, "rings-bal": rings_block}[case]()
+    make, share = _MADE[case]
+    block = make()
     random = np.random.default_rng(len(block.photos))
     rays = block.photo_points
-    left = random.random(len(rays.photo)) < _SEEN[case]
+    left = random.random(len(rays.photo)) < share
     often = np.bincount(rays.point[left], minlength=len(block.point_names)) >= 2
     left &= often[rays.point]
     new_photo, new_point = random.permutation(len(block.photos)), random.permutation(np.flatnonzero(often))

@@ -21,8 +21,6 @@ from orip.structs import replace
 BAL = "BAL"
 _PIXEL_MM = 2.0 * NOISE_MM
 _IN_PIXELS = (BAL, *BAL_FILES)
-_BAL_SIZE = (40_000, 40_000)
-"""Larger than the photos are: where the picture ends is of no influence."""
 
 
 def block_of(case: str, points_a_photo: int = POINTS_A_PHOTO) -> Block:
@@ -59,7 +57,8 @@ def save_for_peer(case: str, path: Path) -> None:
     """
     block, pixel = block_of(case), pixel_mm(case)
     state = starting_state(block)
-    width, height = _BAL_SIZE if case in _IN_PIXELS else (round(side / pixel) for side in FRAME_MM)
+    shown = 2.0 * np.abs(block.photo_points.xy).max(axis=0) + 2.0 if case in _IN_PIXELS else FRAME_MM
+    width, height = (round(side / pixel) for side in shown)
     turned = np.diag([1.0, -1.0, -1.0]) @ np.swapaxes(state.rotations, 1, 2)
     c, a3, a5 = (state.cameras[:, place] for place in (0, 4, 5))
     middle = np.full(len(c), width / 2.0), np.full(len(c), height / 2.0)

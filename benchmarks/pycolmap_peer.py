@@ -2,9 +2,12 @@
 
     python pycolmap_peer.py problem.npz
     python pycolmap_peer.py problem.npz --until 13308.406
+    python pycolmap_peer.py problem.npz --write model --iterations 3
+    python pycolmap_peer.py problem.npz --model model
 
 Prints one line of JSON: CPU seconds to the minimum and of the covariances, cost in pixels, iterations, peak memory.
 `--until` looks for the least number of iterations to a cost and prints it, and nothing else; `--iterations` ends there.
+`--write` writes what is found into a folder, as a binary model; `--model` starts from it.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ import argparse
 import json
 import resource
 import time
+from pathlib import Path
 
 import numpy as np
 import pycolmap
@@ -66,10 +70,15 @@ def settings(problem: dict[str, np.ndarray]) -> tuple[pycolmap.BundleAdjustmentC
 
 
 def adjusted(
-    problem: dict[str, np.ndarray], iterations: int | None, covariances: bool, solver_type: str | None = None
+    problem: dict[str, np.ndarray],
+    iterations: int | None,
+    covariances: bool,
+    solver_type: str | None = None,
+    model: Path | None = None,
+    write: Path | None = None,
 ) -> dict[str, float | str]:
     """Return the figures of one adjustment; with a number of iterations it ends by nothing else."""
-    made = reconstruction(problem)
+    made = reconstruction(problem) if model is None else pycolmap.Reconstruction(model)
     config, usual = settings(problem)
     options = pycolmap.BundleAdjustmentOptions()
     options.refine_principal_point = bool(problem["principal_point_unknown"])
@@ -87,6 +96,8 @@ def adjusted(
     start = time.process_time()
     summary = adjuster.solve()
     end = time.process_time()
+    if write is not None:
+        made.write_binary(write)
     ceres = getattr(summary, "ceres_summary", summary)
     found: dict[str, float | str] = {
         "minimum": end - start,
@@ -137,13 +148,16 @@ def main() -> None:
     parser.add_argument("--iterations", type=int, help="end after so many")
     parser.add_argument("--solver", choices=SOLVERS, help="not the one that COLMAP would take")
     parser.add_argument("--until", type=float, help="a cost")
+    parser.add_argument("--model", type=Path, help="a folder with a model, from which the adjustment starts")
+    parser.add_argument("--write", type=Path, help="an empty folder")
     given = parser.parse_args()
     problem = dict(np.load(given.problem))
     if given.until is not None:
         print(json.dumps({"iterations": iterations_until(problem, given.until)}))
         return
     # pycolmap finds no covariances where points are at infinity
-    found = adjusted(problem, given.iterations, covariances=given.iterations is None, solver_type=given.solver)
+    wanted = given.iterations is None and given.model is None
+    found = adjusted(problem, given.iterations, wanted, given.solver, given.model, given.write)
     print(json.dumps(found))
 
 

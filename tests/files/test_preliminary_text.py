@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from orip.files.control.preliminary_text import preliminary_text, read_preliminary
+from orip.files.control import preliminary_text as module
+from orip.files.control.preliminary_text import parse_preliminary, preliminary_text, read_preliminary
+from orip.files.text.shown import Parsed
 from orip.records.names import name_fault
 from orip.records.observations.control import PreliminaryPoint
 from orip.structs import replace
@@ -80,3 +83,24 @@ def test_faulty_lines(tmp_path: Path, text: str, place: str, words: str) -> None
 def test_an_absent_file_has_no_points(tmp_path: Path) -> None:
     parsed = read_preliminary(tmp_path / "M.PRE", "M.PRE")
     assert (parsed.value, parsed.complaints) == ((), ())
+
+
+_ODD = st.sampled_from(
+    ["P1", "P1", "7", "-", "=", "!7", "#", "7#a", "pünkt", "a\u00a0b", "\x1b", "1.5", "-.5", "+2.", "1e3", "1d3", "1,5", "nan",
+     "1e31", "9" * 40, "5e", ".", "0x1p3", "1_0"]
+)  # fmt: skip
+
+
+@given(
+    rows=st.lists(st.lists(_ODD, min_size=0, max_size=8), max_size=6), gap=st.sampled_from([" ", "\t", "  ", "\x0b"])
+)
+def test_plain_lines_are_read_as_all_lines_are(rows: list[list[str]], gap: str) -> None:
+    lines = Parsed([gap.join(row) for row in rows], ())
+    with mock.patch.object(module, "_plain_point", lambda *_: None):
+        field_by_field = parse_preliminary(lines, "B.PRE")
+    assert parse_preliminary(lines, "B.PRE") == field_by_field
+
+
+def test_a_line_without_deviations_is_plain() -> None:
+    point = PreliminaryPoint("1001", (600123.25, -12.5, 1e-3), None, 7)
+    assert module._plain_point(preliminary_text([point]).rstrip("\n"), 7) == point

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orip.errors import Complaint
-from orip.files.text.lines import FieldReader, field_lines, read_lines
+from orip.files.text.decimal_numbers import LARGEST_NUMBER
+from orip.files.text.lines import FieldReader, read_lines, split_line
 from orip.files.text.shown import Parsed
-from orip.records.names import name_fault
+from orip.records.names import RESERVED_NAMES, name_fault
 from orip.records.observations.control import PreliminaryPoint
 
 if TYPE_CHECKING:
     from orip.arrays import FloatArray
+
+
+_NUMBER = r"([+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+)"
+_PLAIN = re.compile(rf"[ \t]*+(?![!#])([!-~]++)[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]*+")
+"""A line that is a name and three ordinary numbers, as nearly all are; the others are read field by field."""
 
 
 def read_preliminary(path: Path, shown: str) -> Parsed[tuple[PreliminaryPoint, ...]]:
@@ -30,7 +37,14 @@ def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Preli
     points: list[PreliminaryPoint] = []
     complaints: list[Complaint] = list(text.complaints)
     first_lines: dict[str, int] = {}
-    for line in field_lines(text.value):
+    for number, written in enumerate(text.value, start=1):
+        plain = _plain_point(written, number)
+        if plain is not None and first_lines.setdefault(plain.name, number) == number:
+            points.append(plain)
+            continue
+        line = split_line(written, number)
+        if line is None:
+            continue
         reader = FieldReader(line, shown)
         point = _read_point(reader)
         name = reader.text(0)
@@ -41,6 +55,18 @@ def parse_preliminary(text: Parsed[list[str]], shown: str) -> Parsed[tuple[Preli
         if point is not None and not reader.complaints:
             points.append(point)
     return Parsed(tuple(points), tuple(complaints))
+
+
+def _plain_point(line: str, number: int) -> PreliminaryPoint | None:
+    """Return the point of a plain line; None for every other one."""
+    found = _PLAIN.fullmatch(line)
+    if found is None:
+        return None
+    name, *coordinates = found.groups()
+    x, y, z = map(float, coordinates)
+    if name in RESERVED_NAMES or max(abs(x), abs(y), abs(z)) > LARGEST_NUMBER:
+        return None
+    return PreliminaryPoint(name, (x, y, z), None, number)
 
 
 def _read_point(reader: FieldReader) -> PreliminaryPoint | None:
