@@ -5,11 +5,12 @@
     python benchmarks/against_peers.py --table docs/performance.md
 
 Cases: a number of photos; penta and rings, blocks without a narrow band; BAL, a real problem with a camera for each
-photo; aerial-bal, penta-bal and rings-bal, blocks as other programs leave them (`bal_files.py`); Zurich, the sample
-project from texts to results; solve:N, a project of N photos on the disk; threads:N, two threads against one, where N
-may be one of these names; variants:N, free network, sets of additional parameters and fisheye against the same block
-with control and a plain camera; chain:N, blocks of the studies of preliminary values, once; large, 5000 photos and
-500 000 points. The environment has pycolmap and SciPy. What counts is the smallest of the repetitions.
+photo; aerial-bal, aerial-bal-2000, penta-bal and rings-bal, blocks as other programs leave them (`bal_files.py`);
+adjust:NAME, `orip adjust` of one of these as a model of COLMAP; Zurich, the sample project from texts to results;
+solve:N, a project of N photos on the disk; threads:N, two threads against one, where N may be a name; variants:N, free
+network, sets of additional parameters and fisheye against the same block with control and a plain camera; chain:N,
+blocks of the studies of preliminary values, once; large, 5000 photos and 500 000 points. The environment has pycolmap
+and SciPy. What counts is the smallest of the repetitions.
 
 Prints tables in Markdown and says what falls short of what is asked for. Ends with 1 where orip has become slower than
 in baseline.json by a quarter: as a ratio to pycolmap, and in seconds on the machine that the baseline is from.
@@ -113,6 +114,9 @@ def measured(case: str, given: argparse.Namespace) -> dict[str, Figures]:
         return {"orip": {"run": wall, "run_cpu": cpu, **answers}}
     if kind == "solve":
         whole = (sys.executable, str(HERE / "whole_solve.py"), size)
+        return {"orip": best([run(*whole) for _ in range(given.repetitions)])}
+    if kind == "adjust":
+        whole = (sys.executable, str(HERE / "whole_adjust.py"), size, "--peer", given.peer)
         return {"orip": best([run(*whole) for _ in range(given.repetitions)])}
     if kind == "threads":
         runs = [(run_orip(size), run_orip(size, threads=2)) for _ in range(given.repetitions)]

@@ -113,6 +113,11 @@ def requirements(found: Results) -> Iterator[Requirement]:
             cpu = found["Zurich"]["orip"].get(command, float("nan"))
             yield Requirement(f"CPU s of `orip {_WRITTEN[command]}`", cpu, 0.15, 0.10, more=False)
     yield from _of_projects(found)
+    for case, programs in found.items():
+        if case.startswith("adjust:"):
+            figures = programs["orip"]
+            what = f"{case.partition(':')[2]}: CPU s of `orip adjust` to those of pycolmap to the minimum alone"
+            yield Requirement(what, figures["cpu"] / figures["pycolmap"], 1.0, 0.5, more=False)
 
 
 _WRITTEN = {"help": "--help", "status": "status"}

@@ -3,9 +3,10 @@
     python whole_adjust.py --peer /path/to/environment/bin/python aerial-bal
     python whole_adjust.py --peer ... aerial-bal-2000
 
-The blocks are those of `bal_files.py`, and the models what three iterations of pycolmap made of them. orip imports the model, adjusts it, computes all statistics, writes listings,
-report and result, and the model with its result; pycolmap has the model in memory, and ends at the minimum. Prints one
-line of JSON: CPU seconds of both, seconds on the clock and peak memory of orip.
+The blocks are those of `bal_files.py`, and the models what three iterations of pycolmap made of them. orip imports the
+model, adjusts it, computes all statistics, writes listings, report and result, and the model with its result; pycolmap
+has the model in memory, and ends at the minimum. Prints one line of JSON: CPU seconds of both, seconds on the clock and
+peak memory of orip.
 """
 
 from __future__ import annotations
@@ -32,15 +33,13 @@ def whole_command(case: str, peer: str) -> dict[str, float]:
         model.mkdir()
         subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True, env=environment)
         colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
-        silent = {"check": True, "env": environment, "stdout": subprocess.PIPE, "text": True}
-        subprocess.run([*colmap, "--write", str(model), "--iterations", "3"], **silent)
+        _printed([*colmap, "--write", str(model), "--iterations", "3"], environment)
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         command = [sys.executable, "-m", "orip", "-q", "adjust", str(model), str(folder / "adjusted")]
         subprocess.run(command, check=True, env=environment)
         wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
         result = json.loads((folder / "adjusted" / "result.json").read_text(encoding="utf-8"))
-        theirs = subprocess.run([*colmap, "--model", str(model)], **silent)
-    figures = json.loads(theirs.stdout.splitlines()[-1])
+        figures = json.loads(_printed([*colmap, "--model", str(model)], environment).splitlines()[-1])
     return {
         "cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
         "wall": wall,
@@ -49,6 +48,10 @@ def whole_command(case: str, peer: str) -> dict[str, float]:
         "pycolmap": figures["minimum"],
         "cost": figures["cost"],
     }
+
+
+def _printed(command: list[str], environment: dict[str, str]) -> str:
+    return subprocess.run(command, check=True, env=environment, stdout=subprocess.PIPE, text=True).stdout
 
 
 if __name__ == "__main__":
