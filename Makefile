@@ -38,7 +38,7 @@ help:
 	@echo 'make wheel     build a wheel in dist, and test it in a fresh environment without a compiler (some minutes)'
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
-	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too'
+	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too; make man: orip(1)'
 	@echo 'make bench     compare the speed with that of pycolmap and SciPy, which it installs in .venv-bench (some minutes)'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
@@ -123,6 +123,11 @@ check: $(READY)
 docs: $(READY)
 	$(build_docs) html docs $(DOCS)
 	@echo 'The documentation is in $(DOCS)/index.html'
+
+.PHONY: man
+man: $(READY)
+	$(build_docs) man docs $(DOCS)-man
+	@echo 'The manual page is $(DOCS)-man/orip.1: man -l $(DOCS)-man/orip.1'
 
 .PHONY: docs-links
 docs-links: $(READY)

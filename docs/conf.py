@@ -41,3 +41,5 @@ html_css_files = ["page.css"]
 html_show_copyright = False
 html_copy_source = False
 html_show_sourcelink = False
+
+man_pages = [("reference/commands/index", "orip", "bundle adjustment of photogrammetric project folders", author, 1)]

@@ -33,7 +33,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
 
 def link_terms(app: Sphinx, doctree: nodes.document, docname: str) -> None:
     """Turn the first use of each term on a page into a link to the glossary."""
-    if docname in UNLINKED_PAGES:
+    if docname in UNLINKED_PAGES or app.builder.name == "man":  # paper has no links
         return
     places = glossary_places(app)
     unused = dict(places)

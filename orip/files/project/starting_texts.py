@@ -55,7 +55,7 @@ class Start(Struct, frozen=True):
 
 def starting_texts(start: Start) -> Mapping[str, str]:
     """Return the texts of a new project by file name; they are complete but for what has to be measured."""
-    parts = [_PROJECT, _CAMERA[start.kind], _PHOTOS[start.kind], _BUNDLE]
+    parts = [_PROJECT, _CAMERA[start.kind], _PHOTOS[start.kind], _BUNDLE + _DATUM.get(start.kind, "")]
     texts = {"orip.toml": "\n".join(_filled(part, start) for part in parts if _filled(part, start))}
     texts[f"{start.name}.PNT"] = _filled(_POINTS, start)
     for extension, text in _FURTHER[start.kind].items():
@@ -167,6 +167,13 @@ name = "MAIN"
 measurement_precision = "{photo_error}px"
 """
 
+_DATUM: Mapping[BlockKind, str] = {
+    "object": """\
+# A free network: scale bars alone give the scale. Remove the line where control points are to place the block.
+datum = "free"
+"""
+}
+
 _POINTS = """\
 ! Control points: name, X Y Z, and their a-priori errors. Negative errors: a check point, compared, without influence.
 ! name  X          Y          Z        aX   aY   aZ
@@ -195,8 +202,8 @@ _FURTHER: Mapping[BlockKind, Mapping[str, str]] = {
     "object": {
         "LEN": """\
 ! Scale bars: name, the two points, XYZ (a distance in space), the distance and its a-priori error, ground units.
-! Without control points write datum = "free" into [[bundle]] of orip.toml: the bars give the scale, and the system
-! is that of the preliminary values. One bar is the least; several, in different directions, check each other.
+! One bar is the least; several, in different directions, check each other. The system is that of the first photo,
+! unless control points place the block: then remove datum = "free" from [[bundle]] of orip.toml.
 ! name  from  to   code  distance  a
 ! B1    1001  1002 XYZ   1.50032   0.0001
 """,

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
 
@@ -42,6 +43,42 @@ def test_every_kind_is_a_project_that_waits_for_measurements(tmp_path: Path, kin
     filled = orip(folder, "init")
     assert filled.code == 0, filled.err
     assert "1 photo added" in filled.err
+
+
+def test_an_object_with_bars_alone_is_adjusted_as_it_was_written(tmp_path: Path) -> None:
+    assert orip(tmp_path, "new", "GATE", "--kind", "object").code == 0
+    folder, usual = tmp_path / "GATE", STARTS["object"]
+    random = np.random.default_rng(4)
+    points = random.uniform(-1.0, 1.0, (40, 3))
+    size, c = usual.pixel / 1000.0, usual.focal_length
+    photos, measured = [], []
+    for number, azimuth in enumerate(np.radians(np.arange(0.0, 360.0, 45.0))):
+        # every second photo turned by a quarter; the camera looks along -z of its photo
+        away = np.array([np.cos(azimuth), np.sin(azimuth), 0.4])
+        centre, back = 6.0 * away, away / np.linalg.norm(away)
+        right = np.cross([0.0, 0.0, 1.0], back) / np.hypot(*back[:2])
+        axes = np.array([right, np.cross(back, right), back])
+        u = (points - centre) @ axes.T
+        x, y = -c * u[:, 0] / u[:, 2], -c * u[:, 1] / u[:, 2]
+        x, y = (-y, x) if number % 2 else (x, y)
+        pixels = np.column_stack([x / size + usual.columns / 2.0, usual.rows / 2.0 - y / size])
+        pixels += random.normal(0.0, usual.photo_error, pixels.shape)
+        photos.append(f'[[photo]]\nname = "IMG_{number}"\ncamera = "{usual.camera}"\n')
+        measured.append(f"POINTS MAIN IMG_{number}\n")
+        measured += [f"  P{row} {column:.3f} {line:.3f}\n" for row, (column, line) in enumerate(pixels.tolist())]
+    with (folder / "orip.toml").open("a", encoding="utf-8") as text:
+        text.write("\n" + "\n".join(photos))
+    (folder / "GATE.MEA").write_text("".join(measured), encoding="utf-8")
+    bars = [np.linalg.norm(points[one] - points[other]) for one, other in ((0, 1), (2, 3))]
+    lines = [f"B{row} P{2 * row} P{2 * row + 1} XYZ {length:.6f} 0.0001\n" for row, length in enumerate(bars)]
+    (folder / "GATE.LEN").write_text("".join(lines), encoding="utf-8")
+    ran = orip(folder, "run")
+    assert ran.code == 0, ran.err
+    assert "status   converged" in ran.out
+    found = orip(folder, "results", "points", "--json").document["points"]
+    place = {name: np.array([found[name][axis]["value"] for axis in "XYZ"]) for name in ("P4", "P5")}
+    # a length that no bar gives: by half a pixel in eight photos points are known to about half a millimetre
+    assert np.linalg.norm(place["P4"] - place["P5"]) == pytest.approx(np.linalg.norm(points[4] - points[5]), abs=5e-3)
 
 
 def test_options_are_in_the_text(tmp_path: Path) -> None:
