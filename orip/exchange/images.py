@@ -42,6 +42,14 @@ _ANGLE_ERRORS = (1.0 * RADIANS_PER_DEGREE, 1.0 * RADIANS_PER_DEGREE, 3.0 * RADIA
 _NADIR_PITCH = -math.pi / 2.0
 _NO_ROLL = 0.1 * RADIANS_PER_DEGREE
 
+_OF_FOCAL_LENGTH, _UNKNOWN_FOCAL_LENGTH = 0.03, 0.3
+"""Standard deviation over the focal length: cameras round it to whole millimetres, and focus changes it; and of one
+that no tag says."""
+_OF_PRINCIPAL_POINT = 0.015
+"""Standard deviation over the number of columns."""
+_OF_DISTORTION = {"k1": 0.2, "k2": 0.2}
+"""Standard deviations of a lens that is not a fisheye."""
+
 _HEAD = 32
 _FRAMES = (*range(0xC0, 0xC4), *range(0xC5, 0xC8), *range(0xC9, 0xCC), *range(0xCD, 0xD0))
 """Markers of JPEG that have the size of the image."""
@@ -136,13 +144,27 @@ def _cameras(images: Sequence[_Image]) -> dict[tuple[str, int, int, str], Exchan
     found: dict[tuple[str, int, int, str], ExchangedCamera] = {}
     for image in images:
         model, columns, rows, _ = image.camera
-        focal = image.focal_px if math.isfinite(image.focal_px) else float(max(columns, rows))
+        is_known = math.isfinite(image.focal_px)
+        focal = image.focal_px if is_known else float(max(columns, rows))
         parameters = {"fx": focal, "fy": focal, "cx": columns / 2.0, "cy": rows / 2.0}
         width = image.width_mm
         sensor = (width, width * rows / columns) if math.isfinite(width) else None
+        share = _OF_FOCAL_LENGTH if is_known else _UNKNOWN_FOCAL_LENGTH
+        middle = _OF_PRINCIPAL_POINT * columns
+        deviations = {"f": share * focal, "cx": middle, "cy": middle, **_OF_DISTORTION}
         found.setdefault(
             image.camera,
-            ExchangedCamera(model or "camera", columns, rows, "opencv", parameters, "EXIF", sensor_mm=sensor),
+            ExchangedCamera(
+                model or "camera",
+                columns,
+                rows,
+                "opencv",
+                parameters,
+                "EXIF",
+                sensor_mm=sensor,
+                free=tuple(deviations),
+                deviations=deviations,
+            ),
         )
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shutil
 import struct
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from cli.command_line import orip
 from exchange.imported import read_well, sample, written
 
 from orip.exchange.images import is_images, read_images_project
+from orip.files.control.text import parse_elements
+from orip.files.text.lines import read_lines
 from orip.geometry.rotation import rotation_from_navigation
 
 pytest.importorskip("exifread")
@@ -162,3 +165,31 @@ def test_the_sample_of_a_camera_is_read(tmp_path: Path) -> None:
     assert project.crs == "EPSG:32633"
     # Lund in Sweden
     assert project.stations[0].position[:2] == pytest.approx((13.19, 55.70), abs=0.01)
+
+
+def test_an_imported_camera_is_adjusted_with_what_exif_is_good_for(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    image(tmp_path / "photos" / "a.jpg", (5472, 3648), FULL)
+    image(tmp_path / "photos" / "bare.jpg", (600, 400), {})
+    assert orip(tmp_path, "import", "images", "photos", "quarry").code == 0
+    cameras = tomllib.loads((tmp_path / "quarry" / "orip.toml").read_text(encoding="utf-8"))["camera"]
+    assert [camera["unknown"] for camera in cameras] == [["C", "DX", "DY", "A3", "A5"]] * 2
+    parsed = parse_elements(read_lines(tmp_path / "quarry" / "photos.ELE", "photos.ELE"), "photos.ELE")
+    assert not parsed.complaints
+    errors = {(one.name, one.kind): (one.value, one.error) for one in parsed.value}
+    # three parts in a hundred of the focal length; thirty where no tag says it
+    assert errors["Phantom", "C"] == (pytest.approx(8.8), pytest.approx(0.26))
+    assert errors["camera", "C"] == (pytest.approx(36.0), pytest.approx(11.0))
+    # 1.5 parts in a hundred of the width of 13.68 mm
+    assert errors["Phantom", "DX"] == (0.0, pytest.approx(0.21))
+    # k1 = 0.2 moves an image at the tangent 1 by 0.2 C, and so does A3 at the radius C
+    assert errors["Phantom", "A3"][1] * 8.8**3 == pytest.approx(0.2 * 8.8, rel=0.05)
+    assert errors["Phantom", "A5"][1] * 8.8**5 == pytest.approx(0.2 * 8.8, rel=0.05)
+    assert "exact" not in (tmp_path / "quarry" / "README.md").read_text(encoding="utf-8")
+
+
+def test_held_cameras_have_no_errors(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    image(tmp_path / "photos" / "a.jpg", (5472, 3648), FULL)
+    assert orip(tmp_path, "import", "images", "photos", "quarry", "--hold-cameras").code == 0
+    assert not (tmp_path / "quarry" / "photos.ELE").exists()

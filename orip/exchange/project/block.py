@@ -255,7 +255,7 @@ def _cameras(project: ExchangedProject, shown: str, settings: ExchangeSettings) 
             complaints.append(Complaint(str(fault), shown))
             continue
         unknown = unknown_parameters(source, is_exact=converted.is_exact)
-        if settings.holds_cameras or number not in used:
+        if settings.holds_cameras or (number not in used and used):
             unknown = ()
         cameras.append(replace(converted, camera=replace(converted.camera, unknown=unknown)))
     if complaints:
@@ -267,6 +267,8 @@ def _determined(
     project: ExchangedProject, cameras: tuple[ConvertedCamera, ...], pixels: FloatArray, found: Reprojection
 ) -> tuple[tuple[ConvertedCamera, ...], list[str]]:
     """Return cameras without those unknowns that nothing determines, and a sentence that names them."""
+    if not project.rays.photo.size:  # nothing is measured yet
+        return cameras, []
     known = determined_parameters(project, cameras, pixels, found)
     lost: dict[tuple[str, ...], list[str]] = {}
     for converted, names in zip(cameras, known, strict=True):

@@ -42,6 +42,11 @@ def points_text(points: Sequence[ControlPoint]) -> str:
     )
 
 
+def elements_text(elements: Sequence[ControlElement]) -> str:
+    """Return the lines of a .ELE file."""
+    return "".join(f"{one.name} {one.group} {one.kind} {_field(one.value)} {_field(one.error)}\n" for one in elements)
+
+
 def distances_text(distances: Sequence[ControlDistance]) -> str:
     """Return the lines of a .LEN file."""
     return "".join(
