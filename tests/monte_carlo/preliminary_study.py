@@ -279,14 +279,13 @@ def tables(found: Sequence[dict]) -> str:
         ("three control points", lambda outcome: outcome["control"] == 3),
         ("camera unknown", lambda outcome: outcome["self_calibrating"]),
     ]
-    lines = [
-        "| blocks | number | reached | lower | as from truth | other | not converged | not oriented | success |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    occurring = Counter(outcome["end"] for outcome in found)
+    shown = [end for end in _ENDS if occurring[end]]
+    lines = [f"| blocks | number | {' | '.join(shown)} | success |", "|---" * (3 + len(shown)) + "|"]
     for name, belongs in groups:
         group = [outcome for outcome in found if belongs(outcome)]
         ends = Counter(outcome["end"] for outcome in group)
-        figures = [ends[end] for end in _ENDS]
+        figures = [ends[end] for end in shown]
         lines.append(f"| {name} | {len(group)} | {' | '.join(map(str, figures))} | {100.0 * success(group):.2f} % |")
     return "\n".join([*lines, "", *_time_table(found), "", *_failures(found)]) + "\n"
 
