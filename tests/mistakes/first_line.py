@@ -28,8 +28,9 @@ def first_line(said: list[Said]) -> str:
 
 
 def row(mistake: Mistake, line: str) -> str:
-    """Return a row of the table."""
-    shown = line.replace("|", "\\|").replace("<", "&lt;")
+    """Return a row of the table: what is wrong in the program's words, up to what it says to do, which has a column."""
+    diagnosis, semicolon, _ = line.partition("; ")
+    shown = f"{diagnosis}{semicolon and '; ...'}".replace("|", "\\|").replace("<", "&lt;")
     return f"| {mistake.title} | {shown} | {mistake.mend} |\n"
 
 
