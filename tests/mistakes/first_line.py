@@ -28,10 +28,14 @@ def first_line(said: list[Said]) -> str:
 
 
 def row(mistake: Mistake, line: str) -> str:
-    """Return a row of the table: what is wrong in the program's words, up to what it says to do, which has a column."""
-    diagnosis, semicolon, _ = line.partition("; ")
-    shown = f"{diagnosis}{semicolon and '; ...'}".replace("|", "\\|").replace("<", "&lt;")
-    return f"| {mistake.title} | {shown} | {mistake.mend} |\n"
+    """Return a row of the table."""
+    return f"| {mistake.title} | {diagnosis(line)} | {mistake.mend} |\n"
+
+
+def diagnosis(line: str) -> str:
+    """Return what is wrong in the program's words, without what it says to do, as a cell of a table."""
+    wrong, semicolon, _ = line.partition("; ")
+    return f"{wrong}{semicolon and '; ...'}".replace("|", "\\|").replace("<", "&lt;")
 
 
 def write_table() -> None:
