@@ -289,17 +289,17 @@ def _from_one_to_two(programs: dict[str, Figures], key: str) -> str:
 
 
 def _variants(found: Results) -> str:
-    cases = sorted(
-        (case for case in found if case.startswith("variants:")), key=lambda case: int(case.partition(":")[2])
-    )
-    if not cases:
-        return ""
-    heads = [f"{_title(case.partition(':')[2])}: an iteration, s | covariances, s" for case in cases]
-    lines = [f"| variant | {' | '.join(heads)} |", "|---" * (1 + 2 * len(cases)) + "|"]
-    for name in found[cases[0]]:
-        times = (f"{_iteration(found[case][name]):.4f} | {found[case][name]['precision']:.3f}" for case in cases)
-        lines.append(f"| {'plain camera, control' if name == 'orip' else name} | {' | '.join(times)} |")
-    return "\n".join(lines)
+    said = []
+    for case in sorted((case for case in found if case.startswith("variants:")), key=len):
+        plain = found[case]["orip"]
+        ratios = (
+            f"{name} {_iteration(figures) / _iteration(plain):.2f}, {figures['precision'] / plain['precision']:.2f}"
+            for name, figures in found[case].items()
+            if name != "orip"
+        )
+        said.append(f"{_title(case.partition(':')[2])}: {'; '.join(ratios)}")
+    text = "Variants, times the plain camera with control, an iteration and covariances"
+    return f"{text}, {'. '.join(said)}." if said else ""
 
 
 def _chain(found: Results) -> str:

@@ -10,6 +10,9 @@ from mistakes.catalogue import MISTAKES, Mistake
 from mistakes.edits import sample
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "mistakes.md"
+WIDTH = 140
+"""Most characters of a message that the document has: enough to know it again."""
+
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->\n"
 
 _COMMANDS = {"measure": (("init",), ("measure",)), "run": (("run", "--no-report"),)}
@@ -33,9 +36,10 @@ def row(mistake: Mistake, line: str) -> str:
 
 
 def diagnosis(line: str) -> str:
-    """Return what is wrong in the program's words, without what it says to do, as a cell of a table."""
+    """Return how a message begins, without what it says to do, as a cell of a table."""
     wrong, semicolon, _ = line.partition("; ")
-    return f"{wrong}{semicolon and '; ...'}".replace("|", "\\|").replace("<", "&lt;")
+    begun = wrong if len(wrong) <= WIDTH else wrong[: wrong.rindex(" ", 0, WIDTH)]
+    return f"{begun}{' ...' if semicolon or begun != wrong else ''}".replace("|", "\\|").replace("<", "&lt;")
 
 
 def write_table() -> None:
