@@ -303,25 +303,20 @@ def _variants(found: Results) -> str:
 
 
 def _chain(found: Results) -> str:
-    heads = ("group of blocks", "number", "right", "chain, median s", "to the adjustment, median")
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for case, groups in found.items():
-        if case.startswith("chain:"):
-            for group, figures in groups.items():
-                times = f"{figures['chain']:.4f} | {figures['ratio']:.2f}"
-                lines.append(f"| {group} | {figures['blocks']} | {figures['right']} | {times} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    groups = {group: figures for case in found if case.startswith("chain:") for group, figures in found[case].items()}
+    said = "; ".join(f"{group} {figures['ratio']:.2f}" for group, figures in groups.items())
+    return f"The chain, times the adjustment, medians: {said}." if said else ""
 
 
 def _whole(found: Results) -> str:
-    lines = ["| photos | command | CPU s | peak, MB |", "|---|---|---|---|"]
-    for case, programs in found.items():
-        if case.startswith("solve:"):
-            figures = programs["orip"]
-            for command in ("init", "measure", "solve"):
-                cpu, peak = (figures[f"{command}_{key}"] for key in ("cpu", "peak"))
-                lines.append(f"| {case.partition(':')[2]} | `orip {command}` | {cpu:.2f} | {peak:.0f} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    said = []
+    for case in sorted((case for case in found if case.startswith("solve:")), key=len):
+        figures = found[case]["orip"]
+        times = (
+            f"`orip {name}` {figures[f'{name}_cpu']:.2f} s, {figures[f'{name}_peak']:.0f} MB" for name in _COMMANDS
+        )
+        said.append(f"{_title(case.partition(':')[2])}: {'; '.join(times)}")
+    return f"Projects, CPU seconds and largest memory, {'. '.join(said)}." if said else ""
 
 
 def _startup(found: Results) -> str:
