@@ -287,26 +287,7 @@ def tables(found: Sequence[dict]) -> str:
         ends = Counter(outcome["end"] for outcome in group)
         figures = [ends[end] for end in shown]
         lines.append(f"| {name} | {len(group)} | {' | '.join(map(str, figures))} | {100.0 * success(group):.2f} % |")
-    return "\n".join([*lines, "", *_time_table(found), "", *_failures(found)]) + "\n"
-
-
-def _time_table(found: Sequence[dict]) -> list[str]:
-    lines = [
-        "| photos | blocks | chain, median s | bundle adjustment, median s | chain / bundle, median | largest |",
-        "|---|---|---|---|---|---|",
-    ]
-    for low, high in SIZES:
-        group = [outcome for outcome in found if low <= outcome["photos"] <= high and outcome["bundle_seconds"]]
-        if group:
-            chain, bundle = (
-                np.array([outcome[key] for outcome in group]) for key in ("chain_seconds", "bundle_seconds")
-            )
-            ratio = chain / bundle
-            lines.append(
-                f"| {low}–{high} | {len(group)} | {np.median(chain):.2f} | {np.median(bundle):.2f} "
-                f"| {np.median(ratio):.2f} | {ratio.max():.1f} |"
-            )
-    return lines
+    return "\n".join([*lines, "", *_failures(found)]) + "\n"
 
 
 def _failures(found: Sequence[dict]) -> list[str]:
