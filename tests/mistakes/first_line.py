@@ -10,7 +10,7 @@ from mistakes.catalogue import MISTAKES, Mistake
 from mistakes.edits import sample
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "mistakes.md"
-WIDTH = 80
+WIDTH = 70
 """Most characters of a message that the document has: enough to know it again."""
 
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->\n"
