@@ -176,9 +176,9 @@ def _of_variants(title: str, programs: dict[str, Figures]) -> Iterator[Requireme
     plain = programs["orip"]
     for name, figures in programs.items():
         if name != "orip":
-            what = f"{title}, {name}: time of an iteration to that of the plain camera with control"
+            what = f"{title}, {name}: an iteration, times the plain camera's"
             yield Requirement(what, _iteration(figures) / _iteration(plain), 1.5, 1.2, more=False)
-            what = f"{title}, {name}: time of covariances to that"
+            what = f"{title}, {name}: covariances, times the plain camera's"
             yield Requirement(what, figures["precision"] / plain["precision"], 1.5, 1.2, more=False)
 
 
@@ -229,6 +229,16 @@ def requirement_table(found: Results) -> str:
     return "\n".join(lines) + (f"\n\nResults bit for bit, {runs} runs of orip: {text}." if runs else "")
 
 
+def summary(found: Results) -> str:
+    """Return how many of the figures that are asked for are met, and by name those that are not."""
+    asked = list(requirements(found))
+    missed = [requirement for requirement in asked if "missed" in requirement.verdict()]
+    aims = sum(requirement.verdict() == "aim" for requirement in asked)
+    text = f"Of {len(asked)} required figures {aims} reach the aim, {len(asked) - aims - len(missed)} what they must"
+    named = "; ".join(f"{one.what}, {one.found:.2f} and not {one.must:g}" for one in missed)
+    return f"{text}. Missed: {named}." if missed else f"{text}."
+
+
 def write_tables(path: Path, results: Results) -> None:
     """Put the tables between the marks in a text.
 
@@ -244,90 +254,85 @@ def write_tables(path: Path, results: Results) -> None:
         message = f"{path} has not the marks {' and '.join(_MARKS)}"
         raise ValueError(message)
     where = ", ".join(f"{name} {value}" for name, value in results["machine"]["all"].items())
-    made = "\n\n".join([where + ".", requirement_table(results), tables(results)])
+    made = "\n\n".join([where + ".", summary(results), tables(results)])
     path.write_text(f"{before}{first}\n{made}\n{last}{after}", encoding="utf-8")
 
 
 def _adjustments(found: Results) -> str:
     heads = (
-        "block", "points", "photo points", "program", "iterations", "minimum s", "ratio", "covariances s", "ratio",
-        "peak of the minimum, MB", "of all, MB", "cost",
+        "block", "photo points", "iterations", "minimum, s", "ratio", "covariances, s", "ratio", "memory, MB",
     )  # fmt: skip
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     blocks = sorted((case for case in found if case.isdigit()), key=int)
     for case in (*blocks, *(name for name in ("large", *_NAMED) if name in found)):
         ours = found[case]["orip"]
-        for program in ("orip", "pycolmap"):
-            if program in found[case]:
-                figures = found[case][program]
-                name = f"{ours['photos']:.0f} photos" if case not in _NAMED else case
-                times = [_time_and_ratio(figures, ours, key) for key in ("minimum", "precision")]
-                if not _same_minimum(case, ours, figures):
-                    times[0] = f"{figures['minimum']:.3f} | another minimum"
-                lines.append(
-                    f"| {name} | {_thousands(ours['points'])} | {_thousands(ours['photo_points'])} | {program} "
-                    f"| {figures['iterations']:.0f} | {times[0]} | {times[1]} | {figures['peak']:.0f} "
-                    f"| {_rounded(figures.get('peak_precision'))} | {figures['cost']:.10g} |"
-                )
+        programs = [found[case][program] for program in ("orip", "pycolmap") if program in found[case]]
+        name = f"{ours['photos']:.0f} photos" if case not in _NAMED else case
+        same = all(_same_minimum(case, ours, figures) for figures in programs)
+        minimum, least = _times_and_ratio(programs, "minimum")
+        covariances, ratio = _times_and_ratio(programs, "precision")
+        iterations = ", ".join(f"{figures['iterations']:.0f}" for figures in programs)
+        memory = ", ".join(f"{figures.get('peak_precision', figures['peak']):.0f}" for figures in programs)
+        lines.append(
+            f"| {name} | {_thousands(ours['photo_points'])} | {iterations} | {minimum} "
+            f"| {least if same else 'another minimum'} | {covariances} | {ratio} | {memory} |"
+        )
     return "\n".join(lines) if len(lines) > 2 else ""
 
 
 def _recipe(found: Results) -> str:
-    lines = [
-        "| photos | SciPy, evaluations | in all, s | s an evaluation | cost | orip, s an iteration | ratio |",
-        "|---|---|---|---|---|---|---|",
+    said = [
+        f"{case} photos: {found[case]['scipy']['evaluation']:.2f} s an evaluation, "
+        f"orip {_iteration(found[case]['orip']):.4f} s an iteration"
+        for case in sorted((case for case in found if case.isdigit()), key=int)
+        if "scipy" in found[case]
     ]
-    for case in sorted((case for case in found if case.isdigit()), key=int):
-        if "scipy" in found[case]:
-            theirs, ours = found[case]["scipy"], _iteration(found[case]["orip"])
-            lines.append(
-                f"| {case} | {theirs['iterations']} | {theirs['seconds']:.1f} | {theirs['evaluation']:.2f} "
-                f"| {theirs['cost']:.7g} | {ours:.4f} | {theirs['evaluation'] / ours:.0f} |"
-            )
-    return "\n".join(lines) if len(lines) > 2 else ""
+    return f"SciPy's recipe, {'; '.join(said)}." if said else ""
 
 
 def _threads(found: Results) -> str:
-    lines = ["| photos | threads | minimum, s on the clock | covariances, s on the clock |", "|---|---|---|---|"]
-    for case, programs in found.items():
-        if case.startswith("threads:"):
-            for threads, program in ((1, programs["orip"]), (2, programs["two threads"])):
-                times = f"{program['minimum_wall']:.3f} | {program['precision_wall']:.3f}"
-                lines.append(f"| {program['photos']:.0f} | {threads} | {times} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    said = [
+        f"{programs['orip']['photos']:.0f} photos: {_from_one_to_two(programs, 'minimum_wall')} s, covariances "
+        f"{_from_one_to_two(programs, 'precision_wall')} s"
+        for case, programs in found.items()
+        if case.startswith("threads:")
+    ]
+    return f"Two threads in place of one, on the clock, {'; '.join(said)}." if said else ""
+
+
+def _from_one_to_two(programs: dict[str, Figures], key: str) -> str:
+    return f"{programs['two threads'][key]:.3f} in place of {programs['orip'][key]:.3f}"
 
 
 def _variants(found: Results) -> str:
-    lines = ["| photos | variant | iterations | an iteration, s | covariances, s |", "|---|---|---|---|---|"]
-    for case, programs in found.items():
-        if case.startswith("variants:"):
-            for name, figures in programs.items():
-                variant = "plain camera, control" if name == "orip" else name
-                times = f"{_iteration(figures):.4f} | {figures['precision']:.3f}"
-                lines.append(f"| {figures['photos']:.0f} | {variant} | {figures['iterations']} | {times} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    said = []
+    for case in sorted((case for case in found if case.startswith("variants:")), key=len):
+        plain = found[case]["orip"]
+        ratios = (
+            f"{name} {_iteration(figures) / _iteration(plain):.2f}, {figures['precision'] / plain['precision']:.2f}"
+            for name, figures in found[case].items()
+            if name != "orip"
+        )
+        said.append(f"{_title(case.partition(':')[2])}: {'; '.join(ratios)}")
+    text = "Variants, times the plain camera with control, an iteration and covariances"
+    return f"{text}, {'. '.join(said)}." if said else ""
 
 
 def _chain(found: Results) -> str:
-    heads = ("group of blocks", "number", "right", "chain, median s", "adjustment, median s", "ratio, median")
-    lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
-    for case, groups in found.items():
-        if case.startswith("chain:"):
-            for group, figures in groups.items():
-                times = f"{figures['chain']:.4f} | {figures['adjustment']:.4f} | {figures['ratio']:.2f}"
-                lines.append(f"| {group} | {figures['blocks']} | {figures['right']} | {times} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    groups = {group: figures for case in found if case.startswith("chain:") for group, figures in found[case].items()}
+    said = "; ".join(f"{group} {figures['ratio']:.2f}" for group, figures in groups.items())
+    return f"The chain, times the adjustment, medians: {said}." if said else ""
 
 
 def _whole(found: Results) -> str:
-    lines = ["| photos | command | CPU s | s on the clock | peak, MB |", "|---|---|---|---|---|"]
-    for case, programs in found.items():
-        if case.startswith("solve:"):
-            figures = programs["orip"]
-            for command in ("init", "measure", "solve"):
-                cpu, wall, peak = (figures[f"{command}_{key}"] for key in ("cpu", "wall", "peak"))
-                lines.append(f"| {case.partition(':')[2]} | `orip {command}` | {cpu:.2f} | {wall:.2f} | {peak:.0f} |")
-    return "\n".join(lines) if len(lines) > 2 else ""
+    said = []
+    for case in sorted((case for case in found if case.startswith("solve:")), key=len):
+        figures = found[case]["orip"]
+        times = (
+            f"`orip {name}` {figures[f'{name}_cpu']:.2f} s, {figures[f'{name}_peak']:.0f} MB" for name in _COMMANDS
+        )
+        said.append(f"{_title(case.partition(':')[2])}: {'; '.join(times)}")
+    return f"Projects, CPU seconds and largest memory, {'. '.join(said)}." if said else ""
 
 
 def _startup(found: Results) -> str:
@@ -341,16 +346,15 @@ def _startup(found: Results) -> str:
     return f"`orip run` on Zurich City Hall: {run}; {answers}."
 
 
-def _time_and_ratio(peer: Figures, ours: Figures, key: str) -> str:
-    return f"{peer[key]:.3f} | {peer[key] / ours[key]:.1f}" if key in peer else "— | —"
+def _times_and_ratio(programs: list[Figures], key: str) -> tuple[str, str]:
+    """Return the times of orip and of the other program, and the ratio of the second to the first."""
+    times = [figures[key] for figures in programs if key in figures]
+    ratio = f"{times[1] / times[0]:.1f}" if len(times) > 1 else "—"
+    return ", ".join(f"{seconds:.3f}" for seconds in times), ratio
 
 
 def _thousands(count: float) -> str:
     return f"{count:,.0f}".replace(",", " ")
-
-
-def _rounded(value: float | None) -> str:
-    return "—" if value is None else f"{value:.0f}"
 
 
 def _title(case: str) -> str:

@@ -1,4 +1,4 @@
-"""The commands of the program, as the program itself has them."""
+"""The commands of the program and the documents that they print, as the program itself has them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import typer
 
 from orip.cli.main import app
 from orip.cli.options import SharedOptions
+from orip.schemas.catalogue import DOCUMENTS, identifier
 
 SHARED = {f"--{name}" for name in SharedOptions._fields}
 """Options that every command takes."""
@@ -43,3 +44,15 @@ def is_group(command: Any) -> bool:
 def options_of(command: Any) -> set[str]:
     """Return all options that a command takes, in all spellings."""
     return {text for param in command.params for text in (*param.opts, *param.secondary_opts) if text.startswith("-")}
+
+
+def documents() -> list[tuple[str, str, str]]:
+    """Return the schema of each document for programs, what writes it, and what it holds."""
+    return [
+        (
+            f"`{identifier(name)}`",
+            ", ".join(words if words.startswith("any ") else f"`{words}`" for words in document.written_by),
+            str(document.content.__doc__).rstrip("."),
+        )
+        for name, document in DOCUMENTS.items()
+    ]

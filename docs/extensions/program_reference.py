@@ -2,7 +2,7 @@
 
 ``{orip-commands} WORDS`` describes a command, and all commands below it if it is a group; ``{orip-options}`` the
 options that every command takes; ``{orip-gates}`` the figures that a gate may be about; ``{orip-formats}`` the formats
-of other programs.
+of other programs; ``{orip-documents}`` the documents that commands print with ``--json``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import typer
-from command_tree import SHARED, commands, is_group, program
+from command_tree import SHARED, commands, documents, is_group, program
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
@@ -28,6 +28,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("orip-options", OptionsDirective)
     app.add_directive("orip-gates", GatesDirective)
     app.add_directive("orip-formats", FormatsDirective)
+    app.add_directive("orip-documents", DocumentsDirective)
     app.connect("env-before-read-docs", _read_again)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -84,6 +85,14 @@ class FormatsDirective(SphinxDirective):
             (f"`{one.name}`", one.title, said[one.read is not None], said[one.write is not None]) for one in FORMATS
         ]
         return self.parse_text_to_nodes("\n".join(_table(("format", "program", "import", "export"), rows)))
+
+
+class DocumentsDirective(SphinxDirective):
+    """List the documents for programs."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the table."""
+        return self.parse_text_to_nodes("\n".join(_table(("schema", "written by", "content"), documents())))
 
 
 def _section(words: str, command: Any) -> Iterator[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, get_args
 import pytest
 from cli.command_line import orip
 from command_tree import commands, is_group
+from command_tree import documents as documents_of_the_page
 from link.served import loaded_station, served
 from support.json_schemas import schema_faults, validator
 from workflow.small_projects import REPOSITORY
@@ -96,13 +96,11 @@ def test_there_are_no_other_schema_files() -> None:
 
 def test_the_page_lists_every_schema() -> None:
     page = (REPOSITORY / "docs" / "reference" / "json-schemas.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `([^`]+)` \| (.*) \| (.*) \|$", page, re.MULTILINE)
-    assert [row[0] for row in rows] == [identifier(name) for name in DOCUMENTS]
-    for (_, by, about), document in zip(rows, DOCUMENTS.values(), strict=True):
-        assert about == str(document.content.__doc__).rstrip(".")
-        assert by == ", ".join(
-            f"`{words}`" if words != "any command that fails" else words for words in document.written_by
-        )
+    assert "```{orip-documents}\n```\n" in page
+    rows = documents_of_the_page()
+    assert [schema for schema, _, _ in rows] == [f"`{identifier(name)}`" for name in DOCUMENTS]
+    assert all(written_by and content for _, written_by, content in rows)
+    assert ("`orip.prelim/1`", "`prelim`, `prelim update`", "Preliminary values that were computed") in rows
 
 
 def test_what_a_schema_does_not_name_is_refused(documents: list[dict[str, Any]]) -> None:

@@ -10,6 +10,9 @@ from mistakes.catalogue import MISTAKES, Mistake
 from mistakes.edits import sample
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "mistakes.md"
+WIDTH = 70
+"""Most characters of a message that the document has: enough to know it again."""
+
 BEGIN, END = "<!-- table: begin -->\n", "<!-- table: end -->\n"
 
 _COMMANDS = {"measure": (("init",), ("measure",)), "run": (("run", "--no-report"),)}
@@ -29,8 +32,14 @@ def first_line(said: list[Said]) -> str:
 
 def row(mistake: Mistake, line: str) -> str:
     """Return a row of the table."""
-    shown = line.replace("|", "\\|").replace("<", "&lt;")
-    return f"| {mistake.title} | {shown} | {mistake.mend} |\n"
+    return f"| {mistake.title} | {diagnosis(line)} | {mistake.mend} |\n"
+
+
+def diagnosis(line: str) -> str:
+    """Return how a message begins, without what it says to do, as a cell of a table."""
+    wrong, semicolon, _ = line.partition("; ")
+    begun = wrong if len(wrong) <= WIDTH else wrong[: wrong.rindex(" ", 0, WIDTH)]
+    return f"{begun}{' ...' if semicolon or begun != wrong else ''}".replace("|", "\\|").replace("<", "&lt;")
 
 
 def write_table() -> None:

@@ -279,35 +279,15 @@ def tables(found: Sequence[dict]) -> str:
         ("three control points", lambda outcome: outcome["control"] == 3),
         ("camera unknown", lambda outcome: outcome["self_calibrating"]),
     ]
-    lines = [
-        "| blocks | number | reached | lower | as from truth | other | not converged | not oriented | success |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    occurring = Counter(outcome["end"] for outcome in found)
+    shown = [end for end in _ENDS if occurring[end]]
+    lines = [f"| blocks | number | {' | '.join(shown)} | success |", "|---" * (3 + len(shown)) + "|"]
     for name, belongs in groups:
         group = [outcome for outcome in found if belongs(outcome)]
         ends = Counter(outcome["end"] for outcome in group)
-        figures = [ends[end] for end in _ENDS]
+        figures = [ends[end] for end in shown]
         lines.append(f"| {name} | {len(group)} | {' | '.join(map(str, figures))} | {100.0 * success(group):.2f} % |")
-    return "\n".join([*lines, "", *_time_table(found), "", *_failures(found)]) + "\n"
-
-
-def _time_table(found: Sequence[dict]) -> list[str]:
-    lines = [
-        "| photos | blocks | chain, median s | bundle adjustment, median s | chain / bundle, median | largest |",
-        "|---|---|---|---|---|---|",
-    ]
-    for low, high in SIZES:
-        group = [outcome for outcome in found if low <= outcome["photos"] <= high and outcome["bundle_seconds"]]
-        if group:
-            chain, bundle = (
-                np.array([outcome[key] for outcome in group]) for key in ("chain_seconds", "bundle_seconds")
-            )
-            ratio = chain / bundle
-            lines.append(
-                f"| {low}–{high} | {len(group)} | {np.median(chain):.2f} | {np.median(bundle):.2f} "
-                f"| {np.median(ratio):.2f} | {ratio.max():.1f} |"
-            )
-    return lines
+    return "\n".join([*lines, "", *_failures(found)]) + "\n"
 
 
 def _failures(found: Sequence[dict]) -> list[str]:

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from cli.command_line import Said, orip
 from mistakes.data.mistakes import DATA_MISTAKES, DataMistake
-from mistakes.first_line import DOCUMENT, first_line
+from mistakes.first_line import DOCUMENT, diagnosis, first_line
 
 BEGIN, END = "<!-- data: begin -->\n", "<!-- data: end -->\n"
 HEADING = "| mistake | before | now | what orip says first |\n|---|---|---|---|\n"
@@ -27,8 +27,7 @@ def said_of(mistake: DataMistake, folder: Path) -> Said:
 
 def row(mistake: DataMistake, line: str) -> str:
     """Return a row of the table."""
-    shown = line.replace("|", "\\|").replace("<", "&lt;")
-    return f"| {mistake.title} | {mistake.before} | {mistake.score(line)} | {shown} |\n"
+    return f"| {mistake.title} | {mistake.before} | {mistake.score(line)} | {diagnosis(line)} |\n"
 
 
 def mean_row(rows: Sequence[tuple[int, int]]) -> str:
