@@ -19,6 +19,7 @@ NAMED = [
     ("sceaux", "control: X for Y", 0),
     ("strasbourg stations", "camera constant", 0),
     ("strasbourg stations", "another lens", 0),
+    ("strasbourg stations", "check point", 0),
     ("strasbourg thinned", "another lens", 0),
 ]
 
