@@ -19,6 +19,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 from mistakes.planted.blocks import Planted
@@ -68,9 +69,14 @@ def _is_mirror_image(block: Planted, truth: Truth) -> bool:
     ):
         return False
     right = [k for k, point in enumerate(names) if name(point) not in truth.where]
-    for left_out in ([], *([k] for k in right)):
-        rest = [k for k in range(len(names)) if k not in left_out]
-        apart = [np.linalg.norm(xyz[rest, None] - xyz[None, rest], axis=2) for xyz in (given, true)]
+    others: list[list[int]] = (
+        [[], *([k] for k in right)] if len(truth.where) == 1 else [[], *map(list, combinations(right, 2))]
+    )
+    for other in others:
+        rest = [k for k in range(len(names)) if k not in other or len(other) == 2]
+        read = given.copy()
+        read[other] = given[other[::-1]]
+        apart = [np.linalg.norm(xyz[rest, None] - xyz[None, rest], axis=2) for xyz in (read, true)]
         if np.allclose(*(sizes / sizes.max() for sizes in apart), atol=1e-2):
             return True
     return False

@@ -229,7 +229,7 @@ def _as_mirror_image(found: ProjectWarning, solved: SolvedBlock, readjuster: Rea
         # of a plane it fits as well, and is where it was given
         limit = _AS_WELL if _is_where_given(tried, block, rows[0]) else 1.0
         if tried.variance.sigma0_all < limit * solved.variance.sigma0_all:
-            text = mirrored_text(block, rows[0], tried.state.rotations[rows[0]])
+            text = mirrored_text(block, rows[0], reading.unturned(tried.state.rotations[rows[0]]))
             return ProjectWarning(reading.kind, found.where, text if reading.kind == MIRRORED else reading.text)
     return None
 

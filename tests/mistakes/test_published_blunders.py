@@ -14,6 +14,7 @@ NAMED = [
     ("zurich weighted", "two numbers for one point", 0),
     ("olympus calibrated", "two numbers for one point", 0),
     ("olympus calibrated", "photo twice", 0),
+    ("olympus weighted", "photo mirrored", 0),
     ("sceaux", "photo twice", 0),
     ("sceaux", "control: two points exchanged", 0),
     ("sceaux", "control: X for Y", 0),
