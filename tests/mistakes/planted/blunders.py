@@ -170,7 +170,7 @@ def control_height(block: Planted, random: np.random.Generator) -> Truth:
     xyz, error = block.control[point]
     size = float(np.ptp([given for given, _ in block.control.values()], axis=0).max())
     step = 0.5 if size > 20.0 else 0.05 * size
-    block.control[point] = [*xyz, 0.0, 0.0, step * random.choice([-1.0, 1.0])], error
+    block.control[point] = xyz + np.array([0.0, 0.0, step * random.choice([-1.0, 1.0])]), error
     return Truth((name(point),), r"\bZ\b")
 
 
