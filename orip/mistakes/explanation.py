@@ -64,6 +64,9 @@ _AS_WELL, _NEAR_GIVEN = 1.05, 0.5
 """Ratio of sigma0 up to which two readings fit equally, and shift of a photo over the distance to its points with which
 it is where it was given."""
 
+_CONTROL_FITS = 5.0
+"""Standard errors within which a control point fits."""
+
 _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
 
@@ -166,14 +169,19 @@ def _shown_by_itself(
 def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:
     """Tell whether the block fits without the control points of some warnings; large blocks are not tried.
 
-    Where a warning explains the misfit already, wrong photos may have displaced them.
+    Residuals of measurements have longer tails than chance: if it is these points that do not fit, it suffices that
+    the others do. Where a warning explains the misfit already, wrong photos may have displaced them.
     """
     if not readjuster.is_worthwhile:
         return not readjuster.is_small
     names = [point.name for point in readjuster.block.control_points]
     wrong = [name for name in names if any(name in f"{found.where} {found.text}".split() for found in control)]
     solved = readjuster.adjust_roughly(without_control(readjuster.block, wrong))
-    return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
+    if solved is None:
+        return False
+    without, (kind, _, point, _) = fit_of_adjustment(solved), given.columns
+    off = kind.where("control".__eq__) & (given.standard > _CONTROL_FITS * given.scale)
+    return removes_misfits(without, given) or (set(wrong) <= set(point[off].occurring()) and is_good(without))
 
 
 def explain_start(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:

@@ -133,13 +133,10 @@ def explains(other: Fit, given: Fit) -> bool:
 
 
 def removes_misfits(other: Fit, given: Fit) -> bool:
-    """Tell whether an adjustment without some observations leaves hardly any of those that fit badly before.
-
-    Residuals of measurements have longer tails than chance: it suffices if what is left fits as good blocks do.
-    """
+    """Tell whether an adjustment without some observations leaves hardly any of those that fit badly before."""
     limit = _FITS * min(other.scale, given.scale)
     before, after = (int(np.count_nonzero(fit.standard > limit)) for fit in (given, other))
-    return after <= max(_FEW, _EXPLAINED * before) or (after < before and is_good(other))
+    return after <= max(_FEW, _EXPLAINED * before)
 
 
 def is_good(fit: Fit) -> bool:

@@ -59,6 +59,8 @@ WRONG = {**SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the 
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
 
+_CONTROL_POINT = "control point "
+
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
 
@@ -203,12 +205,19 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
     A wrong control point may have displaced itself or others: what is then said of groups follows from it.
     """
     causes = {warning.where for warning in mistaken}
+    exchanged = [warning.text.split() for warning in mistaken if warning.where.startswith(_CONTROL_POINT)]
+    causes |= {
+        found.where
+        for found in solution.diagnosis
+        if found.where.startswith(_CONTROL_POINT)
+        and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
+    }
     if any(warning.code in OF_STATIONS or warning.code == OTHER_LENS for warning in mistaken):
         solution = replace(
             solution, diagnosis=tuple(found for found in solution.diagnosis if not _is_of_systems(found))
         )
     contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
-    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
         replace(found, remedy=f"first correct the {found.where} as the warning says")

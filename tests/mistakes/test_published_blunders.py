@@ -15,6 +15,7 @@ NAMED = [
     ("olympus calibrated", "two numbers for one point", 0),
     ("olympus calibrated", "photo twice", 0),
     ("olympus weighted", "photo mirrored", 0),
+    ("olympus constant", "photo coordinate off", 0),
     ("sceaux", "photo twice", 0),
     ("sceaux", "control: two points exchanged", 0),
     ("sceaux", "control: X for Y", 0),
@@ -39,3 +40,9 @@ def test_a_blunder_in_a_published_block_is_named_first(block_name: str, kind: st
 def test_of_published_blocks_as_they_are_nothing_is_accused(block_name: str) -> None:
     sound, _ = sound_block(block_name)
     assert [line for line in said_of(sound) if not line.endswith("misfits")] == []
+
+
+def test_a_control_point_whose_exchange_is_named_is_not_accused_by_a_group() -> None:
+    sound, _ = sound_block("sceaux")
+    block, _ = planted_in(sound, "sceaux", "control: two points exchanged", 0)
+    assert not [found for found in block.block().adjust().diagnosis if found.code == "group"]
