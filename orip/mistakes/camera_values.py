@@ -271,6 +271,8 @@ def _is_unknown(camera: Camera) -> BoolArray:
 # Where the photos' orientations are roughly known, the adjustment starts from the value that follows from points with
 # given coordinates.
 
+OTHER_LENS = "principal-distance"
+
 _NEAR_AXIS = 0.02
 """Angle, radians, from the camera's axis below which a point says nothing about the principal distance."""
 
@@ -304,7 +306,7 @@ def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarnin
         f"principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the adjustment "
         'determine it (unknown = ["C"])'
     )
-    return [ProjectWarning("principal-distance", f"camera {camera.name}", text)]
+    return [ProjectWarning(OTHER_LENS, f"camera {camera.name}", text)]
 
 
 def _unit_clause(given: float, found: float, camera: Camera) -> str:

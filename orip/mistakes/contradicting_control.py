@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.doubted_observations import AdjustedRays, doubted_control, doubted_photo_points
@@ -25,6 +25,9 @@ _ERRORS = 4.0
 
 _FEW = 0.2
 """Part of the control up to which contradictions are reported without a reason; more have a cause elsewhere."""
+
+_PART = 0.2
+"""Part of the rays of a constant point that is doubted if the point is wrong, and not single rays."""
 
 _MOST = 0.5
 """Part of the control that is off alike from which its system is another one."""
@@ -51,7 +54,7 @@ def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarni
     """
     points, place = block.photo_points, block.point_index()
     doubted = doubted_control(solution)
-    doubted |= {block.point_names[row] for row in points.point[doubted_photo_points(block, solution)].tolist()}
+    doubted |= _with_doubted_rays(block, points.point[doubted_photo_points(block, solution)])
     rays = AdjustedRays(block, solution)
     seen = {
         point.name: meeting
@@ -61,6 +64,14 @@ def contradicting_control(block: Block, solution: Solution) -> list[ProjectWarni
         and (meeting := rays.meeting(np.flatnonzero(points.point == place[point.name]))) is not None
     }
     return control_warnings(block, seen)
+
+
+def _with_doubted_rays(block: Block, of_rays: IntArray) -> set[str]:
+    """Return the points of which not only a few rays are doubted: a wrong constant displaces most of its own."""
+    number = len(block.point_names)
+    doubted = np.bincount(of_rays, minlength=number)
+    rays = np.bincount(block.photo_points.point[block.photo_points.in_use], minlength=number)
+    return {block.point_names[row] for row in np.flatnonzero((doubted > 0) & (doubted >= _PART * rays)).tolist()}
 
 
 def control_warnings(block: Block, seen: SeenCoordinates) -> list[ProjectWarning]:

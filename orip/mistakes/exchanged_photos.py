@@ -12,10 +12,11 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import without_photos, without_unused_cameras
 from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
-from orip.mistakes.camera_values import with_unknown
+from orip.mistakes.camera_values import other_principal_distance, with_unknown
 from orip.mistakes.free_network import free_network
 from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.records.block import Block
@@ -145,6 +146,63 @@ def _text(solved: SolvedBlock, block: Block, camera: int) -> str:
         f"{sd[0]:.1g} mm: they seem to be taken with another lens, zoom or focus; define a second [[camera]] in "
         "orip.toml and name it in these photos"
     )
+
+
+# A flat block fits with nearly any principal distance, only higher or lower: heights of stations, a little relief or
+# other photos show it, and tests of groups then accuse the camera or, as often, the stations.
+
+_DECIDED = 10.0
+"""Difference of costs (half square sums) at which one of two readings is certain: a ratio of likelihoods of 22 000."""
+
+_OTHER_LENS = 0.05
+"""Difference of principal distances, as a part of these, that is another lens and not another calibration."""
+
+_HEIGHT_SYSTEMS = 120.0
+"""Ground units that photos have to rise or sink by: heights in another system bend a flat block like another lens."""
+
+
+def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that photos have another lens than their camera, where groups that contradict accuse camera or stations.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+    found = group_findings(solution)
+    of_stations = any("exposure station" in each.where for each in found)
+    if not (readjuster.is_worthwhile and (of_stations or any("camera" in each.where for each in found))):
+        return []
+    block = readjuster.block
+    for row, camera in enumerate(block.cameras):
+        if "C" in camera.unknown or not (of_stations or any(f"camera {camera.name}" in each.where for each in found)):
+            continue
+        photos = [photo.name for photo, of in zip(block.photos, block.photo_camera, strict=True) if of == row]
+        alone = other_cameras(block, photos) if len(photos) == 1 else ()
+        for hypothesis in (*alone, *other_principal_distance(block, row)):
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is not None and _is_other_lens(tried, solved, row, photos, of_stations=of_stations):
+                return hypothesis.findings(tried)
+    return []
+
+
+def _is_other_lens(
+    tried: SolvedBlock, solved: SolvedBlock, row: int, photos: Sequence[str], *, of_stations: bool
+) -> bool:
+    """Tell whether a block fits decidedly better with a far different principal distance of some photos."""
+    if not (tried.converged and is_good(fit_of_adjustment(tried))):
+        return False
+    weighing = solved.weighing
+    if not weighing.cost(solved.equations) - weighing.cost(tried.equations) > _DECIDED:
+        return False
+    place = [photo.name for photo in tried.block.photos].index(photos[0])
+    given = solved.state.cameras[row, 0]
+    other = tried.state.cameras[tried.block.photo_camera[place], 0]
+    moved = np.linalg.norm(tried.state.centres[place] - solved.state.centres[place])
+    return bool(abs(other - given) > _OTHER_LENS * given and (moved > _HEIGHT_SYSTEMS or not of_stations))
 
 
 def other_cameras(block: Block, photos: Sequence[str]) -> Iterator[Hypothesis]:

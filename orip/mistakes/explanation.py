@@ -19,7 +19,7 @@ from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
-from orip.mistakes.exchanged_photos import two_lenses
+from orip.mistakes.exchanged_photos import lens_of_doubted_camera, two_lenses
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
     misgiven,
@@ -42,7 +42,7 @@ from orip.mistakes.hypothesis import (
 from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_text
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
-from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_photos, mirrored_plane
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations import misread_stations
 from orip.mistakes.vertical_photos import misread_vertical_photos
@@ -59,6 +59,13 @@ _EQUALLY = 0.01
 _STAYS = 0.3
 """Mean rotation, radians, up to which photos are where they were given: a hypothesis that turns them further may be the
 mirror image of a likelier one."""
+
+_AS_WELL, _NEAR_GIVEN = 1.05, 0.5
+"""Ratio of sigma0 up to which two readings fit equally, and shift of a photo over the distance to its points with which
+it is where it was given."""
+
+_CONTROL_FITS = 5.0
+"""Standard errors within which a control point fits."""
 
 _LEAST_SIGMA0 = 0.2
 """Standard error of unit weight below which a hypothesis explains nothing: errors that are too large fit anything."""
@@ -93,13 +100,15 @@ def explain_misfit(
         return found
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
-        return found
+        return _or_mirrored(found, elsewhere, readjuster)
     if readjuster.is_worthwhile:
         tried = hypotheses_of_misfit(solution, solved, given, started, readjuster)
         if found := _best_explanation(tried, given, readjuster):
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
+    if found := lens_of_doubted_camera(solution, solved, readjuster):
+        return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 
 
@@ -132,7 +141,7 @@ def _shown_by_itself(
     """Return what a solution shows without another hypothesis; of single observations only where the others fit."""
     block = readjuster.block
     found = [
-        *mirrored_plane(block, solution),
+        *(mirrored_plane(block, solution) or mirrored_alone(block, solution)),
         *angles_in_another_unit(block, solution),
         *(
             ()
@@ -158,13 +167,21 @@ def _shown_by_itself(
 
 
 def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:
-    """Tell whether the block fits without the control points of some warnings."""
+    """Tell whether the block fits without the control points of some warnings; large blocks are not tried.
+
+    Residuals of measurements have longer tails than chance: if it is these points that do not fit, it suffices that
+    the others do. Where a warning explains the misfit already, wrong photos may have displaced them.
+    """
     if not readjuster.is_worthwhile:
-        return True
+        return not readjuster.is_small
     names = [point.name for point in readjuster.block.control_points]
     wrong = [name for name in names if any(name in f"{found.where} {found.text}".split() for found in control)]
     solved = readjuster.adjust_roughly(without_control(readjuster.block, wrong))
-    return solved is not None and removes_misfits(fit_of_adjustment(solved), given)
+    if solved is None:
+        return False
+    without, (kind, _, point, _) = fit_of_adjustment(solved), given.columns
+    off = kind.where("control".__eq__) & (given.standard > _CONTROL_FITS * given.scale)
+    return removes_misfits(without, given) or (set(wrong) <= set(point[off].occurring()) and is_good(without))
 
 
 def explain_start(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
@@ -217,10 +234,18 @@ def _as_mirror_image(found: ProjectWarning, solved: SolvedBlock, readjuster: Rea
         tried = readjuster.adjust(replace(reading.block, photo_orientation=orientation))
         if tried is None or not is_good(fit_of_adjustment(tried)):
             continue
-        if tried.variance.sigma0_all < solved.variance.sigma0_all:
-            text = mirrored_text(block, rows[0], tried.state.rotations[rows[0]])
+        # of a plane it fits as well, and is where it was given
+        limit = _AS_WELL if _is_where_given(tried, block, rows[0]) else 1.0
+        if tried.variance.sigma0_all < limit * solved.variance.sigma0_all:
+            text = mirrored_text(block, rows[0], reading.unturned(tried.state.rotations[rows[0]]))
             return ProjectWarning(reading.kind, found.where, text if reading.kind == MIRRORED else reading.text)
     return None
+
+
+def _is_where_given(solved: SolvedBlock, block: Block, row: int) -> bool:
+    """Tell whether a photo ended on the side of its points on which it was given, near enough for an approximation."""
+    compared = compared_with_adjusted(solved, block)
+    return bool(compared.shifts[row] < _NEAR_GIVEN)
 
 
 def explain_failure(readjuster: Readjuster, not_oriented: Sequence[str]) -> list[ProjectWarning]:

@@ -298,9 +298,16 @@ def _reflect_control(solved: SolvedBlock) -> list[ProjectWarning]:
 
 
 def _control(block: Block, code: str, matrix: FloatArray, text: str) -> Iterator[Hypothesis]:
-    """Yield a block whose control is multiplied by a matrix; none without control, or in a reference system."""
-    if isinstance(block.ground, PlainGround) and block.control_points:
-        yield Hypothesis(with_multiplied_control(block, matrix), finding(code, "", text), photos_stay_near)
+    """Yield a block whose control is multiplied by a matrix; none without control, or in a reference system.
+
+    Nor is there one where nothing changes: heights that are all zero have no sign.
+    """
+    if not (isinstance(block.ground, PlainGround) and block.control_points):
+        return
+    changed = with_multiplied_control(block, matrix)
+    pairs = zip(changed.control_points, block.control_points, strict=True)
+    if any(one.coordinates != other.coordinates for one, other in pairs):
+        yield Hypothesis(changed, finding(code, "", text), photos_stay_near)
 
 
 def with_multiplied_control(block: Block, matrix: FloatArray) -> Block:

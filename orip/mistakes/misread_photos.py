@@ -86,11 +86,18 @@ class Reading(Struct, frozen=True):
         With what was measured in the photo, or its camera, as it was probably meant.
     text : str
         What is probably wrong and what to do.
+    is_turned : bool
+        Turned by 180 degrees beside the mirror image with the opposite sign of y.
     """
 
     kind: str
     block: Block
     text: str
+    is_turned: bool = False
+
+    def unturned(self, rotation: FloatArray) -> FloatArray:
+        """Return the rotation (3, 3) with the opposite sign of y that belongs to one of this reading."""
+        return rotation * [-1.0, -1.0, 1.0] if self.is_turned else rotation
 
 
 class FittingReading(Struct, frozen=True):
@@ -131,7 +138,7 @@ def fitting_reading(block: Block, photo: int, known: FloatArray, scale: float) -
     found = fitting.resected
     orientation = np.concatenate([found.centre, angles_from_rotation(found.rotation[None])[0]])
     if best.kind == MIRRORED:
-        best = replace(best, text=mirrored_text(block, photo, found.rotation))
+        best = replace(best, text=mirrored_text(block, photo, best.unturned(found.rotation)))
     return FittingReading(best, orientation)
 
 
@@ -190,7 +197,10 @@ def mirror_readings(block: Block, photo: int) -> Iterator[Reading]:
     rows = np.flatnonzero(block.photo_points.photo == photo)
     xy = block.photo_points.xy[rows]
     yield Reading(MIRRORED, _with_xy(block, rows, xy * [1.0, -1.0]), mirrored_text(block, photo))
-    sensor = block.cameras[block.photo_camera[photo]].sensor
+    camera = block.cameras[block.photo_camera[photo]]
+    if any(camera.parameters[1:3]):  # the principal point is on the other side of the middle then
+        yield Reading(MIRRORED, _with_xy(block, rows, xy * [-1.0, 1.0]), mirrored_text(block, photo), is_turned=True)
+    sensor = camera.sensor
     if sensor is not None and sensor.width != sensor.height:
         text = "it fits when columns and rows are exchanged in it, a mirror image; write the column first"
         yield Reading("exchanged-axes", _with_xy(block, rows, exchanged_axes(xy, sensor)), text)
@@ -295,7 +305,7 @@ def misread_photos(
         if not is_good(fit_of_adjustment(rest)):
             continue
         known = _known(block, rest)
-        found = fitting_reading(block, rows[name], known, rest.variance.sigma0)
+        found = fitting_reading(_with_cameras_of(rest, block), rows[name], known, rest.variance.sigma0)
         if found is not None and found.reading.kind:
             yield _read_otherwise(block, rows[name], rest, found)
         elif found is None and len(block.photos) >= _FEWEST and _can_contradict(block, rows[name], known):
@@ -310,6 +320,13 @@ def misread_photos(
     for name in alone:
         yield from _directly_mirrored(block, rows[name])
     yield from left_out
+
+
+def _with_cameras_of(solved: SolvedBlock, block: Block) -> Block:
+    """Return a block with the cameras as they were adjusted: the values where they start may be far off."""
+    found = {of.name: values for of, values in zip(solved.block.cameras, solved.state.cameras.tolist(), strict=True)}
+    cameras = tuple(replace(of, parameters=tuple(found.get(of.name, of.parameters))) for of in block.cameras)
+    return replace(block, cameras=cameras)
 
 
 def _can_contradict(block: Block, photo: int, known: np.ndarray) -> bool:

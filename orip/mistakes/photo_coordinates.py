@@ -12,7 +12,7 @@ from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.records.block import Block
 from orip.records.coded_names import coded
-from orip.records.names import record_key
+from orip.records.names import places_of_names, record_key
 from orip.records.observations.measurement import PhotoObservations
 from orip.records.project.camera import Camera, Sensor
 from orip.records.project.photo import Photo
@@ -258,7 +258,17 @@ _FLAT = 0.01
 """Largest ratio of the extent across a plane to the smaller one within it."""
 
 _FEWEST_IN_A_PLANE = 2
-"""Photos that have to change sides; a single one may have been given wrong."""
+"""Photos that have to change sides; a single one may have been given wrong, see `mirrored_alone`."""
+
+_NEARLY_FLAT, _BESIDE = 0.1, 5.0
+"""The same of the points of one photo, which fits as its mirror image: relief that it cannot see is no objection; and
+how many times farther beside the plane photos are."""
+
+_FEWEST_OF_ONE, _SHARED = 4, 0.5
+"""Points of a photo that tell its side of their plane, and the part of them that another photo has to see."""
+
+_FEW_CHANGE = 0.3
+"""Part of the photos up to which those that change sides are said to be wrong."""
 
 
 def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -275,12 +285,10 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
     known = np.isfinite(given).all(axis=1)
     if np.count_nonzero(known) < _FEWEST_IN_A_PLANE or len(points) <= _FEWEST_IN_A_PLANE + 1:
         return []
-    centroid = points.mean(axis=0)
-    away = points - centroid
-    squares, axes = np.linalg.eigh(away.T @ away)  # ascending
-    if squares[0] > _FLAT**2 * squares[1]:
+    plane = _plane(points)
+    if plane is None:
         return []
-    normal = axes[:, 0]
+    centroid, normal = plane
     sides = (given[known] - centroid) @ normal * ((solution.photos.values[known, :3] - centroid) @ normal)
     if not (sides < 0.0).all():
         return []
@@ -290,6 +298,54 @@ def mirrored_plane(block: Block, solution: Solution) -> list[ProjectWarning]:
         "scanned from its back, or X and Y of the control are exchanged (X = east, Y = north)"
     )
     return [ProjectWarning("mirrored", "photos", text)]
+
+
+def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
+    """Return a warning for the few photos whose points lie in a plane, and that alone are on its other side.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered: with the projection centres that were given.
+    solution : Solution
+    """
+    given, found = block.ground.to_project(block.photo_orientation[:, :3]), solution.photos.values[:, :3]
+    place = places_of_names(solution.points.names)
+    ground = solution.points.values[[place[name] for name in block.point_names]]
+    points, count = block.photo_points, len(block.photos)
+    seen = np.zeros((count, len(ground)), dtype=bool)
+    seen[points.photo[points.in_use], points.point[points.in_use]] = True
+    seen &= np.isfinite(ground).all(axis=1)
+    names = []
+    for photo in np.flatnonzero(np.isfinite(given).all(axis=1)).tolist():
+        plane = _plane(ground[seen[photo]], _NEARLY_FLAT)
+        if plane is None:
+            continue
+        centroid, normal = plane
+        least = _BESIDE * float(np.std((ground[seen[photo]] - centroid) @ normal))
+        beside = (found - centroid) @ normal
+        side = np.where(np.abs(beside) > least, np.sign(beside), 0.0)
+        others = (seen & seen[photo]).sum(axis=1) >= max(_FEWEST_OF_ONE, _SHARED * np.count_nonzero(seen[photo]))
+        others[photo] = False
+        was = (given[photo] - centroid) @ normal * side[photo]
+        if others.any() and (side[others] * side[photo] < 0.0).all() and was < -least:
+            names.append(block.photos[photo].name)
+    text = (
+        "the adjustment puts it on the other side of the plane of its points than given, and than all photos that show "
+        "them: it is a mirror image. Pixel rows may count upwards or columns from the right, x and y may be exchanged, "
+        "or film may have been scanned from its back; correct the POINTS lines"
+    )
+    few = len(names) <= max(1.0, _FEW_CHANGE * count)
+    return [ProjectWarning("mirrored", f"photo {name}", text) for name in names if few]
+
+
+def _plane(points: FloatArray, flat: float = _FLAT) -> tuple[FloatArray, FloatArray] | None:
+    """Return the middle (3,) of points and the normal (3,) of their plane; None where they lie in none."""
+    if len(points) < _FEWEST_OF_ONE:
+        return None
+    centroid = points.mean(axis=0)
+    squares, axes = np.linalg.eigh((points - centroid).T @ (points - centroid))  # ascending
+    return None if squares[0] > flat**2 * squares[1] else (centroid, axes[:, 0])
 
 
 _X, _Y = 0, 1

@@ -224,6 +224,9 @@ class _DoubtedPhotoPoints:
 _TOGETHER = 4.0
 """Standard deviations of their difference within which two points are in one place."""
 
+_PHOTOS_HELD = 2.0
+"""Factor from standard deviations with all photos held to those of points relative to their neighbours, at most."""
+
 
 _SELDOM, _MARGIN, _FEWEST = 0.05, 0.5, 4
 """Expected number of rays that meet by chance, anywhere; how far around the other points, as a part of their extent, a
@@ -231,6 +234,9 @@ meeting place may be; and how many of these are needed."""
 
 _MOST_SINGLE = 200
 """Points of one ray that are compared: where there are more, it is the way they were measured."""
+
+_MOST_COMPARED = 500
+"""Points from which it is told how many pairs share no photo."""
 
 _MOST_POINTS = 5_000
 """In larger blocks points lie near each other by chance."""
@@ -248,9 +254,9 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
     """
     if len(block.point_names) > _MOST_POINTS or not is_good(fit_of_adjustment(solved)):
         return []
-    tie, variance = _tie_points(solved)
-    pairs = _in_one_place(solved.state.points[tie], variance)
+    tie, *variances = _tie_points(solved)
     shown = _shown(solved, tie)
+    pairs = _in_one_place(solved.state.points[tie], variances, _apart(shown))
     pairs = pairs[~(shown[pairs[:, 0]] & shown[pairs[:, 1]]).any(axis=1)] if len(pairs) else pairs
     rays, place = AdjustedRays(block, solution), block.point_index()
     named = [sorted(solved.block.point_names[row] for row in tie[pair]) for pair in pairs]
@@ -309,27 +315,46 @@ def _is_among(position: FloatArray, places: FloatArray) -> bool:
     return bool(((position > places.min(axis=0) - margin) & (position < places.max(axis=0) + margin)).all())
 
 
-def _tie_points(solved: SolvedBlock) -> tuple[IntArray, FloatArray]:
-    """Return the indices (t,) of determined points without control, and the variances (t, 3) of their coordinates."""
+def _tie_points(solved: SolvedBlock) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the indices (t,) of determined points without control, and variances (t, 3) of their coordinates.
+
+    The second ones are relative to neighbouring points: what moves the whole block moves points together.
+    """
     control = {point.name for point in solved.block.control_points}
     columns, reduced = solved.problem.unknowns.points, solved.problem.layout.reduced
     free = (columns >= reduced).all(axis=1)
     free &= np.array([name not in control for name in solved.block.point_names], dtype=bool)
     free[free] = ~solved.normals.removed[columns[free]].any(axis=1)
     rows = np.flatnonzero(free)
-    blocks = solved.cofactors.blocks[(columns[rows, 0] - reduced) // 3]
-    return rows, solved.deviation_scale**2 * np.diagonal(blocks, axis1=1, axis2=2)
+    place = (columns[rows, 0] - reduced) // 3
+    variance = np.diagonal(solved.cofactors.blocks[place], axis1=1, axis2=2)
+    held = np.square(solved.normals.blocks.half[place]).sum(axis=1)
+    scale = solved.deviation_scale**2
+    return rows, scale * variance, scale * np.minimum(variance, _PHOTOS_HELD**2 * held)
 
 
-def _in_one_place(xyz: FloatArray, variance: FloatArray) -> IntArray:
-    """Return the pairs (p, 2) of points that are within `_TOGETHER` standard deviations of their difference."""
+def _apart(shown: BoolArray) -> float:
+    """Return the part of the pairs of points that no photo shows both of, from an even selection of points."""
+    some = shown[:: 1 + len(shown) // _MOST_COMPARED].astype(np.float32)
+    return float(np.mean(some @ some.T == 0.0)) if len(some) else 1.0
+
+
+def _in_one_place(xyz: FloatArray, variances: Sequence[FloatArray], apart: float) -> IntArray:
+    """Return the pairs (p, 2) of points that are within `_TOGETHER` standard deviations of their difference.
+
+    Of several variances (t, 3) the first are taken with which points are together by chance seldom enough; `apart` is
+    the part of the pairs that may be one point.
+    """
     nothing = np.empty((0, 2), dtype=np.int64)
     count = len(xyz)
     if count < 2:
         return nothing
     extent = np.maximum(np.ptp(xyz, axis=0), 1e-12)
-    usual = _TOGETHER * np.sqrt(2.0 * np.median(variance, axis=0))
-    if 0.5 * count**2 * float(np.prod(np.minimum(1.0, 2.0 * usual / extent))) > _BY_CHANCE:
+    for variance in variances:
+        usual = _TOGETHER * np.sqrt(2.0 * np.median(variance, axis=0))
+        if 0.5 * apart * count**2 * float(np.prod(np.minimum(1.0, 2.0 * usual / extent))) <= _BY_CHANCE:
+            break
+    else:
         return nothing
     order = np.argsort(xyz[:, 0])
     pairs = []

@@ -16,12 +16,13 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
+from orip.mistakes.camera_values import OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.free_network import FREE_DATUM
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.hypothesis import Readjuster
+from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Readjuster
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
@@ -57,6 +58,8 @@ WRONG = {**SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the 
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
+
+_CONTROL_POINT = "control point "
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -150,10 +153,21 @@ def solve(
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
     others = [warning for warning in gathered.warnings if warning not in causes]
+    explained = [warning for warning in others if any(_is_explained(found, warning) for found in mistaken)]
+    mistaken = [found for found in mistaken if not any(_is_explained(found, warning) for warning in explained)]
+    causes += explained
+    others = [warning for warning in others if warning not in explained]
     warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(_judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
+
+
+def _is_explained(found: ProjectWarning, warning: ProjectWarning) -> bool:
+    """Tell whether a photo is not where it was given because of what a warning about its measurements says."""
+    if found.code != "given-orientation" or warning.code not in EXPLAINING_WARNINGS:
+        return False
+    return found.where.removeprefix("photo ") in f"{warning.where} {warning.text}".replace(":", " ").split()
 
 
 def _judged(
@@ -191,12 +205,19 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
     A wrong control point may have displaced itself or others: what is then said of groups follows from it.
     """
     causes = {warning.where for warning in mistaken}
-    if any(warning.code in OF_STATIONS for warning in mistaken):
+    exchanged = [warning.text.split() for warning in mistaken if warning.where.startswith(_CONTROL_POINT)]
+    causes |= {
+        found.where
+        for found in solution.diagnosis
+        if found.where.startswith(_CONTROL_POINT)
+        and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
+    }
+    if any(warning.code in OF_STATIONS or warning.code == OTHER_LENS for warning in mistaken):
         solution = replace(
             solution, diagnosis=tuple(found for found in solution.diagnosis if not _is_of_systems(found))
         )
     contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
-    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith("control point "):
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
     return tuple(
         replace(found, remedy=f"first correct the {found.where} as the warning says")

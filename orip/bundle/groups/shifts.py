@@ -75,20 +75,28 @@ class CommonShift(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Values and covariance of all sums once errors have been allowed for, and which of them show an error."""
+    """Values and covariance of all sums once errors have been allowed for, and which of them show an error.
+
+    `response` is how they change with each error. It is proportional to the covariance only where all a-priori errors
+    are right, and an error has to be gone completely however large it is.
+    """
 
     values: FloatArray
     covariance: FloatArray
+    response: FloatArray
     testable: BoolArray
 
     def without(self, test: Together, sums: ResidualSums) -> _Sums:
         """Return them once the error of a test has been allowed for, as if it were another unknown."""
         columns = [column for column in test.columns if self.testable[column]]
-        inverse, scale = self._scaled_inverse(columns)
-        gain = self.covariance[:, columns] / scale @ inverse / scale
+        own = self.response[np.ix_(columns, columns)]
+        scale = np.sqrt(np.abs(np.diag(own)))
+        gain = self.response[:, columns] / scale @ np.linalg.pinv(own / np.outer(scale, scale)) / scale
         values = self.values - gain @ self.values[columns]
-        covariance = self.covariance - gain @ self.covariance[columns]
-        return _Sums(values, covariance, self.testable & is_testable(sums, np.diag(covariance)))
+        half = self.covariance - gain @ self.covariance[columns]
+        covariance = half - half[:, columns] @ gain.T
+        response = self.response - gain @ self.response[columns]
+        return _Sums(values, covariance, response, self.testable & is_testable(sums, np.diag(covariance)))
 
     def _scaled_inverse(self, columns: list[int]) -> tuple[FloatArray, FloatArray]:
         """Return the inverse of the correlations of some sums, and their standard deviations."""
@@ -125,7 +133,7 @@ def common_shifts(ground: GroundGroups, sums: ResidualSums, limit: float) -> Ite
     covariance = sums.covariance()
     shift, shift_sd = common_errors(sums, ground.errors, covariance)
     tests = hypotheses(ground)
-    left = _Sums(sums.values, covariance, is_testable(sums, np.diag(covariance)))
+    left = _Sums(sums.values, covariance, sums.responses(ground.errors), is_testable(sums, np.diag(covariance)))
     gone = set[tuple[str, ...]]()
     while True:
         possible = [test for test in tests if test.span not in gone and left.testable[list(test.columns)].any()]

@@ -40,6 +40,8 @@ class Planted(Struct):
         Other arguments of `orip.Block`.
     truth : dict
         True coordinates by point.
+    adjusted : dict
+        Projection centres by photo, of blocks that are measured and not made.
     """
 
     scene: str
@@ -51,6 +53,7 @@ class Planted(Struct):
     distances: dict[str, tuple[str, str, float, float]] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
     truth: dict[str, np.ndarray] = field(default_factory=dict)
+    adjusted: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def photos(self) -> list[str]:
