@@ -10,6 +10,7 @@ from orip.bundle.results.reliability import lost_rays
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
+from orip.records.observations.observation_kinds import CONTROL_POINT
 from orip.structs import replace
 from orip.wording import agreeing, counted, counted_names
 
@@ -21,6 +22,9 @@ _MANY_DOWN_WEIGHTED = 0.2
 
 _MOST_OF_A_PHOTO = 0.5
 """Part of its photo points that do not fit above which the photo is out of place, not its points."""
+
+_MANY_CONTROL = 0.3
+"""Part of the control points, and two at least, that a block with nothing else on the ground seldom contradicts."""
 
 _HANDFUL = 10
 """Redundancy below which some observations can mostly be left out so that the others fit."""
@@ -55,6 +59,18 @@ def doubt_about(solved: SolvedBlock) -> str:
     if names := _photos_out_of_place(solved, used, reduced):
         return f"down-weighted most points of {counted_names('photo', names)}"
     return ""
+
+
+def doubt_about_given(solved: SolvedBlock) -> str:
+    """Return the same of an adjustment from given values, which may be those of an earlier solution that was wrong.
+
+    A block that starts bent may end so, with all that would straighten it down-weighted: then it contradicts much of
+    the control that alone places it on the ground.
+    """
+    if doubt := doubt_about(solved):
+        return doubt
+    names = _contradicted_control(solved)
+    return f"contradicts {counted_names('control point', names)}" if names else ""
 
 
 def is_better(other: SolvedBlock, given: SolvedBlock) -> bool:
@@ -131,6 +147,22 @@ def _photos_out_of_place(solved: SolvedBlock, used: BoolArray, reduced: BoolArra
     photo, count = solved.block.photo_points.photo, len(solved.block.photos)
     number, wrong = np.bincount(photo[used], minlength=count), np.bincount(photo[reduced], minlength=count)
     return _names(solved.block, np.flatnonzero(wrong > _MOST_OF_A_PHOTO * number).tolist())
+
+
+def _contradicted_control(solved: SolvedBlock) -> list[str]:
+    """Return the control points that have lost weight, if they are many and nothing else is on the ground."""
+    if solved.block.stations or solved.block.elements:
+        return []
+    first, used, reduced = 0, set[str](), list[str]()
+    for kind in solved.problem.observations:
+        rows = slice(first, first + len(kind.rows.error))
+        first = rows.stop
+        if kind.rows.kind == CONTROL_POINT:
+            active, names = solved.equations.active[rows], np.array(list(kind.rows.point), dtype=object)
+            used |= set(names[active].tolist())
+            reduced += names[active & (solved.weight_factors[rows] < 1.0)].tolist()
+    found = list(dict.fromkeys(reduced))
+    return found if len(found) > max(1.0, _MANY_CONTROL * len(used)) else []
 
 
 def _names(block: Block, rows: list[int]) -> list[str]:

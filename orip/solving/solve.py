@@ -32,7 +32,7 @@ from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
 from orip.records.results.solution import Diagnosis, IterationPass, Solution
-from orip.solving.better_minimum import doubt_about, is_better
+from orip.solving.better_minimum import doubt_about_given, is_better
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,
@@ -344,7 +344,7 @@ def _best_of_starts(adjuster: _Adjuster) -> tuple[_Adjusted, list[ProjectWarning
         if own is None:
             raise
         return own, [], [adjuster.replaced_by(own, f"failed ({error})")]
-    doubt = doubt_about(given.solved)
+    doubt = doubt_about_given(given.solved)
     if not doubt or given.solution.status == "stopped":
         return given, [], []
     own = adjuster.from_own(doubt)

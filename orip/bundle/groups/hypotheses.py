@@ -5,11 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 from msgspec import Struct
 
-from orip.bundle.groups.figures import GroundGroups
+from orip.adjustment.residual_sums import ResidualSums
+from orip.bundle.groups.figures import GroundGroups, is_testable
 from orip.records.observations.observation_kinds import ANGULAR_UNKNOWNS
 from orip.records.results.result_tests import CommonExtent
+
+SINGLE_CONTROL = 0.1
+"""Part of an error probability that a single control point has: that it does not fit is found by the test of every
+observation, and here it explains what groups and cameras misfit by."""
 
 
 class Cause(NamedTuple):
@@ -62,6 +68,11 @@ class Together(Struct, frozen=True):
         return Cause(
             self.groups[0], self.extent, tuple(name for name, drift in self.components if not drift), self.name
         )
+
+    @property
+    def is_single_control(self) -> bool:
+        """Return whether it is a coordinate of one control point, or all of them."""
+        return self.extent == "one" and self.span[0] == "control"
 
     @property
     def has_drift(self) -> bool:
@@ -126,11 +137,18 @@ def _single(ground: GroundGroups, first: int) -> Iterator[Together]:
             yield Together(columns, components, groups, span, "one", span[1])
 
 
-def number_of_further(ground: GroundGroups) -> int:
-    """Return how many hypotheses there are beside the mean of each group, which share their error probability."""
-    of_strips = sum(1 + strip.has_drift for strip in ground.strips)
-    of_control = sum(test.span[0] == "control" and test.extent == "one" for test in hypotheses(ground))
-    return len(hypotheses(ground)) - len(ground.groups) - of_strips - of_control
+def number_of_shifts(ground: GroundGroups, sums: ResidualSums) -> float:
+    """Return how many errors in common share the error probability; single control points have a part of a share each.
+
+    Those of strips are counted by component, together and with a drift, though these are correlated. What the unknowns
+    absorb cannot be doubted, and takes nothing.
+    """
+    shown = is_testable(sums, np.diag(sums.covariance()))
+    return sum(
+        SINGLE_CONTROL if test.is_single_control else 1.0
+        for test in hypotheses(ground)
+        if shown[list(test.columns)].any()
+    )
 
 
 def _span(ground: GroundGroups, number: int) -> tuple[str, ...]:

@@ -142,13 +142,13 @@ def rows_under_test(
     weight, others_variance
         As of `RowsUnderTest`.
     """
-    design = _ground_design(solved, rows)
+    design = ground_design(solved, rows)
     columns = np.unique(design.indices).astype(np.int64)
     residual, inverse = solved.equations.residual[rows], _inverse_of(solved, columns)
     return RowsUnderTest(csr_array(design[:, columns]), columns, residual, weight, inverse, others_variance)
 
 
-def _ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
+def ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
     """Return rows (k, u) of the design matrix, divided by their a-priori errors."""
     problem = solved.problem
     others = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)

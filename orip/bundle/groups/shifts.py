@@ -17,7 +17,7 @@ from orip.adjustment.outlier_tests import chi_square_tail, two_sided_normal
 from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
-from orip.bundle.groups.hypotheses import Cause, Together, hypotheses
+from orip.bundle.groups.hypotheses import SINGLE_CONTROL, Cause, Together, hypotheses
 from orip.records.results.result_tests import CommonError
 from orip.structs import replace
 
@@ -35,10 +35,6 @@ _FURTHER = np.log(0.01)
 _MATERIAL = 0.01
 """Mean square that a held parameter's error leaves in the photo coordinates, in a-priori variances, from which it
 counts by itself: photo points are so many that immaterial errors are significant."""
-
-_ALONE = np.log(0.1)
-"""Logarithm of the part of the error probability that a single control point has by itself: that it does not fit is
-found by the test of every observation, and here it explains what groups and cameras misfit by."""
 
 _EXPLAINS = 0.25
 """Part of what photo coordinates misfit by, beyond their a-priori errors, that a held parameter explains at least."""
@@ -170,10 +166,10 @@ def _log_p(square: float) -> float:
 
 def _without_single_control(tests: Sequence[Together], squares: FloatArray, limit: float) -> FloatArray:
     """Return the squares without those of single control points, where nothing else is wrong and they hardly are."""
-    single = np.array([test.extent == "one" and test.span[0] == "control" for test in tests], dtype=bool)
+    single = np.array([test.is_single_control for test in tests], dtype=bool)
     if not single.any() or _log_p(float(squares[~single].max(initial=0.0))) < limit:
         return squares
-    return np.where(single & (squares < _square_of(limit + _ALONE)), 0.0, squares)
+    return np.where(single & (squares < _square_of(limit + np.log(SINGLE_CONTROL))), 0.0, squares)
 
 
 def _square_of(log_p: float) -> float:

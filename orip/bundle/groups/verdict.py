@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
+from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import FloatArray
 from orip.bundle.groups.figures import (
     GroundGroups,
@@ -24,15 +25,19 @@ from orip.bundle.groups.figures import (
     held_tests,
     photo_test,
 )
-from orip.bundle.groups.hypotheses import Cause, number_of_further
+from orip.bundle.groups.hypotheses import Cause, number_of_shifts
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
 from orip.records.results.result_tests import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
-FAMILY = 0.015
+FAMILY = 0.01
 """Probability that any group of a block is doubted although all a-priori errors are right."""
+
+_OF_SHIFTS = 0.9
+"""Part of it that errors in common share. They are as small as they can be and still matter; a-priori errors that are
+wrong by a factor, or single observations, make square sums far less probable than chance does."""
 
 _PHOTO_SIGMA0 = 1.5
 _PHOTO_MEAN = 0.5
@@ -99,14 +104,14 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
     of_photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
     ground = GroundGroups.of(solved, [group for group in groups if group.kind != "photo"], figures)
     tested = [*of_photos, *ground_tests(ground, figures)]
-    number = sum(len(group.log_p) for group in tested) + number_of_further(ground)
-    limit = float(np.log(FAMILY / max(number, 1)))
+    with_checks = ground.sums_with_checks()
+    limits = limits_of_tests(tested, number_of_shifts(ground, with_checks))
     sigma0 = solved.variance.sigma0
-    shifts = _shifts(ground, limit, len(of_photos))
-    found = _without_consequences([*shifts, *_others(tested, limit, sigma0, with_means=not shifts)], tested)
+    shifts = _shifts(ground, with_checks, limits.shift, len(of_photos))
+    found = _without_consequences([*shifts, *_others(tested, limits, sigma0, with_means=not shifts)], tested)
     named = {place for candidate in found for place in candidate.doubted}
     results = [
-        replace(group.test, doubted=place in named or bool(_doubts(group, limit, sigma0)))
+        replace(group.test, doubted=place in named or bool(_doubts(group, limits, sigma0)))
         for place, group in enumerate(tested)
     ]
     held = [replace(test, doubted=True) for test in held_tests(ground)]
@@ -115,9 +120,31 @@ def group_verdict(solved: SolvedBlock, errors: FloatArray, check_points: Collect
     return GroupVerdict((*results, *accused), contradictions)
 
 
-def _shifts(ground: GroundGroups, limit: float, first: int) -> list[_Candidate]:
+class Limits(NamedTuple):
+    """Logarithms of the probabilities below which an error in common is found, and any other test fails."""
+
+    shift: float
+    other: float
+
+
+def limits_of_tests(tested: Sequence[JudgedGroup], shifts: float) -> Limits:
+    """Return the limits with which all tests of a block together err with the probability `FAMILY` (Bonferroni).
+
+    Parameters
+    ----------
+    tested : sequence of JudgedGroup
+        All groups. The means of those on the ground are among the errors in common.
+    shifts : float
+        Number of errors in common that are tested.
+    """
+    others = sum(name != "mean" or group.test.kind == "photo" for group in tested for name in group.log_p)
+    of_shifts, of_others = FAMILY * _OF_SHIFTS, FAMILY * (1.0 - _OF_SHIFTS)
+    return Limits(float(np.log(of_shifts / max(shifts, 1.0))), float(np.log(of_others / max(others, 1))))
+
+
+def _shifts(ground: GroundGroups, with_checks: ResidualSums, limit: float, first: int) -> list[_Candidate]:
     """Return the errors common to groups; where the check points hide what shows without them, that."""
-    for sums in (ground.sums_with_checks(), ground.sums):
+    for sums in (with_checks, ground.sums):
         found = [
             _Candidate(shift.log_p, "shift", first + shift.cause.group, _numbered(shift, first))
             for shift in common_shifts(ground, sums, limit)
@@ -157,10 +184,12 @@ def _cause(cause: Cause, groups: Sequence[GroupTest], first: int) -> CommonCause
     return CommonCause(group, cause.extent, cause.components)
 
 
-def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
+def _doubts(group: JudgedGroup, limits: Limits, sigma0: float) -> list[TestName]:
     """Return the tests that a group fails by more than an immaterial amount."""
     test = group.test
-    failed = [name for name, log_p in group.log_p.items() if log_p < limit]
+    # the mean of a group on the ground is one of the errors in common
+    of_mean = limits.other if test.kind == "photo" else limits.shift
+    failed = [name for name, log_p in group.log_p.items() if log_p < (of_mean if name == "mean" else limits.other)]
     if test.kind != "photo":
         return failed
     apart = test.sigma0 > max(_PHOTO_SIGMA0, _APART * sigma0)
@@ -168,10 +197,10 @@ def _doubts(group: JudgedGroup, limit: float, sigma0: float) -> list[TestName]:
     return [name for name in failed if material[name]]
 
 
-def _others(tested: Sequence[JudgedGroup], limit: float, sigma0: float, *, with_means: bool) -> Iterator[_Candidate]:
+def _others(tested: Sequence[JudgedGroup], limits: Limits, sigma0: float, *, with_means: bool) -> Iterator[_Candidate]:
     """Yield all other failed tests; the means on the ground are among the common shifts, if there are any."""
     for place, group in enumerate(tested):
-        for name in _doubts(group, limit, sigma0):
+        for name in _doubts(group, limits, sigma0):
             if name != "mean" or with_means or group.test.kind == "photo":
                 yield _Candidate(group.log_p[name], _KIND_OF_TEST[name], place)
 

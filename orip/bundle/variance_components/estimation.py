@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
+from scipy.sparse import csr_array
 from scipy.special import erf, gammainc, gammaincc
 
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.residual_sums import residual_sums
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.groups.observation_groups import rows_under_test
+from orip.bundle.groups.observation_groups import ground_design, rows_under_test
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock, solve_problem
+from orip.bundle.unknowns import CONSTANT
 from orip.bundle.variance_components.variance_groups import (
     GroupRows,
     VarianceGroup,
@@ -24,6 +27,7 @@ from orip.bundle.variance_components.variance_groups import (
 from orip.records.block import Block
 from orip.records.results.result_tests import VarianceComponent
 from orip.structs import replace
+from orip.threads import limited_threads
 
 # With the residuals v of observations divided by their a-priori errors, l, the matrix R of v = -R l is a projection.
 # The square sum q_i of the residuals of group i has the expectation sum_j H_ij s_j with H_ij = tr(R_ij R_ji), where the
@@ -32,7 +36,11 @@ from orip.structs import replace
 # whose covariance is 2 H^-1 there.
 
 _MOST_EXACT = 600
-"""Observations on the ground of which all pairs are taken; groups of more count as if independent of each other."""
+"""Observations on the ground of which all pairs are taken."""
+
+_LEAST_SAMPLES, _MOST_SAMPLES = 4, 32
+_LARGEST = 20_000_000
+"""Random samples of each group, and numbers that the right-hand sides of all may have."""
 
 _SMALL = 1e-12
 
@@ -99,8 +107,9 @@ class VarianceEquations(Struct, frozen=True):
 def variance_equations(solved: SolvedBlock, groups: Sequence[GroupRows], limit: float = np.inf) -> VarianceEquations:
     """Return Helmert's equations of an adjusted block.
 
-    H is exact for one camera. Of several cameras, what a group on the ground shares with the photo points is divided
-    among them by their numbers, and they count as independent of each other.
+    H is exact for one camera and up to 600 observations on the ground. What the photo points of several cameras share
+    with each other and with what is on the ground, and groups of more observations, is estimated (`_estimated_pairs`),
+    mostly to a hundredth of it.
 
     Parameters
     ----------
@@ -115,19 +124,78 @@ def variance_equations(solved: SolvedBlock, groups: Sequence[GroupRows], limit: 
     square_sum = np.array([float(np.sum(residual[group.rows] ** 2)) for group in groups])
     square_sum *= _lost_tails(solved, groups, redundancy, limit)
     of_photos = np.array([group.group.kind == "photo" for group in groups], dtype=bool)
-    matrix = np.zeros((len(groups), len(groups)))
-    ground = np.flatnonzero(~of_photos)
-    matrix[np.ix_(ground, ground)] = _pairs(
-        solved, [groups[place].rows for place in ground.tolist()], redundancy[ground]
-    )
-    photos = np.flatnonzero(of_photos)
-    if len(photos):
-        shares = np.array([float(len(groups[place].rows)) for place in photos.tolist()])
+    photos, ground = np.flatnonzero(of_photos), np.flatnonzero(~of_photos)
+    few = sum(len(groups[place].rows) for place in ground.tolist()) <= _MOST_EXACT
+    several = len(photos) > 1
+    probed = np.concatenate([photos if several else photos[:0], ground[:0] if few else ground])
+    matrix = _estimated_pairs(solved, groups, probed)
+    if few:
+        matrix[np.ix_(ground, ground)] = _pairs(solved, [groups[place].rows for place in ground.tolist()])
         common = np.maximum(redundancy[ground] - matrix[np.ix_(ground, ground)].sum(axis=1), 0.0)
-        crossing = np.outer(shares / max(shares.sum(), 1.0), common)
+        crossing = matrix[np.ix_(photos, ground)] if several else np.ones((len(photos), len(ground)))
+        crossing *= common / np.maximum(crossing.sum(axis=0), _SMALL)
         matrix[np.ix_(photos, ground)], matrix[np.ix_(ground, photos)] = crossing, crossing.T
-        matrix[photos, photos] = redundancy[photos] - crossing.sum(axis=1)
+    for place in photos if few else range(len(groups)):
+        matrix[place, place] = 0.0
+        matrix[place, place] = redundancy[place] - matrix[place].sum()
     return VarianceEquations(square_sum, redundancy, matrix)
+
+
+def _estimated_pairs(solved: SolvedBlock, groups: Sequence[GroupRows], probed: IntArray) -> FloatArray:
+    """Return the elements of H (g, g) in the rows and columns of some groups, but for the diagonal; others are 0.
+
+    Between two groups R is -A_i Q A_j^T, and H_ij the sum of its squares. With random signs s for the observations of
+    group j that is the expectation of the square sum of A_i Q A_j^T s (Hutchinson 1990, *A stochastic estimator of the
+    trace of the influence matrix*; for variance components Koch and Kusche 2002). Its relative error is the root of 2
+    over the number of samples and the many unknowns that both groups share. The signs are the same in each run.
+    """
+    result = np.zeros((len(groups), len(groups)))
+    if not len(probed):
+        return result
+    size = solved.problem.layout.size
+    samples = int(np.clip(_LARGEST // (size * len(probed)), _LEAST_SAMPLES, _MOST_SAMPLES))
+    random, right = np.random.default_rng(0), np.zeros((size, samples * len(probed)))
+    number = np.full(len(solved.equations.residual), -1)
+    for place, group in enumerate(groups):
+        number[group.rows] = place
+    for part, design in _design_in_parts(solved):
+        for at, place in enumerate(probed.tolist()):
+            rows = np.flatnonzero(number[part] == place)
+            right[:, at * samples : (at + 1) * samples] += design[rows].T @ random.choice(
+                [-1.0, 1.0], (len(rows), samples)
+            )
+    with limited_threads(None):
+        moved = solved.normals.solve(right)
+    for part, design in _design_in_parts(solved):
+        squares = (design @ moved) ** 2
+        for place in range(len(groups)):
+            mine = squares[number[part] == place].sum(axis=0)
+            result[place, probed] += mine.reshape(len(probed), samples).mean(axis=1)
+    both = np.ix_(probed, probed)
+    result[both] = (result[both] + result[both].T) / 2.0
+    result[probed] = result[:, probed].T
+    return result
+
+
+def _design_in_parts(solved: SolvedBlock) -> Iterator[tuple[IntArray, csr_array]]:
+    """Yield rows of the design matrix, divided by the a-priori errors, some thousands at a time, with their numbers."""
+    first, ground = 0, [np.zeros(0, dtype=np.int64)]
+    for kind in solved.problem.observations:
+        numbers = first + np.arange(len(kind.rows.error))
+        first += len(numbers)
+        if not isinstance(kind, PhotoPointObservations):
+            ground.append(numbers)
+            continue
+        start = 0
+        for part in kind.in_parts():
+            found, columns = part.linearise_with_partials(solved.state), part.columns()
+            rows, places = np.nonzero(columns != CONSTANT)
+            values = (found.partials / part.rows.error[:, None])[rows, places]
+            shape = (len(columns), solved.problem.layout.size)
+            yield numbers[start : start + len(columns)], csr_array((values, (rows, columns[rows, places])), shape=shape)
+            start += len(columns)
+    rest = np.concatenate(ground)
+    yield rest, ground_design(solved, rest)
 
 
 def _lost_tails(solved: SolvedBlock, groups: Sequence[GroupRows], redundancy: FloatArray, limit: float) -> FloatArray:
@@ -148,11 +216,11 @@ def _lost_tails(solved: SolvedBlock, groups: Sequence[GroupRows], redundancy: Fl
     return result
 
 
-def _pairs(solved: SolvedBlock, rows: Sequence[IntArray], redundancy: FloatArray) -> FloatArray:
-    """Return H (g, g) of groups on the ground."""
+def _pairs(solved: SolvedBlock, rows: Sequence[IntArray]) -> FloatArray:
+    """Return H (g, g) of groups of few observations on the ground."""
     every = np.concatenate([np.zeros(0, dtype=np.int64), *rows])
-    if not len(every) or len(every) > _MOST_EXACT:
-        return np.diag(redundancy)
+    if not len(every):
+        return np.zeros((len(rows), len(rows)))
     tested = rows_under_test(solved, every, np.ones(len(every)))
     squares = (np.eye(len(every)) - residual_sums(tested, np.eye(len(every))).smoothed) ** 2
     member = np.zeros((len(every), len(rows)))

@@ -21,7 +21,7 @@ BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"
 @pytest.fixture(autouse=True)
 def adjusted_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Adjust from the given values alone: other starts and what was probably mistaken are not what is tested."""
-    monkeypatch.setattr("orip.solving.solve.doubt_about", lambda _: "")
+    monkeypatch.setattr("orip.solving.solve.doubt_about_given", lambda _: "")
     monkeypatch.setattr("orip.solving.solve.explain_misfit", lambda *_: [])
 
 

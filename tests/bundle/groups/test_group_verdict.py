@@ -7,9 +7,14 @@ import re
 import numpy as np
 import pytest
 from monte_carlo.grouped_blocks import STATION_ERROR, exact_block, grouped_block, verdict_of
+from monte_carlo.planted_groups import KINDS, block_of
+from monte_carlo.simulated_blocks import solved
 from support.synthetic_block import SyntheticBlock
 
-from orip.bundle.groups.verdict import GroupVerdict
+from orip.bundle.groups.figures import GroundGroups, GroupFigures, ground_tests, is_testable, photo_test
+from orip.bundle.groups.hypotheses import SINGLE_CONTROL, hypotheses, number_of_shifts
+from orip.bundle.groups.observation_groups import observation_groups
+from orip.bundle.groups.verdict import FAMILY, GroupVerdict, limits_of_tests
 from orip.bundle.groups.words import group_diagnosis, group_name
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block
@@ -119,3 +124,25 @@ def test_a_camera_whose_photo_points_scatter_more_than_the_others_is_named() -> 
     (diagnosis, *_) = group_diagnosis(verdict.contradictions, "m")
     assert diagnosis.text.startswith("the residuals of camera WORN's photo points are ")
     assert len(made.cameras) == 1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_tests_of_a_block_share_the_probability_of_an_error(kind) -> None:
+    found = solved(block_of(kind, 0, None))
+    rows = [part.rows for part in found.problem.observations]
+    figures = GroupFigures.of(found, np.concatenate([part.error for part in rows]))
+    checks = {point.name for point in found.block.control_points if point.kind == "check"}
+    groups = observation_groups(found, checks)
+    photos = [photo_test(group, figures) for group in groups if group.kind == "photo"]
+    ground = GroundGroups.of(found, [group for group in groups if group.kind != "photo"], figures)
+    sums = ground.sums_with_checks()
+    tested, shown = [*photos, *ground_tests(ground, figures)], is_testable(sums, np.diag(sums.covariance()))
+    limits = limits_of_tests(tested, number_of_shifts(ground, sums))
+    parts = [
+        SINGLE_CONTROL if test.is_single_control else 1.0
+        for test in hypotheses(ground)
+        if shown[list(test.columns)].any()
+    ]
+    others = sum(len(set(group.log_p) - {"mean"}) for group in tested) + len(photos)
+    assert len(parts) > len(ground.groups) / 2
+    assert sum(parts) * np.exp(limits.shift) + others * np.exp(limits.other) == pytest.approx(FAMILY, rel=1e-12)

@@ -11,6 +11,7 @@ from monte_carlo.grouped_blocks import grouped_block
 
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings
+from orip.bundle.variance_components import estimation
 from orip.bundle.variance_components.estimation import (
     EstimatedErrors,
     VarianceEquations,
@@ -58,6 +59,36 @@ def test_equations_are_those_of_dense_matrices() -> None:
     equations = variance_equations(found, variance_groups(found))
     # of a thousand equations with a condition of some 1e4 after scaling, squared in the normal equations
     np.testing.assert_allclose(equations.matrix, dense_matrix(found), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(equations.matrix.sum(axis=1), equations.redundancy, rtol=1e-6)
+
+
+def with_cameras(block: Block, count: int) -> Block:
+    """The block with its photos taken by several cameras in turn."""
+    of_photo = np.arange(len(block.photos)) % count
+    names = [f"CAM{number + 1}" for number in range(count)]
+    return replace(
+        block,
+        cameras=tuple(replace(block.cameras[0], name=name) for name in names),
+        photos=tuple(
+            replace(photo, camera=names[place]) for photo, place in zip(block.photos, of_photo.tolist(), strict=True)
+        ),
+        photo_camera=of_photo,
+    )
+
+
+@pytest.mark.parametrize(("cameras", "most_exact"), [(2, 600), (4, 600), (1, 10), (2, 10)])
+def test_standard_deviations_are_those_of_dense_matrices_for_several_cameras_and_many_on_the_ground(
+    cameras: int, most_exact: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(estimation, "_MOST_EXACT", most_exact)
+    found = solved(with_cameras(grouped_block("none", 1).block, cameras))
+    equations = variance_equations(found, variance_groups(found))
+    dense, every = dense_matrix(found), np.ones(cameras + 4, dtype=bool)
+    # what two cameras share is a sixth to a third of the redundancy of each: deviations would be too small by a tenth
+    assert dense[0, cameras - 1] > 0.05 * dense[0, 0]
+    # 32 samples on the dozens of unknowns that groups share: 3 % of a fifth of H, and a half of that in deviations
+    exact = np.sqrt(np.diag(np.linalg.inv(dense)))
+    np.testing.assert_allclose(np.sqrt(equations.cofactors(every)), exact, rtol=0.01)
     np.testing.assert_allclose(equations.matrix.sum(axis=1), equations.redundancy, rtol=1e-6)
 
 

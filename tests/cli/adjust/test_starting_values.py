@@ -134,6 +134,26 @@ def test_an_adjustment_that_given_orientations_lead_astray_is_repeated_from_own_
     assert np.abs((found - elements(expected, "P2")[0]) / sd).max() < FAR_BELOW_SD
 
 
+def test_a_solution_that_was_wrong_is_no_better_start_than_own_values_once_its_blunders_are_corrected(
+    tmp_path: Path,
+) -> None:
+    expected = orip(strips_project(NOISE_MM).write(tmp_path / "right"), "run", "--json", "--no-report").document
+    wrong, random = strips_project(NOISE_MM), np.random.default_rng(1)
+    for photo in ("P2", "P5", "P3"):
+        for point, xy in list(wrong.images[photo].items())[::2]:
+            wrong.images[photo][point] = tuple((xy + 3.0 * random.normal(size=2)).tolist())
+    folder = wrong.write(tmp_path / "corrected")
+    orip(folder, "run", "--no-report")
+    assert [orip(folder, "update", what).code for what in ("photos", "points")] == [0, 0]
+    strips_project(NOISE_MM).write(folder)
+    said = orip(folder, "run", "--json", "--no-report")
+    assert "the adjustment contradicts control points C1, C3 and C5; now from orip's own" in said.err
+    assert said.document["sigma0"] == pytest.approx(expected["sigma0"], rel=1e-6)
+    for photo in expected["photos"]:
+        (found, sd), (right, _) = elements(said.document, photo), elements(expected, photo)
+        assert np.abs((found - right) / sd).max() < FAR_BELOW_SD, photo
+
+
 def test_given_orientations_that_lead_to_the_minimum_are_not_doubted(tmp_path: Path) -> None:
     project = strips_project(NOISE_MM)
     given(project, {"P2": (2.0, -2.0, 5.0)})
