@@ -20,7 +20,7 @@ AngleUnit = Literal["radian", "degree", "gon"]
 
 Lens = Literal[
     "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
-    "agisoft_fisheye", "unsupported",
+    "agisoft_fisheye", "angle_polynomial", "unsupported",
 ]  # fmt: skip
 """Formula of a camera; `orip.exchange.conversion.lenses` has them, with the names of their parameters."""
 

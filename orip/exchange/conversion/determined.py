@@ -224,6 +224,7 @@ _SAME = {
     "k2": ("A5",), "c2": ("A5",), "a2": ("A5",),
     "k3": ("A7",), "c3": ("A7",), "a3": ("A7",),
     "k4": ("A9",), "c4": ("A9",),
+    "q2": ("A3",), "q4": ("A5",), "q6": ("A7",),
     "omega": _RADIAL, "alpha": _RADIAL, "beta": (),
     "p1": ("P1",), "p2": ("P2",), "b1": ("B1",), "b2": ("B2",),
 }  # fmt: skip
@@ -236,7 +237,7 @@ def unknown_parameters(camera: ExchangedCamera, *, is_exact: bool) -> tuple[str,
     """
     found: set[str] = set()
     for name in camera.free:
-        if not is_exact and name[0] in "kca" and name[1:].isdigit():
+        if not is_exact and name[0] in "kcaq" and name[1:].isdigit():
             found.update((*_RADIAL, "A9") if name in _HIGH_RADIAL else _RADIAL)
         elif camera.lens in _CROSSED and name in {"p1", "p2"}:
             found.add("P2" if name == "p1" else "P1")

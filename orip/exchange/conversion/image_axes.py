@@ -105,7 +105,7 @@ def _to_pixels(
 _SQUARE = 1e-12
 """By which sides of pixels differ that are equal: the sensor's size was divided by the numbers of columns and rows."""
 
-_FX: frozenset[Lens] = frozenset(("opencv", "equidistant", "fisheye624", "fov", "eucm"))
+_FX: frozenset[Lens] = frozenset(("opencv", "equidistant", "fisheye624", "fov", "eucm", "angle_polynomial"))
 _B1: frozenset[Lens] = frozenset(("agisoft", "agisoft_fisheye"))
 
 

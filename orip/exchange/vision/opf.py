@@ -1,7 +1,8 @@
 """Pix4D's Open Photogrammetry Format (OPF 1.x): a project file (``.opf``) and the JSON documents that it names.
 
-The specification is https://pix4d.github.io/opf-spec. Pixels count from the outer corner of the upper left one. Angles
-are those of Rx(omega) Ry(phi) Rz(kappa) from the camera (x right, y up, z back) to the processing system, which is
+The specification is https://pix4d.github.io/opf-spec (repository Pix4D/opf-spec). Its control_points.md gives the
+accuracy of a mark, "of the click", no unit, and its examples 1, 10 and 20; pixels are orip's reading. Pixels
+count from the outer corner of the upper left one. Angles are those of Rx(omega) Ry(phi) Rz(kappa) from the camera (x right, y up, z back) to the processing system, which is
 right-handed, has one unit, and is shifted: processing = swap(scale * base) + shift. orip takes the shift away, keeps
 the axes of the processing system, and counts in the unit of the base system's horizontal axes.
 """
@@ -41,7 +42,7 @@ _PERSPECTIVE = ("f", "cx", "cy", "k1", "k2", "k3", "p2", "p1")
 _PER_RADIAN = 2.0 / math.pi
 """Angles of Pix4D's fisheye formula are 1 at 90 degrees."""
 
-_MOST_TERMS = 4
+_MOST_TERMS = 7
 _COMPARED = -1.0
 """Error of what has no standard deviation: negative, so that it is only compared."""
 
@@ -212,7 +213,7 @@ def _camera(sensor: _Sensor, internals: JsonValue) -> ExchangedCamera | None:
         return ExchangedCamera(*size, "unsupported", {}, f"{kind} of Pix4D")
     before = (read(sensor.internals) if read is not None and sensor.internals.text("type") == kind else {}) or {}
     free = tuple(name for name, value in parameters.items() if before.get(name) != value)
-    lens: Lens = "agisoft" if kind == "perspective" else "equidistant"
+    lens: Lens = "agisoft" if kind == "perspective" else "angle_polynomial"
     return ExchangedCamera(*size, lens, parameters, kind, sensor_mm=sensor.sensor_mm, free=free)
 
 
@@ -228,10 +229,12 @@ def _perspective(internals: JsonValue) -> dict[str, float] | None:
 
 
 def _fisheye(internals: JsonValue) -> dict[str, float] | None:
-    """Return the equidistant camera that equals one of Pix4D; empty where none does.
+    """Return the camera of Pix4D by powers of the angle; empty where p0, C D E F or too many terms forbid it.
 
-    Pix4D: c + [C D; E F] (p0 + p1 t + p2 t^2 ...) for t = 2 / pi times the angle; that is odd, as an equidistant
-    camera is, where p0, p2 ... are 0.
+    Pix4D: c + [C D; E F] (p0 + p1 t + p2 t^2 ...) for t = 2 / pi times the angle, p1 = 1, so that the focal length is
+    2 C / pi. orip's camera is odd in the angle: a term p2, which the specification's own examples have, is fitted, and
+    what remains is said or corrected as for other lenses. Sources: Pix4D, "Camera Internals for
+    fisheye lens", equations 1 to 5; sensor_internals.schema.json of opf-spec, whose ``polynomial`` begins with p0.
     """
     affine, point, polynomial = (
         internals.numbers("affine", 4),
@@ -242,11 +245,11 @@ def _fisheye(internals: JsonValue) -> dict[str, float] | None:
     terms = internals.numbers("polynomial", max(count, 2))
     if affine is None or point is None or terms is None:
         return None
-    even, odd = terms[::2], terms[1::2]
-    if any(even) or any(affine[1:3]) or min(affine[0], affine[3]) * odd[0] <= 0.0 or len(odd) > _MOST_TERMS + 1:
+    zeroth, first, *higher = terms
+    if zeroth or any(affine[1:3]) or min(affine[0], affine[3]) * first <= 0.0 or len(higher) > _MOST_TERMS:
         return {}
-    fx, fy = (value * odd[0] * _PER_RADIAN for value in (affine[0], affine[3]))
-    ratios = {f"k{n}": value / odd[0] * _PER_RADIAN ** (2 * n) for n, value in enumerate(odd[1:], start=1)}
+    fx, fy = (value * first * _PER_RADIAN for value in (affine[0], affine[3]))
+    ratios = {f"q{n}": value / first * _PER_RADIAN**n for n, value in enumerate(higher, start=1)}
     return {"fx": fx, "fy": fy, "cx": point[0], "cy": point[1], **ratios}
 
 
@@ -262,6 +265,7 @@ def _control(
     adjusted = _by_name(documents.parts("calibrated-control-points", "points"))
     places = {name: vector(value, "coordinates") for name, value in adjusted.items()}
     left_out = lost = elsewhere = 0
+    ties = len(rays)
     for key in ("gcps", "mtps"):
         for name, value in _by_name(documents.parts("input-control-points", key)).items():
             if points.place(name) is not None:
@@ -280,12 +284,14 @@ def _control(
                 if given is not None:
                     x, y, z = (None if error is None else -error if is_check else error for error in given[1])
                     yield ControlPoint(name, given[0], (x, y, z)), is_check
-    if left_out:
-        documents.notes.append(f"{counted(left_out, 'manual tie point')} for checks alone, left out.")
-    if lost:
-        documents.notes.append(f"{counted(lost, 'mark')} in photos not calibrated, left out.")
-    if elsewhere:
-        documents.notes.append(f"{counted(elsewhere, 'control point')} in another system than the scene, left out.")
+    marked = len(rays) - ties
+    notes = {
+        f"The format gives the accuracy of a mark no unit: that of {counted(marked, 'mark')} is read as pixels.": marked,
+        f"{counted(left_out, 'manual tie point')} for checks alone, left out.": left_out,
+        f"{counted(lost, 'mark')} in photos not calibrated, left out.": lost,
+        f"{counted(elsewhere, 'control point')} in another system than the scene, left out.": elsewhere,
+    }
+    documents.notes.extend(note for note, count in notes.items() if count)
 
 
 def _by_name(values: Iterator[JsonValue]) -> dict[str, JsonValue]:

@@ -12,8 +12,11 @@ import pytest
 from cli.command_line import orip
 from exchange.imported import read_well, reprojected, written
 
+from orip.exchange.conversion.cameras import convert_camera
 from orip.exchange.formats import guessed_format
 from orip.exchange.vision.opf import read_opf
+from orip.records.exchanged import ExchangedCamera
+from orip.structs import replace
 
 SENSOR, FIRST_ID = 9843086184167632639, 10_000_000_000_000_000_001
 PLACE = np.array([691_000.0, 5_330_000.0, 520.0])
@@ -27,6 +30,9 @@ FISHEYE: dict[str, Any] = {
     "type": "fisheye", "principal_point_px": [2010.0, 1490.0], "is_symmetric_affine": True,
     "affine": [4700.0, 0.0, 0.0, 4700.0], "polynomial": [0.0, 1.0, 0.0, -0.05], "is_p0_zero": True,
 }  # fmt: skip
+
+SEQUOIA: dict[str, Any] = FISHEYE | {"polynomial": [0.0, 1.0, 0.0152646, -0.161096]}
+"""The polynomial of the specification's own examples (Parrot Sequoia in examples/input-cameras.json)."""
 
 
 def turned(omega: float, phi: float, kappa: float) -> np.ndarray:
@@ -213,7 +219,7 @@ def project_folder(folder: Path, found: dict[str, Any] | None = None, *, has_tra
     return written(folder / "project.opf", json.dumps(head | {"items": items}, indent=1))
 
 
-@pytest.mark.parametrize("internals", [PERSPECTIVE, FISHEYE])
+@pytest.mark.parametrize("internals", [PERSPECTIVE, FISHEYE, SEQUOIA])
 @pytest.mark.parametrize(("scale", "swaps"), [(1.0, False), (1.0, True), (0.25, False)])
 def test_marks_are_where_the_project_shows_its_points(
     tmp_path: Path, internals: dict[str, Any], scale: float, swaps: bool
@@ -250,6 +256,7 @@ def test_control_and_stations_have_the_deviations_of_the_project(tmp_path: Path)
     assert project.cameras[0].sensor_mm == pytest.approx((10.0, 7.5))
     assert project.notes == (
         "The project has no tie points: only the marks of control and manual tie points.",
+        "The format gives the accuracy of a mark no unit: that of 55 marks is read as pixels.",
         "1 manual tie point for checks alone, left out.",
     )
 
@@ -296,8 +303,21 @@ def test_photos_that_are_not_calibrated_are_counted(tmp_path: Path) -> None:
         assert said in notes
 
 
+def test_a_fisheye_of_the_examples_of_the_specification_is_fitted() -> None:
+    """Sensor 18493134 of examples/input-cameras.json and calibrated-cameras.json: 1280 x 960 px of 3.75 micrometres."""
+    turn, terms = 2.0 / np.pi, SEQUOIA["polynomial"]
+    plane = {"fx": 1676.296432 * turn, "fy": 1676.296432 * turn, "cx": 634.45, "cy": 481.23}
+    powers = {"q1": terms[2] * turn, "q2": terms[3] * turn**2}
+    camera = ExchangedCamera("Sequoia", 1280, 960, "angle_polynomial", plane | powers, sensor_mm=(4.8, 3.6))
+    converted = convert_camera(camera, "C")
+    assert converted.camera.projection == "equidistant"
+    assert 0.0 < converted.worst_px < 0.06  # the term of the second power is no odd one
+    without = replace(camera, parameters=plane | {"q2": powers["q2"]})
+    assert convert_camera(without, "C").is_exact
+
+
 @pytest.mark.parametrize(
-    "internals", [FISHEYE | {"polynomial": [0.0, 1.0, 0.015, -0.16]}, {**FISHEYE, "type": "spherical"}]
+    "internals", [FISHEYE | {"polynomial": [0.1, 1.0, 0.015, -0.16]}, {**FISHEYE, "type": "spherical"}]
 )
 def test_a_camera_that_has_no_equal_is_refused_by_name(tmp_path: Path, internals: dict[str, Any]) -> None:
     found = documents()

@@ -178,6 +178,15 @@ def eucm_polynomial(p: Parameters) -> Polynomial | None:
     return None if p["alpha"] else _pinhole(p)
 
 
+def angle_polynomial_polynomial(p: Parameters) -> Polynomial | None:
+    """Return the polynomial of a fisheye with every power of the angle where the odd factors are 0."""
+    if any(p[f"q{n}"] for n in (1, 3, 5, 7)):
+        return None
+    radial = {f"k{n}": p[f"q{2 * n}"] if n < 4 else 0.0 for n in range(1, 7)}
+    none = dict.fromkeys(("p1", "p2", "s1", "s2", "s3", "s4"), 0.0)
+    return equidistant_polynomial({**{name: p[name] for name in ("fx", "fy", "cx", "cy")}, **radial, **none})
+
+
 def division_polynomial(p: Parameters) -> Polynomial | None:
     """Return the polynomial of the division model where it distorts nothing."""
     return None if p["k1"] else _pinhole(p)

@@ -110,6 +110,17 @@ def eucm_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
     return p["fx"] * x / divisor + p["cx"], p["fy"] * y / divisor + p["cy"]
 
 
+def angle_polynomial_image(p: Parameters, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return image coordinates by the equidistant projection with every power of the angle (fisheye of Pix4D)."""
+    by_angle, t = _by_angle(x, y)
+    angle = np.sqrt(t)
+    factor: Array = 0.0 * t
+    for name in ("q7", "q6", "q5", "q4", "q3", "q2", "q1"):
+        factor = angle * (p[name] + factor)
+    radial = by_angle * (1.0 + factor)
+    return p["fx"] * x * radial + p["cx"], p["fy"] * y * radial + p["cy"]
+
+
 def _radial_of_angle(p: Parameters, t: Array) -> Array:
     """Return the radial distortion factor of the square of an angle."""
     factor: Array = 0.0 * t

@@ -183,6 +183,7 @@ _CLOSED: Mapping[Lens, Callable[[Polynomial], dict[str, float]]] = {
     "division": _pinhole,
     "fov": _pinhole,
     "eucm": _pinhole,
+    "angle_polynomial": _pinhole,
     "equidistant": _equidistant,
     "fisheye624": _equidistant,
     "agisoft_fisheye": _agisoft,

@@ -130,6 +130,12 @@ LENSES: Mapping[Lens, LensFormula] = {
     "eucm": LensFormula(
         (*_PLANE, "alpha", "beta"), formulas.eucm_image, exact_forms.eucm_polynomial, suits_any_projection=True
     ),
+    "angle_polynomial": LensFormula(
+        (*_PLANE, *(f"q{n}" for n in range(1, 8))),
+        formulas.angle_polynomial_image,
+        exact_forms.angle_polynomial_polynomial,
+        projection="equidistant",
+    ),
     "agisoft_fisheye": LensFormula(
         (*_LENGTHS, "k1", "k2", "k3", "k4", "p3", "p4"),
         formulas.agisoft_fisheye_image,
