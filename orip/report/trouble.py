@@ -14,7 +14,7 @@ from orip.records.coded_names import coded
 from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
-from orip.report.table import SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names
 
 
@@ -61,6 +61,7 @@ def unit_of_residual(solution: Solution, row: int) -> str:
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
+_SUSPECTS_ON_PAPER, _WEAK_ON_PAPER = 25, 12
 UNCHECKED = 0.10
 """Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
@@ -95,7 +96,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
     return PageTable("blunders", "Blunders found and left out", columns, note)
 
 
-def suspect_table(given: ReportInput) -> PageTable | None:
+def suspect_table(given: ReportInput, anchors: Mapping[str, str] = NO_LINKS) -> PageTable | None:
     """Return the observations that fit worse than chance explains, the worst first."""
     solution = given.solution
     residuals = solution.residuals
@@ -111,8 +112,14 @@ def suspect_table(given: ReportInput) -> PageTable | None:
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
     )
+    names = [observation_of(residuals, row) for row in shown]
+    links = {
+        name: anchors[photo]
+        for name, photo in zip(names, _picked(residuals.photo, shown), strict=True)
+        if photo in anchors
+    }
     columns = (
-        PageColumn("Observation", [observation_of(residuals, row) for row in shown], words=True),
+        PageColumn("Observation", names, words=True, links=links),
         PageColumn("Component", _picked(residuals.component, shown), words=True),
         PageColumn("Probable size", [probable_size(residuals, row) for row in shown]),
         PageColumn("Unit", [unit_of_residual(solution, row) for row in shown], words=True),
@@ -123,7 +130,7 @@ def suspect_table(given: ReportInput) -> PageTable | None:
         PageColumn("Weight factor", [_weight(value) for value in residuals.weight_factor[shown]]),
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
-    return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
+    return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised, _SUSPECTS_ON_PAPER)
 
 
 def _level(test_level: float | None) -> str:
@@ -170,7 +177,8 @@ def weak_table(solution: Solution) -> PageTable | None:
         PageColumn("What is weak", [spot.what for spot in shown], words=True),
         PageColumn("What to do", [spot.remedy for spot in shown], words=True),
     )
-    return PageTable("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
+    left_out = _left_out(len(spots), len(shown)).strip()
+    return PageTable("", "Weak spots", columns, left_out, on_paper=_WEAK_ON_PAPER)
 
 
 class Spot(NamedTuple):
