@@ -11,11 +11,19 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
 from orip.records.coded_names import coded
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.observations.observation_kinds import (
+    CONSTANT_ELEMENT,
+    ELEMENT,
+    OBSERVATION_KINDS,
+    unit_of_observation,
+)
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names
+
+_GROUP_OF_ELEMENTS = {"X": "point", "Y": "point", "Z": "point", "R": "theodolite set"}
+"""What an element belongs to by its component; photos have their own column, all others are of cameras."""
 
 
 def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
@@ -24,21 +32,25 @@ def suspects(solution: Solution, test_level: float | None = None) -> dict[str, l
     for row in suspect_rows(solution, test_level).tolist():
         size, component = probable_size(solution.residuals, row), solution.residuals.component[row]
         unit = "" if size == SINGULAR else unit_of_residual(solution, row)
-        text = f"{component} {size} {unit}".rstrip()
-        found.setdefault(observation_of(solution.residuals, row), []).append(text.strip())
+        name = observation_of(solution.residuals, row)
+        text = f"{size} {unit}" if name.startswith(f"{component} of ") else f"{component} {size} {unit}"
+        found.setdefault(name, []).append(text.strip())
     return found
 
 
-def named_observation(kind: str, photo: str, point: str) -> str:
-    """Return what an observation of a kind is called."""
+def named_observation(kind: str, photo: str, point: str, component: str = "") -> str:
+    """Return what an observation of a kind is called; a given element by its component: ``Z0 of photo 101``."""
     if kind == "photo":
         return f"photo {photo} point {point}"
+    if kind in {ELEMENT.name, CONSTANT_ELEMENT.name}:
+        group = "photo" if photo else _GROUP_OF_ELEMENTS.get(component, "camera")
+        return f"{component} of {group} {photo or point}".strip()
     return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
 
 
 def observation_of(residuals: Residuals, row: int) -> str:
     """Return what an observation is called: ``photo 101 point 12``."""
-    return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row])
+    return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row], residuals.component[row])
 
 
 def probable_error(residuals: Residuals, row: int) -> float:
@@ -81,7 +93,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
         PageColumn(
             "Observation",
-            [named_observation(blunder.kind, blunder.photo, blunder.point) for blunder in found],
+            [named_observation(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in found],
             words=True,
         ),
         PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),

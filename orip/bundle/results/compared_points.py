@@ -20,6 +20,7 @@ from orip.records.results.solution import Solution
 
 ComparedKind = Literal["control", "check"]
 
+COMPARED_KINDS: tuple[ComparedKind, ...] = ("control", "check")
 AXES = ("X", "Y", "Z")
 
 
@@ -63,8 +64,10 @@ class ComparedPoints(Struct, frozen=True):
     def part(self, rows: IntArray) -> ComparedPoints:
         """Return the points in some rows."""
         names = tuple(self.names[row] for row in rows.tolist())
-        arrays = (self.rays, self.difference, self.given_sd, self.sd, self.w, self.image, self.doubted)
-        return ComparedPoints(self.kind, names, *(values[rows] for values in arrays))
+        return ComparedPoints(
+            self.kind, names, self.rays[rows], self.difference[rows], self.given_sd[rows], self.sd[rows], self.w[rows],
+            self.image[rows], self.doubted[rows],
+        )  # fmt: skip
 
     @property
     def rms(self) -> FloatArray:
@@ -87,13 +90,13 @@ def compared_points(solution: Solution, kind: ComparedKind) -> ComparedPoints:
     difference, given_sd, sd = of(residuals.residual), np.abs(of(residuals.a_priori)), solution.points.sd[at]
     if kind == "check":
         difference = _differences(solution, names, difference)
-        doubted = np.zeros(len(names), dtype=bool)
+        doubted: BoolArray = np.zeros(len(names), dtype=np.bool_)
         with np.errstate(invalid="ignore", divide="ignore"):
             w = np.abs(difference) / np.hypot(np.nan_to_num(sd, nan=0.0), given_sd)
         w[~np.isfinite(sd) & ~np.isnan(sd)] = np.nan
     else:
         w = of(residuals.w)
-        doubted = ((row >= 0) & ~(of(residuals.weight_factor) >= 1.0)).any(axis=1)
+        doubted = np.asarray(((row >= 0) & ~(of(residuals.weight_factor) >= 1.0)).any(axis=1))
     rays = np.asarray(solution.point_rays, dtype=np.int64)[at]
     return ComparedPoints(kind, names, rays, difference, given_sd, sd, w, image_residuals(solution, names), doubted)
 

@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.results.compared_points import ComparedKind, compared_points
+from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, compared_points
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
@@ -99,7 +99,7 @@ def footprints(given: ReportInput) -> FloatArray:
 
 def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, float]:
     solution = given.solution
-    errors = {kind: _differences(solution, kind) for kind in ("control", "check")}
+    errors: dict[str, dict[str, FloatArray]] = {kind: _differences(solution, kind) for kind in COMPARED_KINDS}
     enlargement = _enlargement(scene, plane, errors)
     drawn = [
         *_footprints(scene, plane),

@@ -114,8 +114,8 @@ def _sheet(given: ReportInput, camera: str, *, single: bool) -> VectorSheet | No
     vectors = _of_camera(given, camera)
     if not vectors:
         return None
-    low, high = _extent(given, camera, vectors)
-    large = _large(vectors)
+    low, high = frame_extent(given, camera, vectors)
+    large = large_residual(vectors)
     shown = outstanding(vectors) if single else []
     frame = _Frame(low, high, _PIXELS, large)
     means = cell_means(vectors, low, high)
@@ -179,7 +179,7 @@ def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
     return [found[name] for name in given.solution.photos.names if record_key(name) in mine and name in found]
 
 
-def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
+def frame_extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of what is drawn: the frame, and all that was measured."""
     low = np.array([min(photo.xy[:, axis].min() for photo in vectors) for axis in (0, 1)])
     high = np.array([max(photo.xy[:, axis].max() for photo in vectors) for axis in (0, 1)])
@@ -191,7 +191,7 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
     return low - flat, high + flat
 
 
-def _large(vectors: Sequence[PhotoVectors]) -> float:
+def large_residual(vectors: Sequence[PhotoVectors]) -> float:
     """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
     sound = [photo.sound_residual for photo in vectors]
     squares = np.concatenate([np.einsum("ij,ij->i", residual, residual) for residual in sound])

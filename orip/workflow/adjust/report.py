@@ -12,7 +12,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.errors import OripError
+from orip.errors import OripError, UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.progress import stage
 from orip.records.results.result_tests import GateResult
@@ -20,6 +20,7 @@ from orip.records.results.solution import Solution
 from orip.report.client import certificate_page, client_page
 from orip.report.page import report_page
 from orip.report.report_input import ReportInput
+from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
@@ -104,6 +105,45 @@ def report_input(state: ProjectState, solution: Solution, gates: Iterable[GateRe
         records.templates, header.report, header.crs, _measurement_files(state), header.test_level,
     )  # fmt: skip
 
+
+def write_report(given: ReportInput, path: Path, kind: ReportKind = "full") -> Path:
+    """Write a report to a file that the user names: HTML, or PDF where it ends so; an earlier one is replaced.
+
+    Raises
+    ------
+    UsageError
+        If another file has this name, or there is no such kind.
+    OripError
+        If it cannot be written, or no browser is there to print it.
+    """
+    if kind not in _PAGES:
+        message = f"there is no report {kind!r}; there are: {', '.join(_PAGES)}"
+        raise UsageError(message)
+    is_pdf = path.suffix.lower() == ".pdf"
+    if path.exists() and not _is_earlier(path, is_pdf=is_pdf):
+        message = f"{path} is there, and is no report of orip; name another file, or remove it"
+        raise UsageError(message)
+    text = _PAGES[kind](given)
+    if is_pdf:
+        with TemporaryDirectory(prefix="orip-") as folder:
+            page = Path(folder) / path.with_suffix(".html").name
+            page.write_text(text, encoding="utf-8", newline="")
+            print_pdf(page, path, str(path))
+    else:
+        with reporting_failure(str(path), "name another file"):
+            replace_bytes(path, text.encode())
+    return path
+
+
+def _is_earlier(path: Path, *, is_pdf: bool) -> bool:
+    """Tell whether a file is an earlier report: a page with the mark of its run, or a PDF made by a browser."""
+    with reporting_failure(str(path), "name another file"), path.open("rb") as file:
+        head = file.read(_HEAD)
+    return head.startswith(b"%PDF") if is_pdf else run_of_page(head.decode("utf-8", "replace")) is not None
+
+
+_HEAD = 2000
+"""Bytes at the beginning of a page that have the mark of its run."""
 
 _PAGES: Mapping[ReportKind, Callable[[ReportInput], str]] = {
     "full": report_page,
