@@ -35,6 +35,9 @@ DOWNLOAD_STEP = "orip.multimodel.loaded_table"
 DIVIDED_BLOCK = "orip.archive.cluster.divided_block"
 """`solve --dask`: `ClusterRequest`, `divided_blocks`, `columns_of_project`."""
 
+IMPORTED_PROJECTS = "orip.exchange.project.imported"
+"""`orip.import_project`: `import_folder`."""
+
 MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next` and `digitise points --online`: `tell_next`, `answered_online`."""
 

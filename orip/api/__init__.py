@@ -23,7 +23,8 @@ from orip.api.given import (
     Stations,
 )
 from orip.api.method import Block
-from orip.api.project import Project, open_project
+from orip.api.plots import Plots
+from orip.api.project import Project, import_project, open_project
 from orip.api.solution import Solution
 from orip.api.tables import ObservationResiduals
 from orip.errors import (
@@ -58,6 +59,7 @@ __all__ = [
     "OripError",
     "PhotoPoints",
     "Photos",
+    "Plots",
     "PreliminaryPoints",
     "Project",
     "ProjectWarning",
@@ -65,5 +67,6 @@ __all__ = [
     "Stations",
     "UnknownNameError",
     "UsageError",
+    "import_project",
     "open_project",
 ]

@@ -5,15 +5,18 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from msgspec import Struct
 
+from orip.api.tables import Table, estimates_table, html_table
 from orip.arrays import FloatArray, IntArray
 from orip.errors import UnknownNameError
 from orip.records.names import record_key
 from orip.records.observations.control import PointKind
+from orip.records.project.camera import CAMERA_UNITS
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
 CovarianceOf = Callable[[str], FloatArray]
@@ -21,6 +24,7 @@ CovarianceOf = Callable[[str], FloatArray]
 
 Estimate = TypeVar("Estimate")
 
+_AXES = ("X", "Y", "Z")
 _SHOWN = 5
 """Names that stand for all in what a notebook prints."""
 
@@ -77,6 +81,55 @@ class AdjustedPhoto:
         return self._covariance_of(f"photo {self.name}")
 
 
+class CameraDeviations(Struct, frozen=True):
+    """Standard deviations of a camera's parameters, as ``camera.sd.c`` or ``camera.sd["C"]``.
+
+    NaN for a constant, infinite for what nothing determines; mm, powers of 1/mm otherwise.
+
+    Parameters
+    ----------
+    parameter_names : tuple of str
+    deviations : array (k,)
+    """
+
+    parameter_names: tuple[str, ...]
+    deviations: FloatArray
+
+    def __getitem__(self, parameter: str) -> float:
+        """Return the standard deviation of a parameter.
+
+        Raises
+        ------
+        UnknownNameError
+            If the camera has no such parameter.
+        """
+        return float(self.deviations[row_of(parameter, self.parameter_names, "parameter", str.upper)])
+
+    def __getattr__(self, name: str) -> float:
+        """Return the standard deviation of a parameter by its name in small letters."""
+        return _attribute(self, name, self.parameter_names)
+
+    def __dir__(self) -> list[str]:
+        """Return the attributes, those of the parameters included."""
+        return [*object.__dir__(self), *_attributes(self.parameter_names)]
+
+    def __repr__(self) -> str:
+        pairs = zip(self.parameter_names, self.deviations.tolist(), strict=True)
+        return f"<sd: {', '.join(f'{name} {value:.2g}' for name, value in pairs if np.isfinite(value))}>"
+
+
+def _attributes(names: Sequence[str]) -> list[str]:
+    """Return the names of parameters as attributes: in small letters, a point as an underscore."""
+    return [name.lower().replace(".", "_") for name in names]
+
+
+def _attribute(values: AdjustedCamera | CameraDeviations, attribute: str, names: Sequence[str]) -> float:
+    if attribute.startswith("_") or attribute not in _attributes(names):
+        message = f"{type(values).__name__!r} has no attribute {attribute!r}"
+        raise AttributeError(message)
+    return values[names[_attributes(names).index(attribute)]]
+
+
 @dataclass(frozen=True, slots=True)
 class AdjustedCamera:
     """The interior orientation of one camera.
@@ -103,6 +156,11 @@ class AdjustedCamera:
         """Return the covariances (k, k) of the parameters, see `Solution.covariance`."""
         return self._covariance_of(f"camera {self.name}")
 
+    @property
+    def sd(self) -> CameraDeviations:
+        """Return the standard deviations by the parameters' names: ``camera.sd.c``, ``camera.sd["A3"]``."""
+        return CameraDeviations(self.parameter_names, self.deviations)
+
     def __getitem__(self, parameter: str) -> float:
         """Return the value of a parameter, such as ``camera["C"]``.
 
@@ -112,6 +170,18 @@ class AdjustedCamera:
             If the camera has no such parameter.
         """
         return float(self.parameters[row_of(parameter, self.parameter_names, "parameter", str.upper)])
+
+    def __getattr__(self, name: str) -> float:
+        """Return the value of a parameter by its name in small letters, such as ``camera.c`` or ``camera.a3``."""
+        return _attribute(self, name, self.parameter_names)
+
+    def __dir__(self) -> list[str]:
+        """Return the attributes, those of the parameters included."""
+        return [*object.__dir__(self), *_attributes(self.parameter_names)]
+
+    def _repr_html_(self) -> str:
+        columns: dict[str, Any] = {"parameter": self.parameter_names, "value": self.parameters, "sd": self.deviations}
+        return html_table(columns, f"Camera {self.name}")
 
 
 class _ByName(Mapping[str, Estimate], Generic[Estimate]):
@@ -156,6 +226,13 @@ class _ByName(Mapping[str, Estimate], Generic[Estimate]):
     def _at(self, row: int) -> Estimate:
         """Return the estimate in a row."""
 
+    @abstractmethod
+    def table(self) -> Table:
+        """Return all of them as a table, from which data frames and what a notebook shows are made."""
+
+    def _repr_html_(self) -> str:
+        return html_table(self.table().columns, counted(len(self.names), self._kind))
+
 
 class AdjustedPoints(_ByName[AdjustedPoint]):
     """The n ground points of a solution: ``points["CP3"]`` is one of them, the attributes are arrays of all.
@@ -182,6 +259,7 @@ class AdjustedPoints(_ByName[AdjustedPoint]):
         coordinates: FloatArray,
         deviations: FloatArray,
         correlations: FloatArray,
+        ground_unit: str,
     ) -> None:
         super().__init__(names)
         self.kinds = tuple(kinds)
@@ -189,11 +267,17 @@ class AdjustedPoints(_ByName[AdjustedPoint]):
         self.coordinates = coordinates
         self.deviations = deviations
         self.covariances = _covariances(deviations, correlations)
+        self._units = (ground_unit,) * 3
 
     @staticmethod
     def _key(name: str) -> str:
         """Return a name as it is compared: as it is."""
         return name
+
+    def table(self) -> Table:
+        """Return the points as a table: a row each, with names, coordinates, deviations, kind and rays."""
+        table = estimates_table(self.names, _AXES, self.coordinates, self.deviations, self._units)
+        return Table({**table.columns, "kind": list(self.kinds), "rays": self.rays.tolist()}, table.units)
 
     def _at(self, row: int) -> AdjustedPoint:
         return AdjustedPoint(
@@ -228,12 +312,20 @@ class AdjustedPhotos(_ByName[AdjustedPhoto]):
         deviations: FloatArray,
         rotations_about_axes: Sequence[bool],
         covariance_of: CovarianceOf,
+        ground_unit: str,
     ) -> None:
         super().__init__(names)
         self.orientations = orientations
         self.deviations = deviations
         self.rotations_about_axes = np.array(rotations_about_axes, dtype=np.bool_)
         self._covariance_of = covariance_of
+        self._units = (*(ground_unit,) * 3, *("degrees",) * 3)
+
+    def table(self) -> Table:
+        """Return the photos as a table: a row each, with names, orientations and deviations."""
+        table = estimates_table(self.names, PHOTO_PARAMETERS, self.orientations, self.deviations, self._units)
+        about_axes = self.rotations_about_axes.tolist()
+        return Table({**table.columns, "rotations_about_axes": about_axes}, table.units)
 
     def _at(self, row: int) -> AdjustedPhoto:
         about_axes = bool(self.rotations_about_axes[row])
@@ -255,6 +347,18 @@ class AdjustedCameras(_ByName[AdjustedCamera]):
     def __init__(self, cameras: Sequence[AdjustedCamera]) -> None:
         super().__init__([camera.name for camera in cameras])
         self._cameras = tuple(cameras)
+
+    def table(self) -> Table:
+        """Return the cameras as a table: a row for each parameter."""
+        rows = [
+            (camera.name, parameter, value, deviation, CAMERA_UNITS.get(parameter, ""))
+            for camera in self._cameras
+            for parameter, value, deviation in zip(
+                camera.parameter_names, camera.parameters.tolist(), camera.deviations.tolist(), strict=True
+            )
+        ]
+        headings = ("camera", "parameter", "value", "deviation", "unit")
+        return Table({heading: [row[place] for row in rows] for place, heading in enumerate(headings)})
 
     def _at(self, row: int) -> AdjustedCamera:
         return self._cameras[row]

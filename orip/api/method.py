@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Literal, get_args
 
 from orip.api.gathering import Given, block_input
@@ -22,7 +23,9 @@ from orip.api.solution import Solution
 from orip.bundle.methods import Method
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.errors import UsageError
+from orip.records.results import solution as records
 from orip.records.results.solution import IterationPass
+from orip.report.report_input import ReportInput
 from orip.solving.solve import NOBODY, solve
 from orip.solving.starting_values import gather_bundle
 from orip.structs import replace
@@ -153,7 +156,8 @@ class Block:
             crs,
             settings,
         )
-        self._gathered = gather_bundle(block_input(given))
+        self._input = block_input(given)
+        self._gathered = gather_bundle(self._input)
         self.warnings = self._gathered.warnings
         """What is doubtful in what was given; `Solution.warnings` has it too."""
 
@@ -203,4 +207,13 @@ class Block:
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune, variance_components)
         with limited_threads(None):
-            return Solution(*solve(self._gathered, method, watcher))
+            record, solved = solve(self._gathered, method, watcher)
+        return Solution(record, solved, given=partial(self._reported, record))
+
+    def _reported(self, record: records.Solution) -> ReportInput:
+        """Return what a report of a solution of this block is made from."""
+        given = self._input
+        return ReportInput(
+            record, (), given.definition, given.records.cameras, given.records.photos, given.records.templates,
+            crs=given.crs,
+        )  # fmt: skip

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from orip.annexes import IMPORTED_PROJECTS, annex
 from orip.api.given import ControlPoints, PhotoPoints
 from orip.api.method import Sigma0, method_of
 from orip.api.solution import Solution
@@ -16,11 +17,14 @@ from orip.errors import ProjectWarning
 from orip.records.names import record_key
 from orip.records.project.camera import Camera
 from orip.records.project.photo import Photo
+from orip.records.results import solution as records
 from orip.records.results.solution import IterationPass
+from orip.report.report_input import ReportInput
 from orip.solving.solve import NOBODY
 from orip.solving.starting_values import gather_bundle
 from orip.structs import replace
 from orip.threads import limited_threads
+from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.adjust.solve import ADJUSTED_FROM, SolveOutcome, solve_with_equations
 from orip.workflow.observations.measure import MEASURED_FROM, measure
@@ -59,6 +63,53 @@ def open_project(folder: str | PathLike[str]) -> Project:
     state = read_checked_project(Path(folder), *_READ)
     raise_complaints(state.texts.faults().complaints)
     return Project(state)
+
+
+def import_project(
+    source: str | PathLike[str],
+    folder: str | PathLike[str] | None = None,
+    *,
+    format: str | None = None,  # noqa: A002 as the command calls it
+    frame: tuple[int, int] | None = None,
+    precision: float | None = None,
+    hold_cameras: bool = False,
+    exact_distortion: bool = False,
+) -> Project:
+    """Make a project folder of a project of another program, as `orip import` does, and open it.
+
+    Parameters
+    ----------
+    source : str or path
+        File or folder of COLMAP, OpenSfM, Metashape, MicMac and others: `orip import --list` shows them.
+    folder : str or path, optional
+        The new project's folder, new or empty; beside the current one, with the name of the source, if not given.
+    format : str, optional
+        Its name in that list; it is guessed if not given.
+    frame : tuple of 2 int, optional
+        Columns and rows of images, where no file says it.
+    precision : float, optional
+        A-priori error of the measurements, pixels; as the format says if not given.
+    hold_cameras : bool
+        Do not adjust cameras.
+    exact_distortion : bool
+        Accept any camera: measurements are corrected by its misfit.
+
+    Returns
+    -------
+    Project
+
+    Raises
+    ------
+    UsageError
+        If the format is not known or cannot be guessed, or the folder has something in it.
+    InputError
+        With everything that is wrong in the files, or if poses, points and measurements do not fit one another.
+    """
+    target = annex(IMPORTED_PROJECTS).import_folder(
+        Path(source), None if folder is None else Path(folder), format, frame, precision,
+        holds_cameras=hold_cameras, corrects_distortion=exact_distortion,
+    )  # fmt: skip
+    return open_project(target)
 
 
 class Project:
@@ -180,8 +231,10 @@ class Project:
         watcher = NOBODY if on_iteration is None else replace(NOBODY, passed=on_iteration)
         method = method_of(snoop, sigma0, alpha, prune, variance_components)
         with limited_threads(None):
-            change, solved = solve_with_equations(self._bundle(bundle), watcher, method)
-        return Solution(change.outcome.solution, solved, partial(self._save, change))
+            given = self._bundle(bundle)
+            change, solved = solve_with_equations(given, watcher, method)
+        record = change.outcome.solution
+        return Solution(record, solved, partial(self._save, change), partial(_reported, given.state, record))
 
     def solution(self, bundle: str | None = None) -> Solution:
         """Return the last solution of a bundle that was saved, by a command or by `Solution.save`.
@@ -198,9 +251,12 @@ class Project:
         UsageError
             If there is no such bundle.
         """
+        from orip.workflow.adjust.report import REPORTED_FROM
+
         name = self._stored.project.bundle_name(bundle)
-        stored = self._stored.read_again("solutions", bundles=[name])
-        return Solution(BundleState(stored, name).adjusted, None, lambda: None)
+        stored = self._stored.read_again("solutions", *REPORTED_FROM, bundles=[name])
+        record = BundleState(stored, name).adjusted
+        return Solution(record, None, lambda: None, partial(_reported, stored, record))
 
     def _bundle(self, bundle: str | None) -> BundleState:
         return BundleState(self._state, self._state.project.bundle_name(bundle))
@@ -211,6 +267,13 @@ class Project:
             commit(measure(self._stored.read_again(*MEASURED_FROM)))
         commit(change)
         self._state = self._stored = self._stored.read_again()
+
+
+def _reported(state: ProjectState, record: records.Solution) -> ReportInput:
+    """Return what a report of a solution is made from, with the gates of orip.toml."""
+    from orip.workflow.adjust.report import report_input
+
+    return report_input(state, record, check_solution(record, project_gates(state.project)))
 
 
 def _up_to_date(state: ProjectState) -> ProjectState:

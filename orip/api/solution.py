@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property, partial
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from orip.api.estimates import AdjustedCamera, AdjustedCameras, AdjustedPhotos, AdjustedPoints
-from orip.api.tables import ObservationResiduals, TableName, data_frame, residuals_of
+from orip.api.plots import Plots
+from orip.api.tables import HasTable, ObservationResiduals, TableName, data_frame, residuals_of, solution_html
 from orip.arrays import FloatArray
 from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results.figures import figure
@@ -18,11 +21,15 @@ from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
 from orip.records.observations.control import PointKind
 from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.project.definition import BundleDefinition
 from orip.records.results import solution as records
 from orip.records.results.result_tests import GATE_FIGURES, Status
+from orip.report.report_input import ReportInput
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from orip.workflow.adjust.report import ReportKind
 
 Names = str | Sequence[str]
 
@@ -76,10 +83,12 @@ class Solution:
         record: records.Solution,
         solved: SolvedBlock | None = None,
         write: Callable[[], None] | None = None,
+        given: Callable[[], ReportInput] | None = None,
     ) -> None:
         self._record = record
         self._solved = solved
         self._write = write
+        self._given = given
         self.bundle = record.bundle
         self.ground_unit = record.ground_unit
         self.run = record.run
@@ -104,6 +113,14 @@ class Solution:
         counts = f"{len(self.photos)} photos, {len(self.points)} points"
         return f"<Solution of bundle {self.bundle}: {self.status}, sigma0 {self.sigma0:.4f}, {counts}>"
 
+    def _repr_html_(self) -> str:
+        return solution_html(self._record)
+
+    @cached_property
+    def plot(self) -> Plots:
+        """Return the figures of the report, as figures of plotly: ``solution.plot.residuals()``."""
+        return Plots(self._report_input)
+
     @cached_property
     def points(self) -> AdjustedPoints:
         """Return the ground points."""
@@ -115,6 +132,7 @@ class Solution:
             found.points.values,
             found.points.sd,
             found.point_correlations,
+            found.ground_unit,
         )
 
     @cached_property
@@ -122,7 +140,8 @@ class Solution:
         """Return the photos."""
         found = self._record.photos
         about_axes = self._record.photo_rotation_sd_about_axes
-        return AdjustedPhotos(found.names, found.values, found.sd, about_axes, self.covariance)
+        unit = self.ground_unit
+        return AdjustedPhotos(found.names, found.values, found.sd, about_axes, self.covariance, unit)
 
     @cached_property
     def cameras(self) -> AdjustedCameras:
@@ -186,10 +205,12 @@ class Solution:
 
         Parameters
         ----------
-        table : {"points", "photos", "cameras", "residuals"}
+        table : {"points", "photos", "cameras", "residuals", "control", "check", "groups", "blunders", "iterations"}
             Points and photos have a row for each, values and standard deviations (with an s before the name) as
             columns, and the units of these in `attrs["units"]`. Cameras have a row for each parameter; residuals a row
-            for each component, as `ObservationResiduals`.
+            for each component, as `ObservationResiduals`. Control and check points have the differences dX, dY, dZ,
+            adjusted minus given, the standard deviations of adjusted (sX) and given coordinates (given_sX), w (wX), and
+            `image`, the root mean square of the residuals of their rays (mm). The others are as their attributes.
 
         Raises
         ------
@@ -198,7 +219,41 @@ class Solution:
         UnknownNameError
             If there is no such table.
         """
-        return data_frame(table, self._record, self.cameras, self.residuals)
+        tables: dict[str, HasTable] = {
+            "points": self.points,
+            "photos": self.photos,
+            "cameras": self.cameras,
+            "residuals": self.residuals,
+        }
+        return data_frame(table, self._record, tables)
+
+    def report(self, path: str | PathLike[str], kind: ReportKind = "full") -> Path:
+        """Write a report as `orip report` does: one HTML page, or a PDF if the name ends in ``.pdf``.
+
+        Parameters
+        ----------
+        path : str or path
+            An earlier report of this name is replaced, no other file.
+        kind : {"full", "client", "certificate"}
+            The report for who checks the work, that for the client, or the certificate of the calibrated cameras.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        InputError
+            If no camera was calibrated, for a certificate.
+        UsageError
+            If another file has this name, or there is no such kind.
+        OripError
+            If the file cannot be written, or no browser is there to print it.
+        """
+        from orip.workflow.adjust.report import write_report
+
+        return write_report(self._report_input(), Path(path), kind)
 
     def to_json(self) -> str:
         """Return the solution as the text of result.json."""
@@ -234,6 +289,10 @@ class Solution:
             np.append(found.sd[row], [parameter.sd for parameter in own]),
             self.covariance,
         )
+
+    def _report_input(self) -> ReportInput:
+        given = self._given
+        return ReportInput(self._record, (), BundleDefinition(self.bundle), {}, {}) if given is None else given()
 
     def _figures(self, names: Names) -> list[Figures]:
         records = names if isinstance(names, Iterable) and not isinstance(names, str) else [names]

@@ -2,31 +2,69 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal, get_args
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import asdict
 from numpy.typing import NDArray
 
-from orip.api.estimates import AdjustedCameras
 from orip.arrays import FloatArray
+from orip.bundle.results.compared_points import AXES, COMPARED_KINDS, ComparedPoints, compared_points
+from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import OripError, UnknownNameError
+from orip.number_text import HUGE, MISSING
 from orip.records.observations.observation_kinds import unit_of_observation
-from orip.records.project.camera import CAMERA_UNITS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Residuals, Solution
+from orip.records.results.result_tests import GroupTest
+from orip.records.results.solution import Blunder, IterationPass, Residuals, Solution
 from orip.wording import counted
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TableName = Literal["cameras", "photos", "points", "residuals"]
-_AXES = ("X", "Y", "Z")
+TableName = Literal["cameras", "photos", "points", "residuals", "control", "check", "groups", "blunders", "iterations"]
 
 Words = NDArray[np.object_]
 """Texts (n,)."""
+
+
+class Table(Struct, frozen=True):
+    """A table: columns of equal length by their headings, and the units of those that have one."""
+
+    columns: Mapping[str, Sequence[Any] | NDArray[Any]]
+    units: Mapping[str, str] = {}
+
+
+def html_table(columns: Mapping[str, Sequence[Any] | NDArray[Any]], caption: str, most: int = 20) -> str:
+    """Return a table for a notebook: the first rows, and how many were left out."""
+    number = len(next(iter(columns.values()), ()))
+    head = "".join(f"<th>{escape(heading)}</th>" for heading in columns)
+    rows = zip(*(values[:most] for values in columns.values()), strict=True)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(_shown(value))}</td>' for value in row)}</tr>" for row in rows)
+    more = f"<p>{number - most} more rows; <code>to_dataframe</code> has all</p>" if number > most else ""
+    return (
+        f"<table><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+    )
+
+
+def _shown(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    if math.isnan(value):
+        return MISSING
+    return f"{value:.4f}" if 1e-3 <= abs(value) < HUGE or value == 0.0 else f"{value:.4g}"
+
+
+def estimates_table(
+    names: Sequence[str], parameters: Sequence[str], values: FloatArray, sd: FloatArray, units: Sequence[str]
+) -> Table:
+    """Return name, values, and deviations with an s before the name of each."""
+    found = {name: values[:, place] for place, name in enumerate(parameters)}
+    found |= {f"s{name}": sd[:, place] for place, name in enumerate(parameters)}
+    return Table({"name": list(names), **found}, dict(zip(found, (*units, *units), strict=True)))
 
 
 class ObservationResiduals(Struct, frozen=True):
@@ -75,9 +113,23 @@ class ObservationResiduals(Struct, frozen=True):
     def __len__(self) -> int:
         return len(self.kind)
 
+    def table(self) -> Table:
+        """Return the residuals as a table: a row for each component."""
+        return Table(asdict(self))
+
+    def _repr_html_(self) -> str:
+        return html_table(self.table().columns, counted(len(self), "observation component"))
+
     def __repr__(self) -> str:
         columns = ", ".join(self.__struct_fields__)
         return f"<{counted(len(self), 'observation component')}: {columns}>"
+
+
+class HasTable(Protocol):
+    """What can be shown as a table."""
+
+    def table(self) -> Table:
+        """Return it."""
 
 
 def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
@@ -93,52 +145,61 @@ def residuals_of(found: Residuals, ground_unit: str) -> ObservationResiduals:
     return ObservationResiduals(unit=_words(units), **{**columns, **words})
 
 
-def data_frame(
-    what: TableName, solution: Solution, cameras: AdjustedCameras, residuals: ObservationResiduals
-) -> pd.DataFrame:
+def data_frame(what: TableName, solution: Solution, tables: Mapping[str, HasTable]) -> pd.DataFrame:
     """Return a table of a solution, see `orip.Solution.to_dataframe`."""
     pandas = _pandas()
     if what not in get_args(TableName):
         raise UnknownNameError(what, "table", get_args(TableName))
-    if what == "residuals":
-        return pandas.DataFrame(asdict(residuals))
-    if what == "cameras":
-        return pandas.DataFrame(_camera_columns(cameras))
-    columns, units = _estimate_columns(what, solution)
-    frame = pandas.DataFrame(columns).set_index("name")
-    frame.attrs["units"] = units
+    table = tables[what].table() if what in tables else _further_table(what, solution)
+    frame = pandas.DataFrame(dict(table.columns))
+    if table.units:
+        frame = frame.set_index("name")
+        frame.attrs["units"] = dict(table.units)
     return frame
 
 
-def _estimate_columns(
-    what: Literal["photos", "points"], solution: Solution
-) -> tuple[dict[str, Any], Mapping[str, str]]:
-    """Return name, values, deviations (an s before the name of each), and what else is known; and the units."""
-    ground = solution.ground_unit
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    if what == "points":
-        estimates, names, units = solution.points, _AXES, (ground,) * 3
-        further: dict[str, Any] = {"kind": list(solution.point_kinds), "rays": solution.point_rays.tolist()}
-    else:
-        estimates, names, units = solution.photos, PHOTO_PARAMETERS, (*(ground,) * 3, *("degrees",) * 3)
-        further = {"rotations_about_axes": list(solution.photo_rotation_sd_about_axes)}
-    values = {name: estimates.values[:, place] for place, name in enumerate(names)}
-    deviations = {f"s{name}": estimates.sd[:, place] for place, name in enumerate(names)}
-    columns = {"name": list(estimates.names), **values, **deviations, **further}
-    return columns, dict(zip((*values, *deviations), (*units, *units), strict=True))
+def _further_table(what: TableName, solution: Solution) -> Table:
+    """Return a table that has no object of its own."""
+    if what == "control" or what == "check":
+        return _compared_table(compared_points(solution, what), solution.ground_unit)
+    rows: Sequence[Struct] = {
+        "groups": solution.groups, "blunders": solution.blunders, "iterations": solution.iterations
+    }[what]  # fmt: skip
+    fields = {"groups": GroupTest, "blunders": Blunder, "iterations": IterationPass}[what].__struct_fields__
+    return Table({name: [getattr(row, name) for row in rows] for name in fields})
 
 
-def _camera_columns(cameras: AdjustedCameras) -> dict[str, Any]:
-    rows = [
-        (camera.name, parameter, value, deviation, CAMERA_UNITS.get(parameter, ""))
-        for camera in cameras.values()
-        for parameter, value, deviation in zip(
-            camera.parameter_names, camera.parameters.tolist(), camera.deviations.tolist(), strict=True
-        )
+def _compared_table(points: ComparedPoints, unit: str) -> Table:
+    columns: dict[str, Any] = {"name": list(points.names), "rays": points.rays}
+    units: dict[str, str] = {}
+    for heading, values, own in (
+        ("d{}", points.difference, unit), ("s{}", points.sd, unit), ("given_s{}", points.given_sd, unit),
+        ("w{}", points.w, ""),
+    ):  # fmt: skip
+        columns |= {heading.format(axis): values[:, place] for place, axis in enumerate(AXES)}
+        units |= {heading.format(axis): own for axis in AXES if own}
+    return Table({**columns, "image": points.image, "doubted": points.doubted}, {**units, "image": "mm"})
+
+
+def solution_html(solution: Solution) -> str:
+    """Return what a notebook shows of a solution: the verdict, key figures, control and check points."""
+    figures = {
+        "status": solution.status.replace("_", " "), "sigma0": f"{solution.sigma0:.4f}",
+        "redundancy": solution.redundancy, "observations": solution.observations, "unknowns": solution.unknowns,
+        "photos": len(solution.photos.names), "points": len(solution.points.names), "run": solution.run or MISSING,
+    }  # fmt: skip
+    _level, sentence = headline(solution, 0, sigma0_test(solution))
+    parts = [
+        f"<p><b>{escape(sentence)}</b></p>",
+        html_table({"": list(figures), " ": [str(value) for value in figures.values()]}, f"Bundle {solution.bundle}"),
     ]
-    headings = ("camera", "parameter", "value", "deviation", "unit")
-    return {heading: [row[place] for row in rows] for place, heading in enumerate(headings)}
+    for kind in COMPARED_KINDS:
+        points = compared_points(solution, kind)
+        if len(points):
+            columns = {**_compared_table(points, solution.ground_unit).columns}
+            shown = {name: values for name, values in columns.items() if not name.startswith("given")}
+            parts.append(html_table(shown, f"{kind.capitalize()} points ({solution.ground_unit}; image in mm)"))
+    return "".join(parts)
 
 
 def _words(values: Any) -> Words:

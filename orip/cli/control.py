@@ -102,7 +102,7 @@ def _register_list(group: typer.Typer, kind: ControlKind) -> None:
             Column(heading, [row[index] for row in cells], align="left" if index < table.form.identity else "point")
             for index, heading in enumerate(headings)
         ]
-        invocation.terminal.data("\n".join(table_lines(columns)))
+        invocation.terminal.tables("\n".join(table_lines(columns)))
 
 
 def _register_adding(group: typer.Typer, kind: ControlKind) -> None:

@@ -106,6 +106,13 @@ class Terminal(Struct, frozen=True):
             text = visible(text, kept="\n\t")
         self._write(text)
 
+    def tables(self, text: str) -> None:
+        """Print tables on stdout; on a terminal those columns that it has room for, and what was left out."""
+        from orip.files.text.table import fitted_tables
+
+        columns = _columns_of(sys.stdout)
+        self.data(text if columns is None else fitted_tables(text, columns))
+
     def _write(self, text: str) -> None:
         """Print a text on stdout as it is."""
         with _reader_may_leave(sys.stdout), output_taken():

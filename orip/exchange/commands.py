@@ -133,9 +133,10 @@ def settings_of(options: SourceOptions, folder: Path) -> ExchangeSettings:
     """
     from orip.exchange.metashape.references import require_letters
     from orip.exchange.project.block import ExchangeSettings
+    from orip.exchange.project.imported import LARGEST_PRECISION, LEAST_PRECISION
 
-    if options.precision is not None and not 1e-4 <= options.precision <= 1e5:
-        message = f"--precision {options.precision}: write pixels, 0.0001 to 100000"
+    if options.precision is not None and not LEAST_PRECISION <= options.precision <= LARGEST_PRECISION:
+        message = f"--precision {options.precision}: write pixels, {LEAST_PRECISION:g} to {LARGEST_PRECISION:.0f}"
         raise UsageError(message)
     letters = options.reference_columns or ""
     fault = require_letters(letters) if letters else None

@@ -138,7 +138,7 @@ def significance(kind: str, value: float, sd: float, limit: float) -> str:
 
 def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adjusted: FloatArray) -> Markup:
     """Return the radial distortion in µm over the radius, before and after."""
-    reach = _reach(given, name, before)
+    reach = frame_reach(given, name) or measured_reach(given, name)
     curves = []
     if before is not None:
         curves.append(("before", "limit", before.parameters[RADIAL_PLACES]))
@@ -157,9 +157,10 @@ def _distortion_chart(given: ReportInput, name: str, before: Camera | None, adju
     return line_chart(label, ChartFrame("radius (mm)", "distortion (µm)", 460.0, 250.0), lines)
 
 
-def _reach(given: ReportInput, name: str, camera: Camera | None) -> float:
-    """Return the largest distance (mm) of the camera's frame from its principal point."""
+def frame_reach(given: ReportInput, name: str) -> float:
+    """Return the largest distance (mm) of a camera's frame from its principal point; 0 if it has no frame."""
+    camera = given.cameras.get(record_key(name))
     corners = frame_corners(camera) if camera is not None else None
     if corners is None or camera is None:
-        return measured_reach(given, name)
+        return 0.0
     return float(np.hypot(*np.maximum(*(np.abs(corner - camera.parameters[1:3]) for corner in corners))))

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.groups.words import group_name, unit_of_group
-from orip.bundle.results.figures import figure
+from orip.bundle.results.compared_points import AXES, ComparedKind, ComparedPoints, compared_points, image_residuals
+from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
-from orip.records.names import places_of_names
-from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONTROL_POINT, DISTANCE
+from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, DISTANCE
 from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.records.results.result_tests import GroupTest
 from orip.records.results.solution import Residuals, Solution
+from orip.report.report_input import ReportInput
 from orip.report.table import (
     MISSING,
     PageColumn,
@@ -23,63 +24,83 @@ from orip.report.table import (
     decimals_of_most,
     deviation,
     fixed,
+    length_unit,
     probability,
     significant,
 )
 
-_AXES = ("X", "Y", "Z")
 _DISTANCE_KINDS = (DISTANCE.name, CONSTANT_DISTANCE.name)
 
 
-def control_differences(solution: Solution) -> dict[str, FloatArray]:
-    """Return adjusted minus given coordinates (3,) of the control points, by name; NaN where one is not given."""
-    residuals = solution.residuals
-    return {
-        name: np.array([residuals.residual[rows[axis]] if axis in rows else np.nan for axis in _AXES])
-        for name, rows in _rows_of_points(solution).items()
-    }
+_CAPTIONS = {"control": "Control points", "check": "Check points"}
+_MEANING = (
+    "d: adjusted minus given; sd: standard deviation of the adjusted coordinate; given sd: a-priori error of the given "
+    "one"
+)
 
 
-def check_differences(solution: Solution) -> dict[str, FloatArray]:
-    """Return adjusted minus given coordinates (3,) of the check points, by name."""
-    return {point.name: np.array([point.dX, point.dY, point.dZ]) for point in solution.check_points}
+def compared_table(given: ReportInput, kind: ComparedKind, rows: IntArray | None = None) -> PageTable | None:
+    """Return the control points, or the check points, all with the same columns; None where there are none.
 
-
-def control_table(solution: Solution) -> PageTable | None:
-    """Return the control points; None where there are none."""
-    points = _rows_of_points(solution)
-    if not points:
+    `rows` are those to be shown, all if not given; the root mean squares in the foot are those of all.
+    """
+    whole = compared_points(given.solution, kind)
+    if not len(whole):
         return None
-    residuals, unit = solution.residuals, solution.ground_unit
-    place = places_of_names(solution.points.names)
-    errors = [residuals.a_priori[row] for rows in points.values() for row in rows.values()]
-    decimals = decimals_of_most(np.abs(errors), 5)
+    points = whole if rows is None else whole.part(rows)
+    unit = length_unit([points.difference, points.sd], given.solution.ground_unit)
+    precise = decimals_of_most(np.array([points.sd, points.given_sd]) * unit.factor)
+    if unit.name != given.solution.ground_unit:
+        precise = max(precise, 1)  # a difference of a few millimetres has two figures too
+
+    def of(values: FloatArray, text: Callable[[float, int], str] = fixed) -> list[str]:
+        return [text(value, precise) for value in (values * unit.factor).tolist()]
+
+    rms = of(whole.rms)
     columns = [
-        PageColumn("Point", list(points), words=True),
-        PageColumn("Rays", [str(solution.point_rays[place[name]]) if name in place else "–" for name in points]),
+        PageColumn("Point", points.names, key="name" if kind == "check" else "", words=True, foot="RMS"),
+        PageColumn("Rays", [str(rays) for rays in points.rays]),
     ]
-    for axis in _AXES:
-        cells = [_of(residuals.residual, rows, axis, decimals) for rows in points.values()]
-        columns.append(PageColumn(f"d{axis}", cells, unit))
-    for axis in _AXES:
-        cells = [_of(residuals.a_priori, rows, axis, decimals) for rows in points.values()]
-        columns.append(PageColumn(f"given sd {axis}", cells, unit))
-    for number, axis in enumerate(_AXES):
-        sd = [solution.points.sd[place[name], number] if name in place else np.nan for name in points]
-        columns.append(PageColumn(f"sd {axis}", [deviation(value, decimals) for value in sd], unit))
-    columns += [PageColumn(f"w{axis}", [_of(residuals.w, rows, axis, 2) for rows in points.values()]) for axis in _AXES]
-    factors = residuals.weight_factor
-    doubtful = frozenset(
-        number
-        for number, rows in enumerate(points.values())
-        if not all(factors[row] >= 1.0 for row in rows.values())
-    )  # fmt: skip
-    marked = " Marked are points that lost weight or were left out." if doubtful else ""
-    plan, height = (significant(figure(solution, f"control.rms_{part}")) for part in ("xy", "z"))
-    note = (
-        f"d: adjusted minus given; w: normalised residual. RMS {plan} {unit} in X and Y, {height} {unit} in Z.{marked}"
-    )
-    return PageTable("", "Control points", columns, note.strip(), doubtful)
+    for axis, name in enumerate(AXES):
+        columns.append(PageColumn(f"d{name}", of(points.difference[:, axis]), unit.name, foot=rms[axis]))
+    for axis, name in enumerate(AXES):
+        columns.append(PageColumn(f"sd {name}", of(points.sd[:, axis], deviation), unit.name))
+    columns.append(PageColumn("Given sd", [_alike(of(row)) for row in points.given_sd], unit.name))
+    for axis, name in enumerate(AXES):
+        foot = fixed(root_mean_square(whole.w[:, axis]), 2)
+        columns.append(PageColumn(f"w{name}", [fixed(value, 2) for value in points.w[:, axis].tolist()], foot=foot))
+    columns.append(_image_column(given, points))
+    records = "check_points" if kind == "check" else ""
+    note = _note(points)
+    if len(points) < len(whole):
+        note += f" The {len(points)} of {len(whole)} with the largest w are shown; RMS is that of all."
+    return PageTable(records, _CAPTIONS[kind], columns, note, frozenset(np.flatnonzero(points.doubted)))
+
+
+def _alike(errors: Sequence[str]) -> str:
+    """Return the given errors in X, Y, Z as one, two (plan and height) or three figures."""
+    x, y, z = errors
+    if x == y:
+        return x if y == z else f"{x} / {z}"
+    return " / ".join(errors)
+
+
+def _image_column(given: ReportInput, points: ComparedPoints) -> PageColumn:
+    """Return the residuals of the points in the photos, in pixels where all photos were measured in them."""
+    pixel = given.pixel_of_rows
+    in_pixels = image_residuals(given.solution, points.names, pixel)
+    whole = bool(np.array_equal(np.isnan(in_pixels), np.isnan(points.image))) and np.isfinite(in_pixels).any()
+    sizes, unit, decimals = (in_pixels, "px", 2) if whole else (1e3 * points.image, "µm", 1)
+    cells = [fixed(value, decimals) for value in sizes.tolist()]
+    return PageColumn("In the photos", cells, unit, foot=fixed(root_mean_square(sizes), decimals))
+
+
+def _note(points: ComparedPoints) -> str:
+    image = "In the photos: RMS of the residuals x and y of its rays."
+    if points.kind == "check":
+        return f"{_MEANING}, which had no influence; w: the size of d over its standard deviation, from both. {image}"
+    marked = " Marked are points that lost weight or were left out." if points.doubted.any() else ""
+    return f"{_MEANING}; w: normalised residual. {image}{marked}"
 
 
 def distance_table(solution: Solution) -> PageTable | None:
@@ -100,24 +121,6 @@ def distance_table(solution: Solution) -> PageTable | None:
     )
     doubtful = frozenset(number for number, row in enumerate(rows) if not residuals.weight_factor[row] >= 1.0)
     return PageTable("", "Distances", columns, "v: adjusted minus measured; w: normalised residual.", doubtful)
-
-
-def _rows_of_points(solution: Solution) -> dict[str, dict[str, int]]:
-    """Return the rows of the observed coordinates of control points, by point and axis."""
-    residuals = solution.residuals
-    is_control = coded(solution.point_kinds).where("control".__eq__)
-    control = {solution.points.names[row] for row in np.flatnonzero(is_control).tolist()}
-    found: dict[str, dict[str, int]] = {}
-    used = coded(residuals.kind).where(CONTROL_POINT.name.__eq__) & ~np.isnan(residuals.weight_factor)
-    for row in np.flatnonzero(used).tolist():
-        name = residuals.point[row]
-        if name in control:
-            found.setdefault(name, {})[residuals.component[row]] = row
-    return found
-
-
-def _of(values: FloatArray, rows: Mapping[str, int], axis: str, decimals: int) -> str:
-    return fixed(values[rows[axis]], decimals) if axis in rows else ""
 
 
 def _ends(residuals: Residuals, row: int) -> str:

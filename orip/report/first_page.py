@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,15 +13,19 @@ from orip.bundle.results.figures import figure
 from orip.bundle.results.misfits import number_by_chance
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
 from orip.records.coded_names import coded
-from orip.records.names import places_of_names
+from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, CONSTANT_ELEMENT, DISTANCE, ELEMENT
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.result_tests import GATE_FIGURES
 from orip.records.results.solution import Solution
-from orip.records.results.stations import POSITION_KINDS
+from orip.records.results.stations import ATTITUDE_KINDS, POSITION_KINDS
 from orip.report.photos import rms_of_photos
 from orip.report.report_input import ReportInput, photo_scale
-from orip.report.table import PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.report.table import PageColumn, PageTable, counted, fixed, length_unit, significant
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import agreeing
+
+_ELEMENTS = (ELEMENT.name, CONSTANT_ELEMENT.name)
+_DISTANCES = (DISTANCE.name, CONSTANT_DISTANCE.name)
 
 
 class Verdict(Struct, frozen=True):
@@ -66,27 +71,6 @@ def gate_table(given: ReportInput) -> PageTable | None:
     )
     failed = frozenset(row for row, result in enumerate(gates) if not result.passed)
     return PageTable("", "Gates", columns, emphasised=failed)
-
-
-def check_point_table(solution: Solution) -> PageTable | None:
-    """Return the check points: adjusted minus given, with the standard deviation of the adjusted coordinate."""
-    points = solution.check_points
-    if not points:
-        return None
-    place = places_of_names(solution.points.names)
-    unknown = np.full(3, np.nan)
-    sd = np.array([solution.points.sd[place[point.name]] if point.name in place else unknown for point in points])
-    decimals = decimals_of_most(sd)
-    differences = np.array([(point.dX, point.dY, point.dZ) for point in points])
-    columns = [PageColumn("Point", [point.name for point in points], key="name", words=True)]
-    for axis, name in enumerate("XYZ"):
-        cells = [fixed(value, decimals) for value in differences[:, axis]]
-        columns.append(PageColumn(f"d{name}", cells, solution.ground_unit, f"d{name}"))
-        columns.append(
-            PageColumn(f"sd {name}", [fixed(value, decimals) for value in sd[:, axis]], solution.ground_unit)
-        )
-    note = "Adjusted minus given. The given coordinates had no influence; their own errors are in the differences."
-    return PageTable("check_points", "Check points", columns, note)
 
 
 def _about_status(solution: Solution) -> str:
@@ -135,10 +119,10 @@ def _about_sigma0(solution: Solution, test: GlobalTest | Untested) -> str:
 def check_point_finding(solution: Solution) -> str:
     """Return how far check points are off."""
     plan, height = (figure(solution, f"check_points.rms_{part}") for part in ("xy", "z"))
-    unit = solution.ground_unit
+    unit = length_unit([plan, height], solution.ground_unit)
     return (
-        f"{counted(len(solution.check_points), 'check point')} with an RMS of {significant(plan)} {unit} in X and Y "
-        f"and {significant(height)} {unit} in Z"
+        f"{counted(len(solution.check_points), 'check point')} with an RMS of {unit.of(plan)} in X and Y "
+        f"and {unit.of(height)} in Z"
     )
 
 
@@ -201,12 +185,12 @@ def key_numbers(given: ReportInput) -> tuple[Fact, ...]:
         Fact("Exposure stations", str(len(stations)) if stations else ""),
         *_scale(given),
         Fact("Photo residuals of full weight, RMS", rms_of_photos(given)),
-        Fact("Control, RMS in plan", _length(solution, "control.rms_xy", unit)),
-        Fact("Control, RMS in height", _length(solution, "control.rms_z", unit)),
-        Fact("Check, RMS in plan", _length(solution, "check_points.rms_xy", unit)),
-        Fact("Check, RMS in height", _length(solution, "check_points.rms_z", unit)),
-        Fact("Points, median sd in plan", _median(solution.points.sd[:, :2], unit)),
-        Fact("Points, median sd in height", _median(solution.points.sd[:, 2], unit)),
+        Fact("Control, RMS in plan", _length(figure(solution, "control.rms_xy"), unit)),
+        Fact("Control, RMS in height", _length(figure(solution, "control.rms_z"), unit)),
+        Fact("Check, RMS in plan", _length(figure(solution, "check_points.rms_xy"), unit)),
+        Fact("Check, RMS in height", _length(figure(solution, "check_points.rms_z"), unit)),
+        Fact("Points, median sd in plan", _length(_middle(solution.points.sd[:, :2]), unit)),
+        Fact("Points, median sd in height", _length(_middle(solution.points.sd[:, 2]), unit)),
     ]
     return tuple(fact for fact in found if fact.text)
 
@@ -219,15 +203,28 @@ def _datum(given: ReportInput) -> str:
     solution, datum_points = given.solution, given.bundle.datum_points
     if given.bundle.datum == "free":
         return f"free network, {counted(len(datum_points), 'datum point') if datum_points else 'on all points'}"
-    fixed_by = [
-        counted(count, noun)
-        for count, noun in (
-            (_control_points(solution), "control point"),
-            (len(solution.exposures), "exposure station"),
-        )
-        if count
-    ]
-    return " and ".join(fixed_by) or "as given"
+    held = [counted(count, noun) for count, noun in _holding(solution) if count]
+    return (f"{', '.join(held[:-1])} and {held[-1]}" if held[1:] else "".join(held)) or "as given"
+
+
+def _holding(solution: Solution) -> Iterator[tuple[int, str]]:
+    """Yield how many there are of everything given on the ground that takes part, and so holds the block."""
+    residuals = solution.residuals
+    kind, component = coded(residuals.kind), coded(residuals.component)
+    taking_part = ~np.isnan(residuals.weight_factor)
+    yield _control_points(solution), "control point"
+    for kinds, components, noun in (
+        (POSITION_KINDS, "", "exposure station"),
+        (ATTITUDE_KINDS, "", "observed attitude"),
+        (_ELEMENTS, PHOTO_PARAMETERS[:3], "observed projection centre"),
+        (_ELEMENTS, PHOTO_PARAMETERS[3:], "observed rotation"),
+    ):
+        of_kind = kind.where(lambda own, kinds=kinds: own in kinds)  # type: ignore[misc]
+        rows = taking_part & of_kind
+        if components:
+            rows &= component.where(lambda own, components=components: own in components)  # type: ignore[misc]
+        yield len([name for name in coded(residuals.photo)[rows].occurring() if name]), noun
+    yield int(np.count_nonzero(taking_part & kind.where(_DISTANCES.__contains__))), "distance"
 
 
 def _method(given: ReportInput) -> str:
@@ -249,18 +246,13 @@ def _scale(given: ReportInput) -> list[Fact]:
     if np.isfinite(number):
         facts.append(Fact("Photo scale, median", f"1 : {significant(number, 3)}"))
     if np.isfinite(pixel):
-        facts.append(Fact("Pixel on the object (GSD), median", f"{significant(pixel, 2)} {given.solution.ground_unit}"))
+        unit = length_unit(pixel, given.solution.ground_unit)
+        facts.append(Fact("Pixel on the object (GSD), median", f"{significant(pixel * unit.factor, 2)} {unit.name}"))
     return facts
 
 
-def _length(solution: Solution, name: str, unit: str) -> str:
-    value = figure(solution, name)
-    return f"{significant(value)} {unit}" if np.isfinite(value) else ""
-
-
-def _median(sd: FloatArray, unit: str) -> str:
-    value = _middle(sd)
-    return f"{significant(value)} {unit}" if np.isfinite(value) else ""
+def _length(value: float, ground_unit: str) -> str:
+    return length_unit(value, ground_unit).of(value) if np.isfinite(value) else ""
 
 
 def _middle(values: FloatArray) -> float:

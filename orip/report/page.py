@@ -4,31 +4,26 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import os
-import sys
-import tempfile
 import zlib
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
-from jinja2.bccache import Bucket, BytecodeCache
 from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.errors import ProjectWarning, by_kind
 from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, camera_sheets
-from orip.report.control_points import control_table, distance_table, group_table, model_grid
+from orip.report.control_points import compared_table, distance_table, group_table, model_grid
 from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
-from orip.report.drawings.residual_vectors import vector_sheets
-from orip.report.first_page import check_point_table, gate_table, key_numbers, method_facts, order_facts, verdict
+from orip.report.drawings.residual_vectors import photo_anchors, vector_sheets
+from orip.report.first_page import gate_table, key_numbers, method_facts, order_facts, verdict
 from orip.report.photos import (
     photo_residual_table,
     residual_histograms,
@@ -49,60 +44,10 @@ from orip.report.precision import (
 )
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import RUN_NAME
-from orip.report.table import counted, fixed, probability, significant
+from orip.report.table import counted
+from orip.report.templates import kept, rendered, template_source
 from orip.report.trouble import blunder_table, singular_table, suspect_table, weak_table
 from orip.version import __version__
-
-if TYPE_CHECKING:
-    from jinja2 import Template
-
-
-# Templates as they were compiled last, and the compressed script of the page.
-
-_FOLDER = Path(__file__).parent / "__pycache__"
-
-
-class CompiledTemplates(BytecodeCache):
-    """Reads and writes compiled templates in the folder of compiled modules, if that can be written.
-
-    Jinja2 compares the digest of the template, and its own version and that of Python.
-    """
-
-    def load_bytecode(self, bucket: Bucket) -> None:
-        """Read a template, if it is there."""
-        with suppress(OSError), self._path(bucket).open("rb") as file:
-            bucket.load_bytecode(file)
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Write a template; killed at any instant, the file is whole or not there."""
-        _keep(self._path(bucket), bucket.bytecode_to_string())
-
-    @staticmethod
-    def _path(bucket: Bucket) -> Path:
-        return _FOLDER / f"{bucket.key}.{sys.implementation.cache_tag}.template"
-
-
-def kept(name: str, made: Callable[[], bytes]) -> bytes:
-    """Return the content of a kept file, which is made where it is not there; its name tells what it was made from."""
-    path = _FOLDER / name
-    with suppress(OSError):
-        return path.read_bytes()
-    content = made()
-    _keep(path, content)
-    return content
-
-
-def _keep(path: Path, content: bytes) -> None:
-    """Write a file, if that can be; killed at any instant, it is whole or not there."""
-    if sys.dont_write_bytecode:
-        return
-    with suppress(OSError):
-        descriptor, written = tempfile.mkstemp(dir=_FOLDER, suffix=path.suffix)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        Path(written).chmod(0o644)  # as compiled modules have it
-        os.replace(written, path)  # noqa: PTH105
-
 
 MOST_BYTES = 6_000_000
 """Largest size of a page; for 500 photos and 50 000 points it is kept by drawing and listing fewer of them."""
@@ -112,32 +57,15 @@ _COMPRESSION = 4
 
 def report_page(given: ReportInput) -> str:
     """Return the report as one HTML page that loads nothing."""
-    return f"{_template().render(_content(given))}\n"
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    loader = PackageLoader("orip.report", "page")
-    environment = Environment(
-        loader=loader,
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        bytecode_cache=CompiledTemplates(),
-    )
-    environment.filters.update(significant=significant, fixed=fixed, probability=probability)
-    environment.globals["included"] = lambda name: Markup(loader.get_source(environment, name)[0])
-    script = f"\n{loader.get_source(environment, 'report.js')[0]}\n"
-    environment.globals["script"] = Markup(script)
-    environment.globals["policy"] = _policy(script)
-    return environment.get_template("report.html")
+    script = f"\n{template_source('report.js')}\n"
+    content = {"script": Markup(script), "policy": _policy(script), **_content(given)}
+    return rendered("report.html", content)
 
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
+    vectors = vector_sheets(given)
+    anchors = photo_anchors(vectors)
     return {
         "version": __version__,
         "run_name": RUN_NAME,
@@ -150,8 +78,10 @@ def _content(given: ReportInput) -> dict[str, Any]:
         "bundle": given.bundle,
         "precision": f"{given.bundle.measurement_precision.value:g} {given.bundle.measurement_precision.unit}",
         **_trust(given),
-        **_observations(given),
-        **_unknowns(given),
+        **_observations(given, anchors),
+        **_unknowns(given, anchors),
+        "vectors": vectors,
+        "anchors": anchors,
         "strong": STRONG,
         "block": _as_data(block_view(given)),
         "size": _size(solution),
@@ -175,34 +105,38 @@ def _trust(given: ReportInput) -> dict[str, Any]:
     }
 
 
-def _observations(given: ReportInput) -> dict[str, Any]:
+def _observations(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
     """Return what the residuals show: how well the observations fit, and which do not."""
     solution = given.solution
     return {
         "groups": group_table(solution),
         "histograms": residual_histograms(solution),
-        "photo_residuals": photo_residual_table(given),
+        "photo_residuals": photo_residual_table(given, anchors),
         "variance_components": variance_component_table(solution),
-        "control_points": control_table(solution),
-        "check_points": check_point_table(solution),
+        "control_points": compared_table(given, "control"),
+        "check_points": compared_table(given, "check"),
         "distances": distance_table(solution),
         "trouble": [
             table
-            for table in (blunder_table(solution), suspect_table(given), singular_table(solution), weak_table(solution))
+            for table in (
+                blunder_table(solution),
+                suspect_table(given, anchors),
+                singular_table(solution),
+                weak_table(solution),
+            )
             if table is not None
         ],
         "station_charts": station_charts(solution),
-        "vectors": vector_sheets(given),
     }
 
 
-def _unknowns(given: ReportInput) -> dict[str, Any]:
+def _unknowns(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
     """Return the adjusted unknowns and their precision."""
     solution = given.solution
     return {
         "spreads": spreads(solution),
-        "points": point_table(solution),
-        "photos": photo_table(solution),
+        "points": point_table(solution, given.test_level),
+        "photos": photo_table(solution, anchors),
         "zero_directions": zero_direction_table(solution),
         "antennas": antenna_table(solution),
         "stations": station_table(solution),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -16,7 +16,7 @@ from orip.records.results.stations import StationResiduals, station_residuals
 from orip.report.drawings.labels import Bars, histogram
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput, pixel_of_photo
-from orip.report.table import PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.report.table import NO_LINKS, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 
 # Each module makes the tables and charts of one subject; the scale of photos is in `orip.report.report_input`, as the
 # drawings need it too.
@@ -32,7 +32,7 @@ def rms_of_photos(given: ReportInput) -> str:
     return _in_both(residual, pixels) if residual.size else ""
 
 
-def photo_residual_table(given: ReportInput) -> PageTable | None:
+def photo_residual_table(given: ReportInput, anchors: Mapping[str, str] = NO_LINKS) -> PageTable | None:
     """Return the RMS of the residuals of each photo, in micrometres and pixels; None where there are none."""
     solution = given.solution
     residuals = solution.residuals
@@ -55,7 +55,7 @@ def photo_residual_table(given: ReportInput) -> PageTable | None:
     points = np.bincount(row[axes["x"]], minlength=len(names))
     lost = np.bincount(row[down & (row >= 0)], minlength=len(names))
     columns = [
-        PageColumn("Photo", names, words=True),
+        PageColumn("Photo", names, words=True, links=anchors),
         PageColumn("Points", [str(count) for count in points]),
         PageColumn("RMS x", [fixed(1e3 * size, 2) for size in rms["x"]], "µm"),
         PageColumn("RMS y", [fixed(1e3 * size, 2) for size in rms["y"]], "µm"),
@@ -116,9 +116,7 @@ def _residuals(given: ReportInput) -> tuple[FloatArray, FloatArray]:
     """Return the residuals (mm) of photo points of full weight, and the sizes of their pixels (mm), NaN without."""
     residuals = given.solution.residuals
     used = _used(given.solution) & (residuals.weight_factor >= 1.0)
-    photo = coded(residuals.photo)
-    pixels = np.array([pixel_of_photo(given, name) for name in photo.distinct], dtype=np.float64)
-    return residuals.residual[used], pixels[photo.codes[used]]
+    return residuals.residual[used], given.pixel_of_rows[used]
 
 
 def _in_both(residual: FloatArray, pixels: FloatArray) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from markupsafe import Markup
 from msgspec import Struct
 
+from orip.bundle.results.misfits import suspect_rows
 from orip.records.coded_names import CodedNames, coded
 from orip.records.names import places_of_names
 from orip.records.observations.observation_kinds import unit_of_unknown
@@ -18,6 +20,7 @@ from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput
 from orip.report.table import (
     MISSING,
+    NO_LINKS,
     PageColumn,
     PageTable,
     counted,
@@ -29,6 +32,7 @@ from orip.report.table import (
 )
 
 MOST_POINTS = 2000
+_POINTS_ON_PAPER = 40
 MOST_PHOTOS = 1000
 
 _STRONG = 0.95
@@ -59,10 +63,13 @@ def spreads(solution: Solution) -> tuple[Spread, ...]:
     return tuple(spread for spread in (*points, *places) if spread is not None)
 
 
-def point_table(solution: Solution) -> PageTable:
-    """Return the points with standard deviations; if they are very many, the least precise ones."""
+def point_table(solution: Solution, test_level: float | None = None) -> PageTable:
+    """Return the points by interest: control, check, doubted, then the others, the least precise first.
+
+    If they are very many, the last ones are left out.
+    """
     points, unit = solution.points, solution.ground_unit
-    rows = _least_precise(points, MOST_POINTS)
+    rows = _by_interest(solution, test_level)[:MOST_POINTS]
     decimals = decimals_of_most(points.sd)
     columns = [
         PageColumn("Point", [points.names[row] for row in rows], words=True),
@@ -75,15 +82,33 @@ def point_table(solution: Solution) -> PageTable:
         columns.append(_deviations(points, rows, axis, (name, unit), decimals))
     largest = _largest_standard_residuals(solution, rows)
     columns.append(PageColumn("Largest standard residual", [fixed(size, 1) for size in largest]))
-    return PageTable("points", "Ground points", columns, _thinned(len(rows), len(points.names), "point", "points"))
+    note = "Control points, check points, those in doubt, then the others: the least precise first."
+    left_out = _thinned(len(rows), len(points.names), "point", "points")
+    return PageTable("points", "Ground points", columns, f"{note} {left_out}".strip(), on_paper=_POINTS_ON_PAPER)
 
 
-def photo_table(solution: Solution) -> PageTable:
+def _by_interest(solution: Solution, test_level: float | None) -> list[int]:
+    """Return the rows of all points: control, check, doubted and rejected ones, others; the least precise first."""
+    names, kinds = solution.points.names, coded(solution.point_kinds)
+    place = places_of_names(names)
+    suspects = suspect_rows(solution, test_level)
+    doubted = [place.get(point_of_measurement(name), -1) for name in coded(solution.residuals.point)[suspects]]
+    rank = np.full(len(names), 3)
+    rank[[row for row in doubted if row >= 0]] = 2
+    for number, kind in ((2, "rejected"), (1, "check"), (0, "control")):
+        rank[kinds.where(kind.__eq__)] = number
+    sd = np.nan_to_num(solution.points.sd, nan=-1.0, posinf=np.inf).max(axis=1, initial=-1.0)
+    order = np.where(rank < 2, 0.0, -sd)
+    rows: list[int] = np.lexsort((np.arange(len(names)), order, rank)).tolist()
+    return rows
+
+
+def photo_table(solution: Solution, anchors: Mapping[str, str] = NO_LINKS) -> PageTable:
     """Return the photos' exterior orientation with standard deviations."""
     photos, unit = solution.photos, solution.ground_unit
     rows = _least_precise(photos, MOST_PHOTOS)
     place, turn = decimals_of_most(photos.sd[:, :3]), decimals_of_most(photos.sd[:, 3:])
-    columns = [PageColumn("Photo", [photos.names[row] for row in rows], words=True)]
+    columns = [PageColumn("Photo", [photos.names[row] for row in rows], words=True, links=anchors)]
     settings = [
         (axis, (name, unit if axis < 3 else "°"), place if axis < 3 else turn)
         for axis, name in enumerate(PHOTO_PARAMETERS)

@@ -121,6 +121,13 @@ class ReportInput(Struct, frozen=True, dict=True):
         return photo_vectors(self.solution.residuals)
 
     @cached_property
+    def pixel_of_rows(self) -> FloatArray:
+        """Return the pixel size (mm) of the photo of each row of the residuals; NaN where it is not known."""
+        photo = coded(self.solution.residuals.photo)
+        sizes = np.array([pixel_of_photo(self, name) for name in photo.distinct], dtype=np.float64)
+        return sizes[photo.codes] if len(sizes) else np.empty(0)
+
+    @cached_property
     def axes(self) -> FloatArray:
         """Return the directions (photos, 3) in which the photos look, ground coordinates."""
         return -rotation_from_angles(self.solution.photos.values[:, 3:] / DEGREES_PER_RADIAN)[:, :, 2]

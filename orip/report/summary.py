@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -151,8 +152,7 @@ def _trust(solution: Solution, gates: Sequence[GateResult]) -> Iterator[SummaryL
     yield SummaryLine("", f"{solution.sigma0_all:.4f} with none down-weighted; {size}" if down else size)
     yield from _variance_components(solution)
     if solution.check_points:
-        unit = solution.ground_unit
-        yield SummaryLine("check", check_point_finding(solution).replace(f" {unit} ", f"{_KEEP}{unit} "))
+        yield SummaryLine("check", re.sub(r"(?<=\d) (?!check|in )", _KEEP, check_point_finding(solution)))
 
 
 def _variance_components(solution: Solution) -> Iterator[SummaryLine]:

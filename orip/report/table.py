@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from markupsafe import Markup, escape
@@ -81,6 +82,34 @@ def counted(number: int, noun: str) -> str:
     return f"{number:,}".replace(",", "\N{NARROW NO-BREAK SPACE}") + f" {agreeing(number, noun)}"
 
 
+class LengthUnit(Struct, frozen=True):
+    """The unit in which some lengths on the ground are read best, and how many of it a ground unit has."""
+
+    name: str
+    factor: float
+
+    def of(self, value: float) -> str:
+        """Return a length given in ground units with its unit; a dash for NaN."""
+        text = significant(value * self.factor)
+        return text if text in {MISSING, SINGULAR} else f"{text} {self.name}"
+
+
+_SMALLER_UNITS = {"m": ("mm", 1000.0), "mm": ("µm", 1000.0)}
+_SMALL = 0.2
+"""Of the ground unit: the usual size below which lengths are given in the smaller unit, with two or three figures."""
+
+
+def length_unit(sizes: ArrayLike, ground_unit: str) -> LengthUnit:
+    """Return the unit in which most of these lengths (ground units) have two or three figures before many decimals."""
+    known = np.abs(np.asarray(sizes, dtype=np.float64))
+    known = known[np.isfinite(known) & (known > 0.0)]
+    if ground_unit in _SMALLER_UNITS and known.size and np.median(known) < _SMALL:
+        return LengthUnit(*_SMALLER_UNITS[ground_unit])
+    return LengthUnit(ground_unit, 1.0)
+
+
+NO_LINKS: Mapping[str, str] = MappingProxyType({})
+
 _BETWEEN = "\0"
 
 
@@ -97,6 +126,10 @@ class PageColumn(Struct, frozen=True):
         One a row.
     words : bool
         The cells are names or words; else numbers, which are aligned to the right.
+    foot : str
+        Below the last row, where the table has a foot.
+    links : mapping of str to str
+        Cells that lead to another part of the page, and its id.
     """
 
     heading: str
@@ -104,6 +137,8 @@ class PageColumn(Struct, frozen=True):
     unit: str = ""
     key: str = ""
     words: bool = False
+    foot: str = ""
+    links: Mapping[str, str] = NO_LINKS
 
 
 class PageTable(Struct, frozen=True):
@@ -120,6 +155,8 @@ class PageTable(Struct, frozen=True):
         Printed below the table: what was left out, what the figures mean.
     emphasised : set of int
         Rows that need attention.
+    on_paper : int
+        Rows that are printed, of longer tables; a browser shows all of them.
     """
 
     records: str
@@ -127,23 +164,46 @@ class PageTable(Struct, frozen=True):
     columns: Sequence[PageColumn]
     note: str = ""
     emphasised: frozenset[int] = frozenset()
+    on_paper: int = 60
 
     @property
     def body(self) -> Markup:
         """Return the rows as HTML; the first cell of each is its heading."""
         first, *others = self.columns
         starts = ['<tr class="emphasised">' if row in self.emphasised else "<tr>" for row in range(len(self))]
+        starts[self.on_paper :] = [start.replace("<tr", '<tr data-screen=""', 1) for start in starts[self.on_paper :]]
         cells = [_cells(first, "th", ' scope="row"'), *(_cells(column, "td") for column in others)]
         return Markup("".join(["".join((*row, "</tr>\n")) for row in zip(starts, *cells, strict=True)]))
+
+    @property
+    def left_out(self) -> str:
+        """Return what is said on paper of the rows that are not printed; empty where all are."""
+        if len(self) <= self.on_paper:
+            return ""
+        return f"The first {self.on_paper} of {len(self)} rows are printed; the page has all."
+
+    @property
+    def foot(self) -> Markup:
+        """Return the row below all others as HTML; empty where no column has one."""
+        first, *others = self.columns
+        if not any(column.foot for column in self.columns):
+            return Markup("")
+        cells = [*_cells(first, "th", ' scope="row"', [first.foot])]
+        cells += [text for column in others for text in _cells(column, "td", "", [column.foot])]
+        return Markup(f"<tfoot><tr>{''.join(cells)}</tr></tfoot>\n")
 
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.columns[0].cells)
 
 
-def _cells(column: PageColumn, tag: str, attributes: str = "") -> list[str]:
-    """Return the cells of a column as elements."""
+def _cells(column: PageColumn, tag: str, attributes: str = "", cells: Sequence[str] | None = None) -> list[str]:
+    """Return the cells of a column, or others in their place, as elements."""
+    given = column.cells if cells is None else cells
     opening = f'<{tag}{attributes} class="words">' if column.words else f"<{tag}{attributes}>"
     # one call for all cells, parted by a character that no text has
-    texts = str(escape(_BETWEEN.join(column.cells))).split(_BETWEEN) if column.cells else []
+    texts = str(escape(_BETWEEN.join(given))).split(_BETWEEN) if given else []
+    if column.links:
+        ids = (column.links.get(cell) for cell in given)
+        texts = [f'<a href="#{at}">{text}</a>' if at else text for text, at in zip(texts, ids, strict=True)]
     return [f"{opening}{text}</{tag}>" for text in texts]

@@ -11,11 +11,19 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
 from orip.records.coded_names import coded
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.observations.observation_kinds import (
+    CONSTANT_ELEMENT,
+    ELEMENT,
+    OBSERVATION_KINDS,
+    unit_of_observation,
+)
 from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
-from orip.report.table import SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names
+
+_GROUP_OF_ELEMENTS = {"X": "point", "Y": "point", "Z": "point", "R": "theodolite set"}
+"""What an element belongs to by its component; photos have their own column, all others are of cameras."""
 
 
 def suspects(solution: Solution, test_level: float | None = None) -> dict[str, list[str]]:
@@ -24,21 +32,25 @@ def suspects(solution: Solution, test_level: float | None = None) -> dict[str, l
     for row in suspect_rows(solution, test_level).tolist():
         size, component = probable_size(solution.residuals, row), solution.residuals.component[row]
         unit = "" if size == SINGULAR else unit_of_residual(solution, row)
-        text = f"{component} {size} {unit}".rstrip()
-        found.setdefault(observation_of(solution.residuals, row), []).append(text.strip())
+        name = observation_of(solution.residuals, row)
+        text = f"{size} {unit}" if name.startswith(f"{component} of ") else f"{component} {size} {unit}"
+        found.setdefault(name, []).append(text.strip())
     return found
 
 
-def named_observation(kind: str, photo: str, point: str) -> str:
-    """Return what an observation of a kind is called."""
+def named_observation(kind: str, photo: str, point: str, component: str = "") -> str:
+    """Return what an observation of a kind is called; a given element by its component: ``Z0 of photo 101``."""
     if kind == "photo":
         return f"photo {photo} point {point}"
+    if kind in {ELEMENT.name, CONSTANT_ELEMENT.name}:
+        group = "photo" if photo else _GROUP_OF_ELEMENTS.get(component, "camera")
+        return f"{component} of {group} {photo or point}".strip()
     return " ".join(part for part in (OBSERVATION_KINDS[kind].label, photo, point) if part)
 
 
 def observation_of(residuals: Residuals, row: int) -> str:
     """Return what an observation is called: ``photo 101 point 12``."""
-    return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row])
+    return named_observation(residuals.kind[row], residuals.photo[row], residuals.point[row], residuals.component[row])
 
 
 def probable_error(residuals: Residuals, row: int) -> float:
@@ -61,6 +73,7 @@ def unit_of_residual(solution: Solution, row: int) -> str:
 
 MOST_SUSPECTS = 40
 MOST_WEAK = 20
+_SUSPECTS_ON_PAPER, _WEAK_ON_PAPER = 25, 12
 UNCHECKED = 0.10
 """Redundancy number below which an error is hidden: less than a tenth of it shows in its own residual."""
 
@@ -80,7 +93,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
         PageColumn("No.", [str(blunder.order) for blunder in found], key="order"),
         PageColumn(
             "Observation",
-            [named_observation(blunder.kind, blunder.photo, blunder.point) for blunder in found],
+            [named_observation(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in found],
             words=True,
         ),
         PageColumn("Component", [blunder.component for blunder in found], key="component", words=True),
@@ -95,7 +108,7 @@ def blunder_table(solution: Solution) -> PageTable | None:
     return PageTable("blunders", "Blunders found and left out", columns, note)
 
 
-def suspect_table(given: ReportInput) -> PageTable | None:
+def suspect_table(given: ReportInput, anchors: Mapping[str, str] = NO_LINKS) -> PageTable | None:
     """Return the observations that fit worse than chance explains, the worst first."""
     solution = given.solution
     residuals = solution.residuals
@@ -111,8 +124,14 @@ def suspect_table(given: ReportInput) -> PageTable | None:
         "Measure again, or disregard; check names first: a mistaken name shows as a size that fits another point. "
         + _left_out(len(rows), len(shown))
     )
+    names = [observation_of(residuals, row) for row in shown]
+    links = {
+        name: anchors[photo]
+        for name, photo in zip(names, _picked(residuals.photo, shown), strict=True)
+        if photo in anchors
+    }
     columns = (
-        PageColumn("Observation", [observation_of(residuals, row) for row in shown], words=True),
+        PageColumn("Observation", names, words=True, links=links),
         PageColumn("Component", _picked(residuals.component, shown), words=True),
         PageColumn("Probable size", [probable_size(residuals, row) for row in shown]),
         PageColumn("Unit", [unit_of_residual(solution, row) for row in shown], words=True),
@@ -123,7 +142,7 @@ def suspect_table(given: ReportInput) -> PageTable | None:
         PageColumn("Weight factor", [_weight(value) for value in residuals.weight_factor[shown]]),
     )
     emphasised = frozenset(np.flatnonzero(down[shown]).tolist())
-    return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised)
+    return PageTable("", "Observations that do not fit", columns, note.strip(), emphasised, _SUSPECTS_ON_PAPER)
 
 
 def _level(test_level: float | None) -> str:
@@ -170,7 +189,8 @@ def weak_table(solution: Solution) -> PageTable | None:
         PageColumn("What is weak", [spot.what for spot in shown], words=True),
         PageColumn("What to do", [spot.remedy for spot in shown], words=True),
     )
-    return PageTable("", "Weak spots", columns, _left_out(len(spots), len(shown)).strip())
+    left_out = _left_out(len(spots), len(shown)).strip()
+    return PageTable("", "Weak spots", columns, left_out, on_paper=_WEAK_ON_PAPER)
 
 
 class Spot(NamedTuple):

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.files.text.table import Alignment, Column, Table, key_lines, one_line, paragraph, table_lines
+from orip.files.text.table import Alignment, Column, Table, fitted_tables, key_lines, one_line, paragraph, table_lines
 from orip.number_text import (
     decimals_for,
     decimals_of,
@@ -139,3 +139,32 @@ def test_root_mean_square_leaves_out_what_is_no_number() -> None:
     assert root_mean_square([3.0, math.nan, -4.0]) == pytest.approx(math.sqrt(12.5))
     assert math.isnan(root_mean_square([]))
     assert root_mean_square(np.array([1e200])) == math.inf
+
+
+TABLE = """\
+  Point  Kind  Rays        X      sX
+                         (m)     (m)
+  -----  ----  ----  -------  ------
+  1101   tie      2   37.856   0.020
+  1102   -        -        -       -
+
+  Root mean square
+"""
+
+
+def test_columns_that_do_not_fit_are_left_out_and_named() -> None:
+    assert fitted_tables(TABLE, 36) == TABLE
+    lines = fitted_tables(TABLE, 30).splitlines()
+    assert lines[:5] == [
+        "  Point  Kind  Rays        X",
+        "                         (m)",
+        "  -----  ----  ----  -------",
+        "  1101   tie      2   37.856",
+        "  1102   -        -        -",
+    ]
+    assert " ".join(lines[5:-2]) == "The window has 30 columns; left out: sX. A wider one or '> FILE' has them."
+    assert lines[-2:] == ["", "  Root mean square"]
+    narrow = fitted_tables(TABLE, 20)
+    assert "left out: X, sX." in " ".join(narrow.split())
+    assert max(map(len, narrow.splitlines())) <= 20
+    assert "left out: Kind, Rays, X, sX." in " ".join(fitted_tables(TABLE, 5).split()), "names of rows always stay"

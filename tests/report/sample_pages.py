@@ -55,6 +55,7 @@ class PageTable(Struct):
     records: str
     keys: list[str] = field(default_factory=list)
     rows: list[list[str]] = field(default_factory=list)
+    foot: list[list[str]] = field(default_factory=list)
 
 
 class Page(HTMLParser):
@@ -91,6 +92,8 @@ class Page(HTMLParser):
             self._rows = self.tables[-1].rows
             if "data-camera" in attributes:
                 self._rows = self.matrices[attributes["data-camera"] or ""] = []
+        elif tag == "tfoot":
+            self._rows = self.tables[-1].foot
         elif tag == "tr":
             self._rows.append([])
         elif tag in {"th", "td"}:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from report.sample_pages import Page, sample
 
+from orip.bundle.results.compared_points import ComparedKind, compared_points
 from orip.files.project.reader import parse_project
 from orip.records.project.camera import Camera, Sensor
 from orip.records.project.definition import BundleDefinition, ReportDetails
@@ -18,6 +19,7 @@ from orip.report.drawings.block_view import Vertical, side_of_block, vertical
 from orip.report.page import report_page
 from orip.report.photos import residual_histograms
 from orip.report.report_input import ReportInput, photo_scale
+from orip.report.table import length_unit
 from orip.structs import replace
 
 PROJECT = '[project]\nname = "A"\n'
@@ -68,18 +70,66 @@ def test_the_order_is_on_the_page_as_text() -> None:
         assert wanted in words(page).replace("ClientKalk", "Client Kalk").replace("Date2026", "Date 2026")
 
 
-def test_control_points_of_the_page_are_the_residuals_of_the_result() -> None:
+@pytest.mark.parametrize("kind", ["control", "check"])
+def test_control_and_check_points_of_the_page_are_the_residuals_of_the_result(kind: ComparedKind) -> None:
     found = sample("small_frame_block")
-    table = next(table for table in Page(found.page).tables if table.rows and table.rows[0][0] == "CP1")
+    first = {"control": "CP1", "check": "CK1"}[kind]
+    page = Page(found.page)
+    table = next(table for table in page.tables if table.rows and table.rows[0][0] == first and table.foot)
+    points = compared_points(found.solution, kind)
     residuals = found.solution.residuals
-    for row in table.rows:
+    for row, name, sd in zip(table.rows, points.names, points.sd, strict=True):
+        mine = [
+            value
+            for own, point, value in zip(residuals.kind, residuals.point, residuals.residual.tolist(), strict=True)
+            if own == "control" and point == name
+        ]
+        assert row[0] == name
+        # millimetres with one decimal
+        assert [float(cell) for cell in row[2:5]] == pytest.approx(1e3 * np.array(mine), abs=0.05 + 1e-9)
+        assert [float(cell) for cell in row[5:8]] == pytest.approx(1e3 * sd, abs=0.05 + 1e-9)
+        assert row[8] == "20.0"
+    rms = np.sqrt(np.mean(points.difference**2, axis=0))
+    assert table.foot[0][0] == "RMS"
+    assert [float(cell) for cell in table.foot[0][2:5]] == pytest.approx(1e3 * rms, abs=0.05 + 1e-9)
+
+
+def test_w_of_a_check_point_is_its_difference_over_the_errors_of_both_coordinates() -> None:
+    points = compared_points(sample("small_frame_block").solution, "check")
+    assert points.names == ("CK1", "CK2", "CK3")
+    np.testing.assert_allclose(points.w, np.abs(points.difference) / np.sqrt(points.sd**2 + 0.02**2))
+    assert not points.doubted.any()
+
+
+def test_image_residuals_are_those_of_all_rays_of_a_point() -> None:
+    solution = sample("small_frame_block").solution
+    residuals = solution.residuals
+    points = compared_points(solution, "control")
+    for name, size in zip(points.names, points.image, strict=True):
         mine = [
             value
             for kind, point, value in zip(residuals.kind, residuals.point, residuals.residual.tolist(), strict=True)
-            if kind == "control" and point == row[0]
+            if kind == "photo" and point == name
         ]
-        assert [float(cell) for cell in row[2:5]] == pytest.approx(mine, abs=0.0005 + 1e-12)
-    assert [row[0] for row in table.rows] == ["CP1", "CP2", "CP3", "CP4", "CP5"]
+        assert size == pytest.approx(np.sqrt(np.mean(np.square(mine))))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "ground_unit", "name", "text"),
+    [
+        ([0.0134, 0.021], "m", "mm", "13.4 mm"),
+        ([1.34, 0.5], "m", "m", "1.34 m"),
+        ([0.004], "mm", "µm", "4.00 µm"),
+        ([0.0134], "foot", "foot", "0.0134 foot"),
+        ([np.nan, 0.0], "m", "m", "– m"),
+    ],
+)
+def test_lengths_have_the_unit_that_keeps_two_or_three_figures(
+    sizes: list[float], ground_unit: str, name: str, text: str
+) -> None:
+    unit = length_unit(sizes, ground_unit)
+    assert unit.name == name
+    assert unit.of(sizes[0]) == text.replace("– m", "–")
 
 
 def two_photos_from_above(base: Solution) -> ReportInput:

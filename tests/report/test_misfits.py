@@ -18,7 +18,7 @@ from orip.records.project.photo import Photo
 from orip.records.results.solution import Solution
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
-from orip.report.trouble import suspect_table, suspects, weak_spots
+from orip.report.trouble import named_observation, suspect_table, suspects, weak_spots
 from orip.structs import replace
 
 
@@ -121,3 +121,20 @@ def test_the_level_of_orip_toml_is_that_of_listing_summary_and_report(tmp_path: 
     assert plain == plain_page
     assert many == many_page > plain
     assert "test_level = 0.2" in orip(folder, "export-toml").out
+
+
+@pytest.mark.parametrize(
+    ("kind", "photo", "point", "component", "name"),
+    [
+        ("element", "DJI_0005", "", "Z0", "Z0 of photo DJI_0005"),
+        ("constant element", "P1", "", "KAPPA", "KAPPA of photo P1"),
+        ("element", "", "17", "X", "X of point 17"),
+        ("element", "", "C35", "A3", "A3 of camera C35"),
+        ("photo", "P1", "17", "x", "photo P1 point 17"),
+        ("distance", "", "BAR1", "length", "distance BAR1"),
+    ],
+)
+def test_observations_are_called_by_what_they_observe(
+    kind: str, photo: str, point: str, component: str, name: str
+) -> None:
+    assert named_observation(kind, photo, point, component) == name

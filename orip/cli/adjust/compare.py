@@ -110,8 +110,7 @@ def _list(terminal: Terminal, comparison: Comparison) -> None:
             ),
             Column("Allowed", [f"{difference.allowed:.2g}" for difference in shown]),
         )
-        for line in table_lines(columns, indent=0):
-            terminal.data(line)
+        terminal.tables("\n".join(table_lines(columns, indent=0)))
     for names, which in ((comparison.only_a, "A"), (comparison.only_b, "B")):
         for name in names if terminal.verbose else names[:_SHOWN]:
             terminal.data(f"only in {which}: {name}")

@@ -12,7 +12,7 @@ from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.workflow.adjust.report import WrittenReport
+    from orip.workflow.adjust.report import ReportKind, WrittenReport
 
 Output = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="FILE", help="Output file; default: report.html.")
@@ -21,6 +21,16 @@ Output = Annotated[
 
 Pdf = Annotated[
     bool, typer.Option("--pdf", help="Also print it to PDF, by Chromium, Chrome or Edge; --output names the PDF.")
+]
+Client = Annotated[
+    bool,
+    typer.Option("--client", help="Write the client's report instead, two to four pages: client_report.html."),
+]
+Certificate = Annotated[
+    bool,
+    typer.Option(
+        "--certificate", help="Write the certificate of calibrated cameras instead: calibration_certificate.html."
+    ),
 ]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write the report, one HTML page.")]
 
@@ -39,12 +49,15 @@ def register(app: typer.Typer) -> None:
         bundle: BundleArgument = None,
         output: Output = None,
         pdf: Pdf = False,
+        client: Client = False,
+        certificate: Certificate = False,
         force: ForceOption = False,
     ) -> None:
         """Write the report of the last adjustment: one HTML page that needs no network.
 
         Example: orip report --output outcrop.html
         """
+        kind = _kind(client=client, certificate=certificate)
         _refuse_the_other_kind(output, pdf=pdf)
         from orip.workflow.adjust.report import REPORTED_FROM, print_pdf, report
         from orip.workflow.project.bundle_state import read_bundle
@@ -56,7 +69,7 @@ def register(app: typer.Typer) -> None:
         page = output.with_suffix(".html") if output is not None and pdf else output
         if output is not None and pdf:
             require_replaceable(given.project, output, force=force)
-        written = commit(report(given, page, force=force)).outcome
+        written = commit(report(given, page, force=force, kind=kind)).outcome
         terminal = invocation.terminal
         document = {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
         tell_report(terminal, written)
@@ -67,6 +80,20 @@ def register(app: typer.Typer) -> None:
             terminal.say(f"wrote    {document['pdf']} ({size / 1e6:.1f} MB)")
         if terminal.json:
             terminal.document("report", document)
+
+
+def _kind(*, client: bool, certificate: bool) -> ReportKind:
+    """Return which report is wanted.
+
+    Raises
+    ------
+    UsageError
+        If it is two.
+    """
+    if client and certificate:
+        message = "--client and --certificate are two files; write one after the other"
+        raise UsageError(message)
+    return "client" if client else "certificate" if certificate else "full"
 
 
 def _refuse_the_other_kind(output: Path | None, *, pdf: bool) -> None:

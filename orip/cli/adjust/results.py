@@ -71,7 +71,7 @@ def register(app: typer.Typer) -> None:
         if invocation.terminal.json:
             invocation.terminal.document("result-part", shown.document)
         else:
-            invocation.terminal.data(shown.text)
+            invocation.terminal.tables(shown.text)
 
 
 def _write_covariance(

@@ -31,6 +31,9 @@ _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "bina
 
 _DEFINITION, _CONTROL = "orip.toml", (".PNT", ".LEN", ".STA")
 
+LEAST_PRECISION, LARGEST_PRECISION = 1e-4, 1e5
+"""Limits of the a-priori error that may be given, pixels."""
+
 _PLACES_NAMED = 3
 """Of those at which the same is wrong."""
 
@@ -99,6 +102,44 @@ def read_source(format_name: str | None, source: Path, settings: ExchangeSetting
     if refused:
         raise InputError(refused)
     return ImportedProject(found, source, block, content, title)
+
+
+def import_folder(
+    source: Path,
+    folder: Path | None,
+    format_name: str | None,
+    frame: tuple[int, int] | None,
+    precision: float | None,
+    *,
+    holds_cameras: bool,
+    corrects_distortion: bool,
+) -> Path:
+    """Make a project folder of a project of another program, and return it.
+
+    Parameters
+    ----------
+    source : Path
+    folder : Path or None
+        None: as the source is called, in the current folder.
+    format_name : str or None
+    frame, precision, holds_cameras, corrects_distortion
+        See `ExchangeSettings`.
+
+    Raises
+    ------
+    UsageError
+        If a value is impossible, the format is not known, or the folder has something in it.
+    InputError
+        See `read_source`.
+    """
+    if precision is not None and not LEAST_PRECISION <= precision <= LARGEST_PRECISION:
+        message = f"precision is {precision!r}; it is in pixels, {LEAST_PRECISION:g} to {LARGEST_PRECISION:.0f}"
+        raise UsageError(message)
+    settings = ExchangeSettings(frame, corrects_distortion, holds_cameras, precision)
+    imported = read_source(format_name, source, settings)
+    target = folder if folder is not None else Path(f"{imported.title}_orip")
+    write_project(imported, target)
+    return target
 
 
 def _refused(texts: Mapping[str, str], block: ImportedBlock, source: Path) -> Iterator[Complaint]:

@@ -111,6 +111,7 @@ residuals.npz
 *_residuals.npz
 report.html
 *_report.html
+*calibration_certificate.html
 *.DRV
 
 # photo points by sub-blocks, which the workers of 'orip solve --dask' read

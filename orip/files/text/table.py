@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, overload
@@ -290,6 +291,37 @@ def each_table_line(columns: Sequence[Column], indent: int = INDENT) -> Iterator
     table = Table(columns, indent)
     yield from table.headings()
     yield from table.each_row()
+
+
+_RULE = re.compile(r" *-+(?: +-+)+ *")
+
+
+def fitted_tables(text: str, width: int) -> str:
+    """Return printed tables without the columns that do not fit a width, and below each what was left out.
+
+    The first column always stays; what is no table stays as it is.
+    """
+    lines, found, cut = text.split("\n"), [], 0
+    left_out: list[str] = []
+    for number, line in enumerate(lines):
+        ahead = next((rule for rule in lines[number : number + 3] if _RULE.fullmatch(rule)), None)
+        if not line.strip():
+            found += _left_out(left_out, width)
+            cut, left_out = 0, []
+        elif not cut and ahead is not None and len(ahead.rstrip()) > width:
+            spans = [match.span() for match in re.finditer("-+", ahead)]
+            fitting = max(sum(end <= width for _, end in spans), 1)
+            cut = spans[fitting - 1][1]
+            left_out = [line[start:end].strip() or "?" for start, end in spans[fitting:]]
+        found.append(line[:cut].rstrip() if cut else line)
+    return "\n".join([*found, *_left_out(left_out, width)])
+
+
+def _left_out(columns: Sequence[str], width: int) -> list[str]:
+    if not columns:
+        return []
+    message = f"The window has {width} columns; left out: {', '.join(columns)}. A wider one or '> FILE' has them."
+    return textwrap.wrap(message, width)
 
 
 def xy_columns(heading: str, values: ArrayLike, decimals: int, unit: str = "") -> list[Column]:

@@ -11,10 +11,10 @@ import numpy as np
 from markupsafe import Markup
 
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, compared_points
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.results.solution import Solution
-from orip.report.control_points import check_differences, control_differences
 from orip.report.drawings.block_view import BlockSide, doubted_photos, frame_rays, side_of_block, vertical
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import MapPlane, labels, map_plane
@@ -99,7 +99,7 @@ def footprints(given: ReportInput) -> FloatArray:
 
 def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, float]:
     solution = given.solution
-    errors = {"control": control_differences(solution), "check": check_differences(solution)}
+    errors: dict[str, dict[str, FloatArray]] = {kind: _differences(solution, kind) for kind in COMPARED_KINDS}
     enlargement = _enlargement(scene, plane, errors)
     drawn = [
         *_footprints(scene, plane),
@@ -116,6 +116,11 @@ def _plan(given: ReportInput, scene: _Scene, plane: MapPlane) -> tuple[Markup, f
         parts += plane.scale_bar(size * plane.scale * enlargement, f"errors {size:g} {unit}")
     label = f"{scene.side.title}: photos, their footprints, control and check points with their errors"
     return drawing(*plane.size, label, parts, "map"), enlargement
+
+
+def _differences(solution: Solution, kind: ComparedKind) -> dict[str, FloatArray]:
+    points = compared_points(solution, kind)
+    return dict(zip(points.names, points.difference, strict=True))
 
 
 def _axis_names(side: BlockSide, unit: str) -> list[str]:

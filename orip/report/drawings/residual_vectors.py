@@ -16,7 +16,10 @@ from orip.report.drawings.svg import drawing, element, number, numbers, round_st
 from orip.report.report_input import PhotoVectors, ReportInput
 from orip.report.table import counted, probability
 
-MOST_PHOTOS = 48
+MOST_PHOTOS = 12
+"""Most photos that stand out and are drawn by themselves."""
+FEWEST_PHOTOS = 3
+"""Photos with the largest residuals that are drawn although none stands out."""
 MOST_VECTORS = 250
 CELLS = 6
 """Cells along the longer side of the frame in which the mean residual is taken."""
@@ -28,6 +31,9 @@ _LENGTH = 0.10
 
 _PIXELS, _MEAN_PIXELS, _MARGIN = 216.0, 400.0, 10.0
 _ALPHA = 0.01
+_LOST = 0.1
+"""Share of a photo's points that have lost weight, above that of the median photo, from which it stands out."""
+_MOST_TOGETHER = 1500
 
 
 class CellMeans(Struct, frozen=True):
@@ -48,13 +54,20 @@ class CellMeans(Struct, frozen=True):
 
 
 class VectorSheet(Struct, frozen=True):
-    """Drawings of one camera: the mean of all its photos, the single photos, and what was left out."""
+    """Drawings of one camera: all its photos together, their mean, the photos that stand out, and what was left out."""
 
     camera: str
+    together: Markup
     mean: Markup
     finding: str
-    photos: tuple[Markup, ...]
+    photos: tuple[tuple[str, Markup], ...]
     note: str
+
+
+def photo_anchors(sheets: Sequence[VectorSheet]) -> dict[str, str]:
+    """Return the ids of the figures of photos, by the photos' names."""
+    names = [name for sheet in sheets for name, _ in sheet.photos]
+    return {name: f"residuals-{number}" for number, name in enumerate(names, start=1)}
 
 
 def measured_reach(given: ReportInput, camera: str) -> float:
@@ -91,33 +104,64 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
     return CellMeans(centre, mean, count[full], float(gammaincc(full.size, statistic / 2.0)))
 
 
-def vector_sheets(given: ReportInput) -> tuple[VectorSheet, ...]:
-    """Return the drawings of each camera that has photo points."""
-    sheets = (_sheet(given, name) for name in given.solution.cameras.names)
+def vector_sheets(given: ReportInput, *, single: bool = True) -> tuple[VectorSheet, ...]:
+    """Return the drawings of each camera that has photo points; those of single photos only if they are wanted."""
+    sheets = (_sheet(given, name, single=single) for name in given.solution.cameras.names)
     return tuple(sheet for sheet in sheets if sheet is not None)
 
 
-def _sheet(given: ReportInput, camera: str) -> VectorSheet | None:
+def _sheet(given: ReportInput, camera: str, *, single: bool) -> VectorSheet | None:
     vectors = _of_camera(given, camera)
     if not vectors:
         return None
-    low, high = _extent(given, camera, vectors)
-    large = _large(vectors)
-    worst = sorted(vectors, key=lambda photo: -photo.rms)[:MOST_PHOTOS]
-    shown = [photo for photo in vectors if any(photo is other for other in worst)]
+    low, high = frame_extent(given, camera, vectors)
+    large = large_residual(vectors)
+    shown = outstanding(vectors) if single else []
     frame = _Frame(low, high, _PIXELS, large)
     means = cell_means(vectors, low, high)
     notes = []
     if len(shown) < len(vectors):
-        notes.append(f"The {len(shown)} photos with the largest residuals of {len(vectors)} are drawn.")
+        notes.append(
+            f"{counted(len(shown), 'photo')} of {len(vectors)} drawn: those whose residuals stand out, and at least "
+            f"the {FEWEST_PHOTOS} with the largest."
+        )
     if any(len(photo.xy) > MOST_VECTORS for photo in shown):
         notes.append(
             f"At most {MOST_VECTORS} vectors a photo are drawn: a regular sample, and all that are down-weighted."
         )
-    drawn = tuple(_photo_drawing(photo, frame) for photo in shown)
-    if means is None:
-        return VectorSheet(camera, Markup(""), "", drawn, " ".join(notes))
-    return VectorSheet(camera, _mean_drawing(camera, means, low, high), _finding(means), drawn, " ".join(notes))
+    drawn = tuple((photo.photo, _photo_drawing(photo, frame)) for photo in shown)
+    together = _photo_drawing(_together(vectors), _Frame(low, high, _MEAN_PIXELS, large), "all photos")
+    mean = _mean_drawing(camera, means, low, high) if means is not None else Markup("")
+    return VectorSheet(camera, together, mean, _finding(means) if means is not None else "", drawn, " ".join(notes))
+
+
+def outstanding(vectors: Sequence[PhotoVectors]) -> list[PhotoVectors]:
+    """Return the photos whose residuals are larger than those of the others by more than chance, in their order.
+
+    With 2 n components of one standard deviation, 2 n rms² / variance is chi-square distributed on about 2 n degrees of
+    freedom; the variance is that of the median photo. A photo in which points have lost weight stands out by a share of
+    them above that of the others.
+    """
+    from scipy.special import gammaincc
+
+    rms = np.array([photo.rms for photo in vectors])
+    points = np.array([max(np.count_nonzero(photo.sound), 1) for photo in vectors])
+    lost = np.array([1.0 - np.count_nonzero(photo.sound) / max(len(photo.sound), 1) for photo in vectors])
+    variance = float(np.median(rms[rms > 0.0])) ** 2 if (rms > 0.0).any() else 1.0
+    p = gammaincc(points, points * rms**2 / variance)
+    stands_out = (p < _ALPHA / len(vectors)) | (lost > np.median(lost) + _LOST)
+    score = np.where(stands_out, 1e3, 0.0) * (1.0 + lost) + rms / np.sqrt(variance)
+    most = min(max(int(stands_out.sum()), FEWEST_PHOTOS), MOST_PHOTOS)
+    return [vectors[row] for row in np.sort(np.argsort(-score, kind="stable")[:most]).tolist()]
+
+
+def _together(vectors: Sequence[PhotoVectors]) -> PhotoVectors:
+    """Return the residuals of all photos in one frame, of very many a regular sample."""
+    every = -(-sum(len(photo.xy) for photo in vectors) // _MOST_TOGETHER)
+    xy, residual, sound = (
+        np.concatenate([getattr(photo, name) for photo in vectors])[::every] for name in ("xy", "residual", "sound")
+    )
+    return PhotoVectors("", xy, residual, sound)
 
 
 def _finding(means: CellMeans) -> str:
@@ -135,7 +179,7 @@ def _of_camera(given: ReportInput, camera: str) -> list[PhotoVectors]:
     return [found[name] for name in given.solution.photos.names if record_key(name) in mine and name in found]
 
 
-def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
+def frame_extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) -> tuple[FloatArray, FloatArray]:
     """Return the corners of what is drawn: the frame, and all that was measured."""
     low = np.array([min(photo.xy[:, axis].min() for photo in vectors) for axis in (0, 1)])
     high = np.array([max(photo.xy[:, axis].max() for photo in vectors) for axis in (0, 1)])
@@ -147,7 +191,7 @@ def _extent(given: ReportInput, camera: str, vectors: Sequence[PhotoVectors]) ->
     return low - flat, high + flat
 
 
-def _large(vectors: Sequence[PhotoVectors]) -> float:
+def large_residual(vectors: Sequence[PhotoVectors]) -> float:
     """Return a large residual (mm) of the sound points: 95 of 100 are smaller."""
     sound = [photo.sound_residual for photo in vectors]
     squares = np.concatenate([np.einsum("ij,ij->i", residual, residual) for residual in sound])
@@ -206,9 +250,10 @@ class _Frame(Struct, frozen=True):
         yield text(_MARGIN + length + 5.0, y + 4.0, f"{micrometres:g} µm")
 
 
-def _photo_drawing(vectors: PhotoVectors, frame: _Frame) -> Markup:
+def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "") -> Markup:
     width, height = frame.size
-    chosen = _thinned(vectors)
+    chosen = np.ones(len(vectors.xy), dtype=bool) if name else _thinned(vectors)
+    name = name or f"photo {vectors.photo}"
     sound, doubtful = chosen & vectors.sound, chosen & ~vectors.sound
     base = height + 2 * _MARGIN + 10.0
     rms = f"RMS {1e3 * vectors.rms:.1f} µm"
@@ -222,9 +267,9 @@ def _photo_drawing(vectors: PhotoVectors, frame: _Frame) -> Markup:
         ),
         *frame.scale_bar(base),
         text(width + _MARGIN, base + 4.0, rms, text_anchor="end"),
-        text(_MARGIN, base + 20.0, f"photo {vectors.photo}, {counted(len(vectors.xy), 'point')}", class_="label"),
+        text(_MARGIN, base + 20.0, f"{name}, {counted(len(vectors.xy), 'point')}", class_="label"),
     ]
-    label = f"Residual vectors of photo {vectors.photo}, {rms}"
+    label = f"Residual vectors of {name}, {rms}"
     return drawing(width + 2 * _MARGIN, base + 28.0, label, parts, "vectors")
 
 

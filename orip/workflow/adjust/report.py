@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Literal
 
 from msgspec import Struct
 
-from orip.errors import OripError
+from orip.errors import OripError, UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.progress import stage
 from orip.records.results.result_tests import GateResult
 from orip.records.results.solution import Solution
+from orip.report.client import certificate_page, client_page
 from orip.report.page import report_page
 from orip.report.report_input import ReportInput
+from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
@@ -42,7 +45,13 @@ class WrittenReport(Struct, frozen=True):
     size: int
 
 
-def report(bundle: BundleState, output: Path | None, *, force: bool = False) -> Change[WrittenReport]:
+ReportKind = Literal["full", "client", "certificate"]
+"""The report for who checks the work, that for the client, and the certificate of cameras that were calibrated."""
+
+
+def report(
+    bundle: BundleState, output: Path | None, *, force: bool = False, kind: ReportKind = "full"
+) -> Change[WrittenReport]:
     """Make the report of the last adjustment of a bundle, with the gates of orip.toml.
 
     Parameters
@@ -53,17 +62,19 @@ def report(bundle: BundleState, output: Path | None, *, force: bool = False) -> 
         None: report.html in the project folder, NAME_report.html where there are several bundles.
     force : bool
         Also in the place of a file that is no earlier report.
+    kind : {"full", "client", "certificate"}
 
     Raises
     ------
     InputError
-        If the bundle has not been adjusted, or a gate of orip.toml is malformed.
+        If the bundle has not been adjusted, a gate of orip.toml is malformed, or no camera of a certificate was
+        calibrated.
     UsageError
         If another file would be replaced.
     """
     gates = project_gates(bundle.project)
-    change = report_of(bundle.state, bundle.adjusted, check_solution(bundle.adjusted, gates), output)
-    usual = (bundle.project.report(bundle.name),)
+    change = report_of(bundle.state, bundle.adjusted, check_solution(bundle.adjusted, gates), output, kind)
+    usual = (bundle.project.report(bundle.name, kind),)
     for written in change.outputs:
         begins = first_bytes(written.pieces())
         require_replaceable(bundle.project, written.path, force=force, usual=usual, begins=begins)
@@ -71,21 +82,74 @@ def report(bundle: BundleState, output: Path | None, *, force: bool = False) -> 
 
 
 def report_of(
-    state: ProjectState, solution: Solution, gates: Iterable[GateResult], output: Path | None = None
+    state: ProjectState,
+    solution: Solution,
+    gates: Iterable[GateResult],
+    output: Path | None = None,
+    kind: ReportKind = "full",
 ) -> Change[WrittenReport]:
     """Make the report of a solution, which need not be stored; the state has `REPORTED_FROM`."""
     project = state.project
-    path = output if output is not None else project.report(solution.bundle)
+    path = output if output is not None else project.report(solution.bundle, kind)
     with stage("report"):
-        definition = state.definitions.bundle(solution.bundle)
-        records, header = state.records, project.definition
-        given = ReportInput(
-            solution, tuple(gates), definition, records.cameras, records.photos, records.templates, header.report,
-            header.crs, _measurement_files(state), header.test_level,
-        )  # fmt: skip
-        text = report_page(given)
+        text = _PAGES[kind](report_input(state, solution, gates))
     written = WrittenReport(solution.bundle, solution.run, path, project.shown(path), len(text.encode()))
     return Change(state, written, outputs=(TextOutput(path, lambda: [text], _REMEDY),))
+
+
+def report_input(state: ProjectState, solution: Solution, gates: Iterable[GateResult] = ()) -> ReportInput:
+    """Return what a report of a solution is made from; the state has `REPORTED_FROM`."""
+    records, header = state.records, state.project.definition
+    return ReportInput(
+        solution, tuple(gates), state.definitions.bundle(solution.bundle), records.cameras, records.photos,
+        records.templates, header.report, header.crs, _measurement_files(state), header.test_level,
+    )  # fmt: skip
+
+
+def write_report(given: ReportInput, path: Path, kind: ReportKind = "full") -> Path:
+    """Write a report to a file that the user names: HTML, or PDF where it ends so; an earlier one is replaced.
+
+    Raises
+    ------
+    UsageError
+        If another file has this name, or there is no such kind.
+    OripError
+        If it cannot be written, or no browser is there to print it.
+    """
+    if kind not in _PAGES:
+        message = f"there is no report {kind!r}; there are: {', '.join(_PAGES)}"
+        raise UsageError(message)
+    is_pdf = path.suffix.lower() == ".pdf"
+    if path.exists() and not _is_earlier(path, is_pdf=is_pdf):
+        message = f"{path} is there, and is no report of orip; name another file, or remove it"
+        raise UsageError(message)
+    text = _PAGES[kind](given)
+    if is_pdf:
+        with TemporaryDirectory(prefix="orip-") as folder:
+            page = Path(folder) / path.with_suffix(".html").name
+            page.write_text(text, encoding="utf-8", newline="")
+            print_pdf(page, path, str(path))
+    else:
+        with reporting_failure(str(path), "name another file"):
+            replace_bytes(path, text.encode())
+    return path
+
+
+def _is_earlier(path: Path, *, is_pdf: bool) -> bool:
+    """Tell whether a file is an earlier report: a page with the mark of its run, or a PDF made by a browser."""
+    with reporting_failure(str(path), "name another file"), path.open("rb") as file:
+        head = file.read(_HEAD)
+    return head.startswith(b"%PDF") if is_pdf else run_of_page(head.decode("utf-8", "replace")) is not None
+
+
+_HEAD = 2000
+"""Bytes at the beginning of a page that have the mark of its run."""
+
+_PAGES: Mapping[ReportKind, Callable[[ReportInput], str]] = {
+    "full": report_page,
+    "client": client_page,
+    "certificate": certificate_page,
+}
 
 
 def _measurement_files(state: ProjectState) -> Digests:

@@ -180,9 +180,10 @@ class ProjectFolder(Struct, frozen=True):
         """Return a bundle's file in the folder of the project files."""
         return self.photos.with_name(f"{bundle}.{extension}")
 
-    def report(self, bundle: str) -> Path:
-        """Return the path of a bundle's report: a plain name where it is the project's only bundle."""
-        return self.results / f"{'' if self.has_one_bundle else f'{bundle}_'}report.html"
+    def report(self, bundle: str, kind: str = "full") -> Path:
+        """Return the path of a bundle's report of a kind: a plain name where it is the project's only bundle."""
+        name = {"full": "report", "client": "client_report", "certificate": "calibration_certificate"}[kind]
+        return self.results / f"{'' if self.has_one_bundle else f'{bundle}_'}{name}.html"
 
     def outputs(self, bundle: str) -> OutputFiles:
         """Return where a bundle's results go: plain names where it is the project's only bundle."""
