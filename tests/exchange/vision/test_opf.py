@@ -256,7 +256,7 @@ def test_control_and_stations_have_the_deviations_of_the_project(tmp_path: Path)
     assert project.cameras[0].sensor_mm == pytest.approx((10.0, 7.5))
     assert project.notes == (
         "The project has no tie points: only the marks of control and manual tie points.",
-        "The format gives the accuracy of a mark no unit: that of 55 marks is read as pixels.",
+        "The format gives the accuracy of a mark no unit: pixels are read for 55 marks.",
         "1 manual tie point for checks alone, left out.",
     )
 
