@@ -44,7 +44,7 @@ from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations import misread_stations
+from orip.mistakes.stations import contradicting_positions, misread_stations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution
@@ -148,7 +148,13 @@ def _shown_by_itself(
     if heights:
         return [*heights, *found]
     if is_good(given):
+        of_place = {warning.where.removeprefix("photo ") for warning in found}
         found += [
+            *(
+                warning
+                for warning in contradicting_positions(solution)
+                if warning.where.removeprefix("exposure station ") not in of_place
+            ),
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
