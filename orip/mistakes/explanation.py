@@ -19,6 +19,7 @@ from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
+from orip.mistakes.contradicting_positions import contradicting_positions
 from orip.mistakes.exchanged_photos import two_lenses
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
@@ -44,7 +45,7 @@ from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations import contradicting_positions, misread_stations
+from orip.mistakes.stations import misread_stations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.results.solution import Solution
@@ -148,19 +149,22 @@ def _shown_by_itself(
     if heights:
         return [*heights, *found]
     if is_good(given):
-        of_place = {warning.where.removeprefix("photo ") for warning in found}
-        found += [
-            *(
-                warning
-                for warning in contradicting_positions(solution)
-                if warning.where.removeprefix("exposure station ") not in of_place
-            ),
+        positions = contradicting_positions(solution)
+        found = [
+            *positions,
+            *(warning for warning in found if not concerns_position(warning, positions)),
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
             *contradicting_check_points(block, solution),
         ]
     return found
+
+
+def concerns_position(moved: ProjectWarning, positions: Sequence[ProjectWarning]) -> bool:
+    """Tell whether a warning that a photo was given elsewhere is about a position that is named as wrong itself."""
+    named = {word.rstrip(":,") for found in positions for word in f"{found.where} {found.text.split(';')[0]}".split()}
+    return moved.where.startswith("photo ") and moved.where.removeprefix("photo ") in named
 
 
 def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:

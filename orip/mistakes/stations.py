@@ -12,18 +12,14 @@ from orip.bundle.antennas import antenna_of, with_orientations_of_stations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
-from orip.mistakes.contradicting_control import slip_of_pen
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
-from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observations.control import Station
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Solution
 from orip.structs import replace
-from orip.wording import counted_names, joined, listed_names
+from orip.wording import joined, listed_names
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
@@ -130,10 +126,11 @@ def _in_another_order(block: Block, observed: _Observed) -> tuple[str, str]:
     there = distance < _AT * float(np.median(between))
     own = np.arange(len(at))
     moved = there & (at != own)
-    # moved by one photo, all of them: events and photos do not correspond, which is tried by itself
+    # stations moved by one photo, all of them: events and photos do not correspond, which is tried by itself
     by_one = max(int(np.count_nonzero(there & (at == own + step))) for step in (-1, 1))
+    is_tried = observed.file == ".STA" and by_one >= _MOST * len(at) - 1
     is_permuted = len(np.unique(at[there])) == np.count_nonzero(there)
-    if not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED and by_one < _MOST * len(at) - 1):
+    if is_tried or not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED):
         return ORDER, ""
     names = [block.photos[row].name for row in observed.photo.tolist()]
     first = int(np.flatnonzero(moved)[0])
@@ -193,106 +190,6 @@ def _readings(given: FloatArray) -> Iterator[tuple[str, FloatArray, str]]:
         text = f"when multiplied by {factor:.5g}: {{}} in {unit}, and the control in {other}; use one unit"
         yield UNIT, given * factor, f"they fit {text.format('they seem to be')}"
         yield UNIT, given * [1.0, 1.0, factor], f"their Z fits {text.format('it seems to be')}"
-
-
-_DOUBTED, _ERRORS = 0.5, 5.0
-"""Weight factor below which a position hardly influenced the result, and standard residual from which it is wrong."""
-
-_SINGLE = 0.4
-"""Largest part of the positions of a file that are wrong one by one."""
-
-_BESIDE = 0.1
-"""Part of the largest difference below which that of another component is not named."""
-
-CONTRADICTING = "contradicting-position"
-
-_FEWEST_ALIKE = 3
-"""Least number of wrong positions of which it is no chance that they are off alike."""
-
-_TOLERANCE = 4.0
-"""Standard errors within which a coordinate is the one that was meant."""
-
-
-def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
-    """Return a warning for each position of a photo, in .STA or .ELE, that the block contradicts, if most fit.
-
-    Parameters
-    ----------
-    solution : Solution
-        With down-weighting.
-    """
-    rows = solution.residuals
-    is_position = coded(rows.kind).where(lambda kind: kind in ("station", "element"))
-    is_position &= coded(rows.component).where(lambda component: component in {*"XYZ", *PHOTO_PARAMETERS[:3]})
-    of_photos: dict[tuple[str, str], list[int]] = {}
-    for row in np.flatnonzero(is_position).tolist():
-        if rows.photo[row]:
-            of_photos.setdefault((rows.kind[row], rows.photo[row]), []).append(row)
-    wrong = {
-        place: mine
-        for place, mine in of_photos.items()
-        if any(rows.weight_factor[row] < _DOUBTED and rows.standard_residual[row] > _ERRORS for row in mine)
-    }
-    if len(wrong) > max(1.0, _SINGLE * len(of_photos)):
-        return []
-    if alike := _off_alike(solution, list(wrong.items())):
-        return [alike]
-    return [_contradicting_position(solution, photo, kind, mine) for (kind, photo), mine in wrong.items()]
-
-
-def _off_alike(solution: Solution, wrong: list[tuple[tuple[str, str], list[int]]]) -> ProjectWarning | None:
-    """Return one warning for positions that are all off by the same, as those of a strip without a fix are."""
-    rows, kinds = solution.residuals, {kind for (kind, _), _ in wrong}
-    if len(wrong) < _FEWEST_ALIKE or len(kinds) > 1 or any(len(mine) != len("XYZ") for _, mine in wrong):
-        return None
-    places = np.array([mine for _, mine in wrong])
-    off = -rows.residual[places]
-    rows_of_photos = [solution.photos.names.index(photo) for (_, photo), _ in wrong]
-    of_photos = np.nan_to_num(solution.photos.sd[rows_of_photos, : off.shape[1]])
-    errors = np.hypot(rows.a_priori[places] * max(1.0, solution.sigma0), of_photos)
-    middle, error = np.median(off, axis=0), np.median(errors, axis=0)
-    if (np.abs(off - middle).max(axis=0) > _ERRORS * error).any():
-        return None
-    differ = (np.abs(middle) > _TOLERANCE * error / np.sqrt(len(wrong))) & (
-        np.abs(middle) > _BESIDE * np.abs(middle).max()
-    )
-    listed = ", ".join(
-        f"{rows.component[places[0, column]]} {middle[column]:+.3f}" for column in np.flatnonzero(differ)
-    )
-    file = ".STA" if kinds == {"station"} else ".ELE"
-    text = f"their positions contradict the block, and are all off by {listed} {solution.ground_unit}: correct them"
-    text += f" in the {file} file, or make their errors negative (then they are only compared)"
-    if file == ".STA":
-        text += (
-            '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and '
-            "strips = its name in [[antenna]] of orip.toml"
-        )
-    return ProjectWarning(CONTRADICTING, counted_names("exposure station", [photo for (_, photo), _ in wrong]), text)
-
-
-def _contradicting_position(solution: Solution, photo: str, kind: str, mine: list[int]) -> ProjectWarning:
-    rows, file = solution.residuals, ".STA" if kind == "station" else ".ELE"
-    largest = max(abs(float(rows.residual[row])) for row in mine)
-    of_photo = np.nan_to_num(solution.photos.sd[solution.photos.names.index(photo), :3])
-    off, slips = [], []
-    for row in mine:
-        given, residual, error = float(rows.observed[row]), float(rows.residual[row]), float(rows.a_priori[row])
-        if rows.standard_residual[row] <= _ERRORS or abs(residual) < _BESIDE * largest:
-            continue
-        component = rows.component[row]
-        off.append(f"{component} {-residual:+.3f}")
-        error = float(np.hypot(error * max(1.0, solution.sigma0), of_photo["XYZ".index(component[0])]))
-        if slip := slip_of_pen(given, given + residual, _TOLERANCE * error):
-            slips.append(f"{component} = {given:.10g} {slip}")
-    text = f"its position contradicts the block: it is off by {', '.join(off)} {solution.ground_unit}"
-    if slips and len(slips) == len(off):
-        text += f": {'; '.join(slips)}; correct it in the {file} file"
-    else:
-        text += (
-            f"; check it, and whether GNSS had a fix there: correct it in the {file} file, or make its errors negative "
-            "(then it is only compared)"
-        )
-    return ProjectWarning(CONTRADICTING, f"exposure station {photo}", text)
 
 
 def missing_strips(block: Block) -> Iterator[ProjectWarning]:

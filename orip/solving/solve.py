@@ -18,8 +18,9 @@ from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
+from orip.mistakes.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
-from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
+from orip.mistakes.explanation import concerns_position, explain_failure, explain_misfit, explain_start
 from orip.mistakes.free_network import FREE_DATUM
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Readjuster
@@ -241,6 +242,8 @@ def _with_mistakes_of_the_block(
         )
     if any(found.code in OF_STATIONS for found in explained):
         of_start = ()
+    positions = [found for found in explained if found.code == CONTRADICTING_POSITION]
+    of_start = [found for found in of_start if not concerns_position(found, positions)]
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)

@@ -90,7 +90,7 @@ def test_control_that_is_spread_is_not_called_a_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ending", ["STA", "ELE"])
 def test_a_position_with_a_slip_is_named_with_its_component_and_file(tmp_path: Path, ending: str) -> None:
     places = PLACES.copy()
-    places[5, 1] += 50.0
+    places[5, 1] -= 50.0
     said = told(tmp_path / "folder", ending, places)
     line = first_line([said])
     assert line.startswith("warning: exposure station P6: its position contradicts the block: it is off by Y"), (
