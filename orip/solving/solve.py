@@ -161,6 +161,8 @@ def solve(
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     mistaken, taken = (_without_consequences(found, gathered.warnings) for found in (mistaken, taken))
     causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+    if any(warning.code in (*OF_STATIONS, CONTRADICTING_POSITION) for warning in (*causes, *mistaken)):
+        taken = []  # positions that are wrong lead nowhere, and are to be mended first
     others = [warning for warning in gathered.warnings if warning not in causes]
     of_start = _without_consequences(start.warnings, gathered.warnings)
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))

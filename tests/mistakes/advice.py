@@ -27,7 +27,10 @@ Rows = dict[str, np.ndarray]
 
 
 class Project(Struct):
-    """What is written: control, positions of photos, and their errors; `ending` is the file of the positions."""
+    """What is written: control, positions of photos, and their errors; `ending` is the file of the positions.
+
+    `unknown` are points without a height, `rejected` those with an x.
+    """
 
     ending: str
     measured: dict[str, dict[str, tuple[float, float]]]
@@ -37,6 +40,7 @@ class Project(Struct):
     position_errors: Rows
     antenna: str = ""
     unknown: set[str] = field(default_factory=set)
+    rejected: set[str] = field(default_factory=set)
 
     def write(self, folder: Path) -> Path:
         """Write the texts of the project."""
@@ -45,7 +49,7 @@ class Project(Struct):
             values, errors = [f"{value:.4f}" for value in xyz], [f"{error:g}" for error in self.control_errors[name]]
             if name in self.unknown:
                 values[2] = errors[2] = "-"
-            control.append(" ".join([name, *values, *errors]))
+            control.append(" ".join([name, *values, *errors, *(["x"] if name in self.rejected else [])]))
         Folder({}, self.measured, control).write(folder)
         lines = []
         for name, xyz in self.positions.items():
@@ -76,12 +80,12 @@ def sound(ending: str, seed: int) -> Project:
         for column in range(4)
     }
     points = terrain(60.0, seed)
-    measured = images(centres, points, 150.0, 115.0, 0.005)
+    measured = images(centres, points, 150.0, 115.0, 0.003)
     rays = [name for seen in measured.values() for name in seen]
     measured = {
         photo: {name: xy for name, xy in seen.items() if rays.count(name) > 1} for photo, seen in measured.items()
     }
-    control = {name: points[name] + ORIGIN + random.normal(scale=0.02, size=3) for name in CONTROL}
+    control = {name: points[name] + ORIGIN + random.normal(scale=0.01, size=3) for name in CONTROL}
     positions = {
         name: np.array(values[:3]) + ORIGIN + random.normal(scale=0.03, size=3) for name, values in centres.items()
     }
@@ -216,113 +220,127 @@ MISTAKES: dict[str, tuple[tuple[str, ...], Making]] = {
 
 # -------------------------------------------------------------------------------------------------------- following it
 
+Doing = Callable[[Project, Project, re.Match[str]], None]
 
-def _rows_of(project: Project, line: str) -> str:
-    """Return what a line is about."""
-    subject = re.sub(r"^(warning|error): ", "", line).split(":")[0]
-    return "positions" if "station" in subject or "position" in subject else "control"
+POINT = r"(?:control point|exposure station) (?P<name>\S+): "
+
+
+def _rows(project: Project, found: re.Match[str]) -> Rows:
+    """Return the rows that a line is about."""
+    subject = re.sub(r"^(warning|error): ", "", found.string).split(":")[0]
+    return project.positions if re.search("station|position|photo", subject) else project.control
+
+
+def _each(rows: Rows, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    for name, xyz in rows.items():
+        rows[name] = change(xyz)
+
+
+def _correct_slips(project: Project, _: Project, found: re.Match[str]) -> None:
+    for axis, value in re.findall(r"\b([XYZ])0? = \S+ is probably (-?[\d.]+): ", found.string):
+        _rows(project, found)[found["name"]]["XYZ".index(axis)] = float(value)
+
+
+def _exchange_two(project: Project, _: Project, found: re.Match[str]) -> None:
+    rows, one, other = _rows(project, found), found["one"], found["other"]
+    rows[one], rows[other] = rows[other], rows[one]
+
+
+def _leave_height_out(project: Project, _: Project, found: re.Match[str]) -> None:
+    project.unknown.add(found["name"])
+
+
+def _exchange_axes_of_one(project: Project, _: Project, found: re.Match[str]) -> None:
+    rows = _rows(project, found)
+    rows[found["name"]] = rows[found["name"]][[1, 0, 2]]
+
+
+def _exchange_axes(project: Project, _: Project, found: re.Match[str]) -> None:
+    of_positions = re.search(r"\.(STA|ELE) file", found.string) is not None
+    _each(project.positions if of_positions else project.control, lambda xyz: xyz[[1, 0, 2]])
+
+
+def _without_zone(project: Project, _: Project, __: re.Match[str]) -> None:
+    for rows in (project.control, project.positions):
+        _each(rows, lambda xyz: xyz - ZONE * (xyz[0] > 1e7))
+
+
+def _shift_heights(project: Project, _: Project, found: re.Match[str]) -> None:
+    by = float(found["by"]) * (-1.0 if found["side"] == "high" else 1.0)
+    _each(_rows(project, found), lambda xyz: xyz + np.array([0.0, 0.0, by]))
+
+
+def _take_again(project: Project, truth: Project, _: re.Match[str]) -> None:
+    project.positions = dict(truth.positions)
+
+
+def _multiply(project: Project, _: Project, found: re.Match[str]) -> None:
+    # five digits stand for feet or metres
+    factor = {"0.3048": FOOT, "3.2808": 1.0 / FOOT}.get(found["factor"], float(found["factor"]))
+    of_heights = re.search(r"\bZ (is multiplied|fits)", found.string) is not None
+    factors = np.array([1.0, 1.0, factor]) if of_heights else np.full(3, factor)
+    _each(_rows(project, found), lambda xyz: xyz * factors)
+
+
+def _reverse(project: Project, _: Project, found: re.Match[str]) -> None:
+    signs = np.where(np.arange(3) == "XYZ".index(found["axis"]), -1.0, 1.0)
+    _each(_rows(project, found), lambda xyz: xyz * signs)
+
+
+def _divide_errors(project: Project, _: Project, found: re.Match[str]) -> None:
+    factor = {"mm": 1000.0, "cm": 100.0}[found["unit"]]
+    of_positions = _rows(project, found) is project.positions
+    _each(project.position_errors if of_positions else project.control_errors, lambda errors: errors / factor)
+
+
+def _without_hyphens(project: Project, _: Project, __: re.Match[str]) -> None:
+    project.control = {name.replace("-", ""): xyz for name, xyz in project.control.items()}
+    project.control_errors = {name.replace("-", ""): errors for name, errors in project.control_errors.items()}
+
+
+def _compare_only(project: Project, truth: Project, found: re.Match[str]) -> None:
+    listed = [name for name in re.split(r", | and ", found["names"]) if name in project.positions]
+    off = {name: float(np.abs(xyz - project.positions[name]).max()) for name, xyz in truth.positions.items()}
+    for name in [name for name in off if off[name] > 0.1] if "more" in found["names"] else listed:
+        project.position_errors[name] = -project.position_errors[name]
+
+
+def _set_antenna(project: Project, _: Project, found: re.Match[str]) -> None:
+    project.antenna = f'[[antenna]]\nname = "GNSS"\n{found["setting"]}\n'
+
+
+def _reject(project: Project, _: Project, found: re.Match[str]) -> None:
+    project.rejected.add(found["name"])
+
+
+ADVICE: tuple[tuple[str, Doing], ...] = (
+    (rf"{POINT}.*\b[XYZ]0? = \S+ is probably ", _correct_slips),
+    (r"(?P<one>\S+) and (?P<other>\S+) fit when they are exchanged", _exchange_two),
+    (rf"{POINT}Z = 0 was probably", _leave_height_out),
+    (r"control point (?P<one>\S+): the photos see it where control point (?P<other>\S+) is given", _exchange_two),
+    (rf"{POINT}.*(?:X0? and Y0? are exchanged|with X and Y exchanged)", _exchange_axes_of_one),
+    (r"columns X and Y", _exchange_axes),
+    (r"number of a zone", _without_zone),
+    (r"given (?P<by>[\d.]+) m too (?P<side>high|low) in Z", _shift_heights),
+    # who matches or converts again has the origin of the data
+    (r"in degrees|those of other photos|moved by one photo", _take_again),
+    (r"multiplied by (?P<factor>[\d.]+)", _multiply),
+    (r"(?P<axis>[XYZ])(?: of \S+)* (?:has|have) the opposite sign|reverse the sign of (?P<other>[XYZ])", _reverse),
+    (r"these seem to be in (?P<unit>mm|cm)", _divide_errors),
+    (r"differ by a hyphen alone", _without_hyphens),
+    (r"exposure stations? (?P<names>.*?): .*make (?:its|their) errors negative", _compare_only),
+    (r"set (?P<setting>(?:lever_arm|shift) = .*?) in \[\[antenna\]\]", _set_antenna),
+    (rf"{POINT}its coordinates contradict the photos", _reject),
+)
+"""What a line says, and what is then done."""
 
 
 def follow(project: Project, truth: Project, line: str) -> bool:
-    """Do what a line says, and tell whether it says anything that can be done.
-
-    Matching positions and names again, and converting coordinates, needs the origin of the data, which `truth` stands for.
-    """
-    rows = _rows_of(project, line)
-    of: Rows = getattr(project, rows)
-    if slips := re.findall(r"\b([XYZ])0? = \S+ is probably (-?[\d.]+): ", line):
-        name = re.search(r"(?:control point|exposure station) (\S+): ", line)
-        if name is None:
-            return False
-        for axis, value in slips:
-            of[name[1]]["XYZ".index(axis)] = float(value)
-        return True
-    if found := re.search(r"control points? (\S+) and (\S+) fit when they are exchanged", line):
-        of[found[1]], of[found[2]] = of[found[2]], of[found[1]]
-        return True
-    if re.search(r"control point (\S+): Z = 0 was probably", line):
-        project.unknown.add(re.search(r"control point (\S+): ", line)[1])  # type: ignore[index]
-        return True
-    if (name := re.search(r"(?:control point|exposure station) (\S+): (?:its )?X0? and Y0? .*exchang", line)) or (
-        name := re.search(r"photo (\S+): .*X0 and Y0 are exchanged", line)
-    ):
-        of = project.positions if "photo" in line.split(":")[1] else of
-        of[name[1]] = of[name[1]][[1, 0, 2]]
-        return True
-    if found := re.search(
-        r"photo (\S+): its given position is wrong: .*?([XYZ])0 = (\S+), where the block has ([\d.]+)", line
-    ):
-        project.position_errors[found[1]] = -project.position_errors[found[1]]
-        return True
-    if re.search(r"columns X and Y", line):
-        _all(
-            "positions" if re.search(r"\.(STA|ELE) file|position|station", line) else "control",
-            lambda xyz: xyz[[1, 0, 2]],
-        )(project, np.random.default_rng())
-        return True
-    if re.search(r"number of a zone", line):
-        for each in ("control", "positions"):
-            _all(each, lambda xyz: xyz - ZONE * (xyz[0] > 1e7))(project, np.random.default_rng())
-        return True
-    if found := re.search(r"given ([\d.]+) m too (high|low) in Z", line):
-        by = float(found[1]) * (-1.0 if found[2] == "high" else 1.0)
-        _all(rows, lambda xyz: xyz + np.array([0.0, 0.0, by]))(project, np.random.default_rng())
-        return True
-    if "in degrees" in line or "those of other photos" in line or "moved by one photo" in line:
-        project.positions = dict(truth.positions)
-        return True
-    if found := re.search(r"photos (\S+) and (\S+) are exchanged", line):
-        project.positions[found[1]], project.positions[found[2]] = (
-            project.positions[found[2]],
-            project.positions[found[1]],
-        )
-        return True
-    if found := re.search(r"exposure stations (\S+) and (\S+) fit when they are exchanged", line):
-        project.positions[found[1]], project.positions[found[2]] = (
-            project.positions[found[2]],
-            project.positions[found[1]],
-        )
-        return True
-    if found := re.search(r"(Z )?(?:fits?|are near|fits when|is|.*?) ?(?:when )?(Z is )?multiplied by ([\d.]+)", line):
-        factor = float(found[3])
-        of_z = bool(re.search(r"\bZ (is multiplied|fits)", line))
-        factors = np.array([1.0, 1.0, factor]) if of_z else np.full(3, factor)
-        exact = {0.3048: FOOT}.get(factor, factor)
-        factors[factors == factor] = exact
-        _all(rows, lambda xyz: xyz * factors)(project, np.random.default_rng())
-        return True
-    if found := re.search(r"(?:reverse the sign of|with) ([XYZ])\b|([XYZ]) has the opposite sign", line):
-        axis = "XYZ".index(found[1] or found[2])
-        signs = np.where(np.arange(3) == axis, -1.0, 1.0)
-        _all(rows, lambda xyz: xyz * signs)(project, np.random.default_rng())
-        return True
-    if re.search(r"these seem to be in mm", line):
-        which = "position_errors" if rows == "positions" else "control_errors"
-        _all(which, lambda errors: errors / 1000.0)(project, np.random.default_rng())
-        return True
-    if re.search(r"these seem to be in cm", line):
-        which = "position_errors" if rows == "positions" else "control_errors"
-        _all(which, lambda errors: errors / 100.0)(project, np.random.default_rng())
-        return True
-    if "differ by a hyphen alone" in line:
-        for which in ("control", "control_errors"):
-            setattr(project, which, {name.replace("-", ""): xyz for name, xyz in getattr(project, which).items()})
-        return True
-    if "make their errors negative" in line or "make its errors negative" in line:
-        names = re.search(r"exposure stations? (.*?):", line)[1]  # type: ignore[index]
-        wrong = [
-            name for name in truth.positions if np.abs(project.positions[name] - truth.positions[name]).max() > 0.1
-        ]
-        listed = [name for name in re.split(r", | and ", names) if name in project.positions]
-        for name in wrong if "more" in names else listed:
-            project.position_errors[name] = -project.position_errors[name]
-        return True
-    if found := re.search(r"set (lever_arm|shift) = (.*?) in \[\[antenna\]\]", line):
-        project.antenna = f'[[antenna]]\nname = "GNSS"\n{found[1]} = {found[2]}\n'
-        return True
-    if found := re.search(r"control point (\S+): its coordinates contradict the photos", line):
-        project.control_errors[found[1]] = -project.control_errors[found[1]]
-        return True
+    """Do what a line says, and tell whether it says anything that can be done."""
+    for words, do in ADVICE:
+        if found := re.search(words, line):
+            do(project, truth, found)
+            return True
     return False
 
 
@@ -357,8 +375,8 @@ class Followed(Struct, frozen=True):
     after: str
 
 
-def followed(mistake: str, ending: str, seed: int) -> Followed | None:
-    """Plant a mistake, do what is said first of it, and run again; None where nothing was said."""
+def followed(mistake: str, ending: str, seed: int) -> Followed:
+    """Plant a mistake, do what is said first of it, and run again."""
     project, truth = sound(ending, seed), sound(ending, seed)
     MISTAKES[mistake][1](project, np.random.default_rng(seed))
     with tempfile.TemporaryDirectory() as folder:
@@ -373,11 +391,11 @@ def followed(mistake: str, ending: str, seed: int) -> Followed | None:
 
 
 def cases(seeds: int, chosen: list[str]) -> Iterator[tuple[str, str, int]]:
-    """Yield all cases, or those of some mistakes."""
+    """Yield all cases, or those of some mistakes; with seed 1 one observation of the sound block misfits by chance."""
     for mistake, (endings, _) in MISTAKES.items():
         if not chosen or mistake in chosen:
             for ending in endings:
-                yield from ((mistake, ending, seed) for seed in range(1, seeds + 1))
+                yield from ((mistake, ending, seed) for seed in range(2, seeds + 2))
 
 
 def main() -> None:
@@ -388,10 +406,11 @@ def main() -> None:
         found = followed(mistake, ending, seed)
         number, well, several = number + 1, well + found.is_well, several + (found.complaints > 1)
         mark = "well" if found.is_well else "NOT " if found.can_be_followed else "DUMB"
-        print(f"{mark} {found.complaints} {mistake} {ending} {seed}: {found.first[:330]}", flush=True)
+        sys.stdout.write(f"{mark} {found.complaints} {mistake} {ending} {seed}: {found.first[:330]}\n")
         if found.can_be_followed and not found.is_well:
-            print(f"     after: {found.after[:300]}", flush=True)
-    print(f"{well} of {number} end well; {several} with more than one complaint")
+            sys.stdout.write(f"     after: {found.after[:300]}\n")
+        sys.stdout.flush()
+    sys.stdout.write(f"{well} of {number} end well; {several} with more than one complaint\n")
 
 
 if __name__ == "__main__":
