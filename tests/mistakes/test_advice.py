@@ -10,7 +10,8 @@ CASES = [
     ("position: axes of one", "ELE"), ("positions: two exchanged", "STA"), ("positions: two exchanged", "ELE"),
     ("positions: a strip", "STA"), ("positions: a strip", "ELE"), ("positions: moved by one", "ELE"),
     ("positions: zone", "ELE"), ("positions: errors in mm", "STA"), ("positions: errors in mm", "ELE"),
-    ("positions: errors in cm", "STA"), ("positions: degrees", "ELE"), ("control: hyphens", "STA"), ("control: errors in mm", "STA"),
+    ("positions: errors in cm", "STA"), ("positions: degrees", "ELE"), ("control: hyphens", "STA"),
+    ("control: errors in mm", "STA"),
     ("control: wrong stone", ""), ("control: height off", "STA"), ("control: two exchanged", "ELE"),
 ]  # fmt: skip
 
