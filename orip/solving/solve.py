@@ -242,7 +242,7 @@ def _with_mistakes_of_the_block(
         explained = explain_misfit(
             adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered), own.solved if own else None
         )
-    if any(found.code in OF_STATIONS for found in explained):
+    if any(found.code in OF_STATIONS for found in (*explained, *adjuster.gathered.warnings)):
         of_start = ()
     positions = [found for found in explained if found.code == CONTRADICTING_POSITION]
     of_start = [found for found in of_start if not concerns_position(found, positions)]

@@ -366,7 +366,10 @@ def is_well(said: Said) -> bool:
 
 
 class Followed(Struct, frozen=True):
-    """What was said first of a mistake, and how many complaints; whether it could be followed, and what came of it."""
+    """What was said first of a mistake, and how many complaints; whether it could be followed, and what came of it.
+
+    A mistake of which nothing is said cannot be followed.
+    """
 
     first: str
     complaints: int
@@ -383,7 +386,7 @@ def followed(mistake: str, ending: str, seed: int) -> Followed:
         said = orip(project.write(Path(folder) / "before"), "run", "--no-report")
         first = said_first(said)
         if is_well(said):
-            return Followed(first, 0, True, True, "")
+            return Followed(first, 0, False, False, "")
         complaints = len(re.findall("^(?:error|warning): ", said.told, re.MULTILINE))
         can = follow(project, truth, first)
         after = orip(project.write(Path(folder) / "after"), "run", "--no-report") if can else said
