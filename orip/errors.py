@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from msgspec import Struct
 
-from orip.wording import counted_names
+from orip.wording import counted_names, first_names
 
 INTERRUPTED = 130
 """What the shell gets after Ctrl-C."""
@@ -106,11 +106,18 @@ def by_kind(warnings: Iterable[ProjectWarning]) -> list[ProjectWarning]:
     return shortened
 
 
+_NAMED_BY_WORDS = {"element", "direction"}
+"""What is named by several words: ``element PHOTO 17 X0``."""
+
+
 def _as_one(noun: str, alike: Sequence[ProjectWarning]) -> ProjectWarning:
     first = alike[0]
     if len(alike) == 1:
         return first
-    where = counted_names(noun, [warning.where.rpartition(" ")[2] for warning in alike])
+    kind, _, names = noun.partition(" ")
+    last = [warning.where.rpartition(" ")[2] for warning in alike]
+    # the words after these nouns are names, which have no plural
+    where = f"{kind}s {names} {first_names(last, 3)}" if kind in _NAMED_BY_WORDS else counted_names(noun, last)
     text = f"are {first.text.removeprefix('is ')}" if first.text.startswith("is ") else first.text
     return ProjectWarning(first.code, where, text)
 

@@ -12,7 +12,7 @@ from orip.adjustment.convergence import TerminationReason
 from orip.arrays import IntArray
 from orip.bundle.antenna_diagnosis import antenna_diagnosis, cause_of_antenna
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
-from orip.bundle.ground_system import control_count, not_determined
+from orip.bundle.ground_system import control_count, control_on_a_line, not_determined
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.results.reliability import lost_control, lost_photos
@@ -51,7 +51,7 @@ def diagnose(solved: SolvedBlock) -> tuple[Diagnosis, ...]:
     """Return every weakness found in a solved block, the gravest kind first."""
     return (
         *_another_block(solved),
-        *not_determined(solved),
+        *(not_determined(solved) or control_on_a_line(solved)),
         *_errors_far_off(solved),
         *_undetermined(solved),
         *_unsettled(solved),

@@ -14,6 +14,7 @@ from orip.bundle.results.ground import reduced_cofactors
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import axes_rotation_from_angle_rates
+from orip.number_text import decimals_of_two_digits
 from orip.records.block import Block
 from orip.records.observations.observation_kinds import PHOTO_POINT
 from orip.records.results.solution import Diagnosis
@@ -36,6 +37,59 @@ told from a shift of the photo, which does no harm to the others."""
 _PART = 0.05
 """Part of a free movement, in the units of the limits, below which it is no rotation or no change of scale; and part of
 the control's length by which its points may lie off a line."""
+
+
+CONTROL_LINE = "control-line"
+"""Code of the diagnosis that control hardly keeps a block from turning about a line."""
+
+_BEYOND = 10.0
+"""Multiple of the control's distance from its line that points are away from it, where their errors are as many times
+those of the control."""
+
+
+def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
+    """Say that the control points lie nearly on a line, where nothing else keeps the block from turning about it."""
+    block, place = solved.block, solved.block.point_index()
+    held = [point for point in block.control_points if point.kind == "control"]
+    others = (
+        bool(block.directions)
+        or any(photo.constant for photo in block.photos)
+        or any(station.has_position and min(station.position_error) >= 0.0 for station in block.stations)
+        or any(element.group == "PHOTO" and element.error >= 0.0 for element in block.elements)
+        # heights by themselves, or X and Y, may be anywhere
+        or any(error is None or error < 0.0 for point in held for error in point.errors)
+    )
+    if solved.problem.datum is not None or others:
+        return
+    rows = [place[point.name] for point in held if point.name in place]
+    points = solved.state.points
+    control, every = points[rows], points[np.isfinite(points).all(axis=1)]
+    if len(rows) < _ON_A_LINE or not np.isfinite(control).all():
+        return
+    centre = control.mean(axis=0)
+    along = np.linalg.svd(control - centre)[2][0]
+    off, away = (
+        np.linalg.norm(part - centre - np.outer((part - centre) @ along, along), axis=1) for part in (control, every)
+    )
+    if off.max() * _BEYOND > away.max():
+        return
+    names = [point.name for point in held]
+    text = (
+        f"{counted_names('control point', names)} lie nearly on a line: other points are up to {_length(away.max())} "
+        f"{block.ground_unit} away from it, the control at most {_length(off.max())}, and a turn about the line "
+        "is hardly determined"
+    )
+    yield Diagnosis(
+        CONTROL_LINE, f"bundle {block.definition.name}", text, "give another control point away from the line"
+    )
+
+
+def _length(value: float) -> str:
+    return f"{value:.{decimals_of_two_digits(max(value, 1e-3), 0, 3)}f}"
+
+
+_ON_A_LINE = 3
+"""Least number of control points that could determine a block, if they were not on a line."""
 
 
 def not_determined(solved: SolvedBlock) -> tuple[Diagnosis, ...]:

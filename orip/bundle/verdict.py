@@ -9,6 +9,7 @@ from typing import Literal
 
 from msgspec import Struct
 
+from orip.bundle.ground_system import CONTROL_LINE
 from orip.bundle.groups.words import CODE, group_name
 from orip.bundle.results.misfits import has_suspects
 from orip.records.results.result_tests import NOT_DETERMINED
@@ -151,8 +152,8 @@ def _undetermined(solution: Solution) -> str:
 
 
 def group_findings(solution: Solution) -> list[Diagnosis]:
-    """Return the diagnoses of groups of observations that contradict the others, the gravest first."""
-    return [found for found in solution.diagnosis if found.code == CODE]
+    """Return what the first sentence says: groups that contradict the others, the gravest first, or poor control."""
+    return [found for found in solution.diagnosis if found.code in (CODE, CONTROL_LINE)]
 
 
 def _decimals_that_agree(sigma0: float, test: GlobalTest) -> int:

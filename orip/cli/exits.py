@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
@@ -79,8 +80,12 @@ def report_usage(error: typer.TyperException, arguments: Sequence[str]) -> int:
             return UsageError.exit_code
         said = "a command is missing"
     message = " ".join(said.split()).replace("Value error, ", "").rstrip(".")
+    path = context.command_path if context else "orip"
+    if path != "orip" and re.match(r"No such option: (-C|--project)\b", message):
+        command = path.removeprefix("orip ")
+        message = f"the project's folder stands before the command: write orip -C DIR {command}"
     stop = "" if message.endswith("?") else ";"
-    report(terminal, UsageError(f"{message}{stop} see '{context.command_path if context else 'orip'} --help'"))
+    report(terminal, UsageError(f"{message}{stop} see '{path} --help'"))
     with suppress(OripError):
         terminal.flush()
     return UsageError.exit_code

@@ -10,6 +10,7 @@ from orip.mistakes.names import name_warnings, photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import Control
 from orip.records.observations.measurement import Measured
 
@@ -32,19 +33,29 @@ def measurement_warnings(
         for observations in measured.observations.values()
         for warning in points_outside_frames(definitions, observations, interior.to_photo)
     )
-    units = (
+    units = [
         warning
         for observations in measured.observations.values()
         for warning in coordinates_in_other_units(definitions, observations)
-    )
-    reduced = (
+    ]
+    reduced = [
         warning
         for observations in measured.observations.values()
         for warning in find_reduced_pictures(definitions, observations)
-    )
+    ]
+    # points in another unit, or from another origin, lie outside; that is no second mistake
+    misread = {warning.where for warning in (*units, *reduced)}
+    outside = (warning for warning in outside if not _cameras_of(definitions, warning) & misread)
     # photos of several bundles are checked once for each bundle
     marks = (*misnamed_marks(interior.adjustments), *interior.warnings)
     return tuple(dict.fromkeys((*cameras, *units, *reduced, *marks, *outside)))
+
+
+def _cameras_of(definitions: Definitions, warning: ProjectWarning) -> set[str]:
+    """Return the camera that a warning is about, or that of the photo that it is about, as warnings name it."""
+    photo = definitions.photos.get(record_key(warning.where.removeprefix("photo ")))
+    camera = definitions.cameras.get(record_key(photo.camera)) if photo is not None else None
+    return {warning.where} if camera is None else {warning.where, f"camera {camera.name}"}
 
 
 def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]:
@@ -56,7 +67,9 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     control : Control
         All control of the project, even what the block does not use.
     """
-    from orip.mistakes.free_network import observations_without_weight  # measurements are checked without it
+    # measurements are checked without these
+    from orip.mistakes.free_network import observations_without_weight
+    from orip.mistakes.stations import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
-    return (*photos_under_two_names(block), *names, *observations_without_weight(block))
+    return (*photos_under_two_names(block), *names, *observations_without_weight(block), *missing_strips(block))

@@ -205,7 +205,7 @@ def _contradiction_text(point: ControlPoint, seen: FloatArray, sd: FloatArray, g
     )
     return (
         f"its coordinates contradict the photos: they are off by {offsets} {ground_unit}; check them, and whether what "
-        "was measured in the photos is what was surveyed"
+        "was measured in the photos is what was surveyed; or reject the point (x at the end of its line)"
     )
 
 

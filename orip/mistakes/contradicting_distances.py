@@ -17,6 +17,10 @@ from orip.records.names import places_of_names
 from orip.records.observations.control import ControlDistance
 from orip.records.results.solution import Solution
 
+DISTANCE_UNIT = "distance-unit"
+OF_DISTANCE_UNITS = "distances are in another unit than the other distances or the control"
+"""Code of the warning, and what the status says."""
+
 _LENGTH_ALIKE = 0.01
 """Relative difference within which a factor is recognised: wrong distances may have changed the scale of the block."""
 
@@ -67,7 +71,7 @@ def _in_another_unit(solution: Solution, wrong: IntArray) -> Iterator[ProjectWar
         f"the distances fit when they are multiplied by {factor:.5g} ({names}): they seem to be in {unit}, and the "
         f"control in {other}; write both in one unit, and correct the one that is wrong"
     )
-    yield ProjectWarning("distance-unit", "control files", text)
+    yield ProjectWarning(DISTANCE_UNIT, "control files", text)
 
 
 def _in_two_units(solution: Solution, all_distances: IntArray) -> Iterator[ProjectWarning]:
@@ -97,7 +101,7 @@ def _in_two_units(solution: Solution, all_distances: IntArray) -> Iterator[Proje
         f"the distances fit each other with the factor {factor:.5g} for {names}: written in {unit}, as it seems, and "
         f"{other_names} in {other}; write all distances and their errors in the ground unit, {solution.ground_unit}"
     )
-    yield ProjectWarning("distance-unit", "control files", text)
+    yield ProjectWarning(DISTANCE_UNIT, "control files", text)
 
 
 def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning:

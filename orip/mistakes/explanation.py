@@ -19,6 +19,7 @@ from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
+from orip.mistakes.contradicting_positions import contradicting_positions
 from orip.mistakes.exchanged_photos import lens_of_doubted_camera, two_lenses
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
@@ -157,13 +158,22 @@ def _shown_by_itself(
     if heights:
         return [*heights, *found]
     if is_good(given):
-        found += [
+        positions = contradicting_positions(solution)
+        found = [
+            *positions,
+            *(warning for warning in found if not concerns_position(warning, positions)),
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
             *contradicting_check_points(block, solution),
         ]
     return found
+
+
+def concerns_position(moved: ProjectWarning, positions: Sequence[ProjectWarning]) -> bool:
+    """Tell whether a warning that a photo was given elsewhere is about a position that is named as wrong itself."""
+    named = {word.rstrip(":,") for found in positions for word in f"{found.where} {found.text.split(';')[0]}".split()}
+    return moved.where.startswith("photo ") and moved.where.removeprefix("photo ") in named
 
 
 def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:

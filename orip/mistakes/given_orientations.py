@@ -15,6 +15,7 @@ from orip.geometry.rotation import angles_between, angles_from_rotation, rotatio
 from orip.mistakes.hypothesis import Fit, is_good
 from orip.mistakes.other_units import ANGLE_UNITS, FEET_AND_METRES, angle_unit_text, control_unit_text, is_nearer
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 from orip.wording import counted_names
@@ -52,12 +53,15 @@ class ComparedOrientations(Struct, frozen=True):
         Ground units and radians; NaN where not given.
     distance : float
         From the photos to their points.
+    files : tuple of str
+        Where the position of each is given.
     """
 
     names: tuple[str, ...]
     given: FloatArray
     found: FloatArray
     distance: float
+    files: tuple[str, ...]
 
     @property
     def shifts(self) -> FloatArray:
@@ -100,7 +104,26 @@ def compared_orientations(
     given[:, :3] = block.ground.to_project(given[:, :3])
     found = np.hstack([block.ground.to_project(centres), angles_from_rotation(rotations)])
     return ComparedOrientations(
-        tuple(photo.name for photo in block.photos), given, found, max(float(np.nanmedian(away)), 1e-12)
+        tuple(photo.name for photo in block.photos),
+        given,
+        found,
+        max(float(np.nanmedian(away)), 1e-12),
+        _files_of_positions(block),
+    )
+
+
+def _files_of_positions(block: Block) -> tuple[str, ...]:
+    """Return the file where the position of each photo is observed, else orip.toml, which gives preliminary ones."""
+    of_stations = {record_key(station.photo) for station in block.stations if station.has_position}
+    of_elements = {
+        record_key(element.name)
+        for element in block.elements
+        if element.group == "PHOTO" and element.kind in PHOTO_PARAMETERS[:3]
+    }
+    keys = (record_key(photo.name) for photo in block.photos)
+    return tuple(
+        "the .STA file" if key in of_stations else "the .ELE file" if key in of_elements else "orip.toml"
+        for key in keys
     )
 
 
@@ -197,7 +220,9 @@ def _misgiven(compared: ComparedOrientations, row: int) -> ProjectWarning:
         if compared.turns[row] > _FAR_TURNED:
             parts.append(f"it is rotated by {np.degrees(compared.turns[row]):.0f}°")
         how = f"the block puts it elsewhere: {', and '.join(parts)}"
-    text = f"its given orientation is wrong: {how}; correct it in orip.toml"
+    is_position = compared.turns[row] <= _FAR_TURNED or not np.isfinite(compared.turns[row])
+    what = "position" if is_position else "orientation"
+    text = f"its given {what} is wrong: {how}; correct it in {compared.files[row]}"
     return ProjectWarning("given-orientation", f"photo {compared.names[row]}", text)
 
 

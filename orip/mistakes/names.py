@@ -110,7 +110,7 @@ _UNMEASURED = "is not measured in any photo"
 def name_warnings(block: Block, control: Control, preliminary: Sequence[PreliminaryPoint]) -> list[ProjectWarning]:
     """Return a warning for each control observation and preliminary point not in the block, and for similar names."""
     points = block.point_index()
-    otherwise = _warn_of_other_spellings(block, control)
+    otherwise, told = _warn_of_other_spellings(block, control)
     unused: list[tuple[str, str, str]] = [
         ("control", f"control point {point.name}", _UNMEASURED) for point in control.points if point.name not in points
     ]
@@ -144,7 +144,7 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for station in control.stations
         if record_key(station.photo) not in photos
     ]
-    warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused]
+    warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused if where not in told]
     similar = []
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):
         text = f"{', '.join(group)} differ only in case or leading zeros: are they one point?"
@@ -152,19 +152,23 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
     return [*otherwise, *_first_of_each_code(warnings), *_first_of_each_code(similar)]
 
 
-def _warn_of_other_spellings(block: Block, control: Control) -> list[ProjectWarning]:
-    """Return warnings of control points and stations that are there under names that are spelt differently."""
+def _warn_of_other_spellings(block: Block, control: Control) -> tuple[list[ProjectWarning], set[str]]:
+    """Return warnings of control points and stations that are there under names that are spelt differently.
+
+    And what these are called in warnings of each that is not used, which follow from them.
+    """
     measured, given = block.point_index(), {point.name for point in control.points}
     unmeasured = [point.name for point in control.points if point.name not in measured]
     photos = {record_key(photo.name): photo.name for photo in block.photos}
     of_stations = {record_key(station.photo) for station in control.stations}
-    return [
-        *control_spelt_otherwise(unmeasured, (name for name in block.point_names if name not in given)),
-        *stations_spelt_otherwise(
-            [station.photo for station in control.stations if record_key(station.photo) not in photos],
-            [name for key, name in photos.items() if key not in of_stations],
-        ),
-    ]
+    points = unmeasured, [name for name in block.point_names if name not in given]
+    stations = (
+        [station.photo for station in control.stations if record_key(station.photo) not in photos],
+        [name for key, name in photos.items() if key not in of_stations],
+    )
+    told = {f"control point {name}" for name in _spelt_otherwise(*points)}
+    told |= {f"exposure station {name}" for name in _spelt_otherwise(*stations)}
+    return [*control_spelt_otherwise(*points), *stations_spelt_otherwise(*stations)], told
 
 
 def _first_of_each_code(warnings: Sequence[ProjectWarning]) -> Iterator[ProjectWarning]:

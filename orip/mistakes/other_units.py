@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.observations.control import ControlDirection, ControlPoint
 from orip.records.project.camera import Camera
+from orip.records.project.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, METRES_PER_FOOT, MILLIMETRES_PER_INCH, RADIANS_PER_DEGREE
@@ -80,7 +81,7 @@ _MILLI = 1e-3
 
 def errors_too_large(block: Block, solution: Solution) -> list[ProjectWarning]:
     """Return a warning for each kind of observation whose residuals are far smaller than its a-priori errors."""
-    return [*_photos(block, solution), *_control(solution)]
+    return [*_photos(block, solution), *_control(solution), *_positions(solution)]
 
 
 def _photos(block: Block, solution: Solution) -> Iterator[ProjectWarning]:
@@ -110,17 +111,60 @@ def _control(solution: Solution) -> Iterator[ProjectWarning]:
         return
     unit = solution.ground_unit
     text = f"control points fit {1.0 / factor:.3g} times better than their a-priori errors promise"
-    if _explains(_MILLI, factor):
-        text += f": these seem to be in mm; write them in {unit}, the unit of the coordinates"
+    if written := _unit_of_errors(solution, "control", factor):
+        text += f": these seem to be in {written}; write them in {unit}, the unit of the coordinates"
     else:
         text += f"; check them, they are in {unit}"
     yield ProjectWarning("error-unit", "control file", text)
 
 
-def _factor(solution: Solution, kind: str) -> float | None:
+def _positions(solution: Solution) -> Iterator[ProjectWarning]:
+    """Yield a warning where errors of the photos' positions are in another unit.
+
+    Other errors that are too large are not told: rough ones are given on purpose where positions only start the
+    iteration.
+    """
+    for kind, file in (("station", ".STA"), ("element", ".ELE")):
+        factor = _factor(solution, kind, _COORDINATES)
+        if factor is not None and (unit := _unit_of_errors(solution, kind, factor, _COORDINATES)):
+            text = (
+                f"they fit {1.0 / factor:.3g} times better than their a-priori errors promise: these seem to be in "
+                f"{unit}; write them in {solution.ground_unit}, the unit of the coordinates, in the {file} file"
+            )
+            yield ProjectWarning("error-unit", "exposure stations", text)
+
+
+_COORDINATES = frozenset({*"XYZ", *PHOTO_PARAMETERS[:3]})
+
+_UNITS = {"mm": (_MILLI, 10.0), "cm": (10.0 * _MILLI, 3.0)}
+"""Units that errors are written in, with the factor up to which residuals may be larger than errors in them: they have
+the errors of the photos as well. A factor of ten is another unit, where that is possible."""
+
+_ON_THE_GROUND = (1e-3, 0.3)
+"""Ground units (metres): errors of what is surveyed."""
+
+
+def _unit_of_errors(solution: Solution, kind: str, factor: float, components: Collection[str] = ()) -> str:
+    """Return the unit in which the errors of a kind of observation are small enough, and possible; "" if none is."""
+    if solution.ground_unit != "m":
+        return ""
+    rows = solution.residuals
+    mine = coded(rows.kind).where(kind.__eq__) & (rows.a_priori > 0.0)
+    if components:
+        mine &= coded(rows.component).where(components.__contains__)
+    typical = float(np.median(rows.a_priori[mine]))
+    for unit, (size, more) in _UNITS.items():
+        if size / _NEAR < factor < more * size and _ON_THE_GROUND[0] <= typical * size <= _ON_THE_GROUND[1]:
+            return unit
+    return ""
+
+
+def _factor(solution: Solution, kind: str, components: Collection[str] = ()) -> float | None:
     """Return the standard error of unit weight of a kind of observation where it is far below 1, else None."""
     rows = solution.residuals
     used = coded(rows.kind).where(kind.__eq__) & (rows.weight_factor >= 1.0)
+    if components:
+        used &= coded(rows.component).where(components.__contains__)
     redundancy = float(np.sum(rows.redundancy_number[used]))
     square_sum = float(np.sum(rows.standard_residual[used] ** 2))
     if redundancy < _FEWEST_OBSERVATIONS or square_sum >= _TOO_GOOD**2 * redundancy:

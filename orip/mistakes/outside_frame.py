@@ -35,6 +35,9 @@ _FAR = 2.0
 _FEW = 0.2
 """Largest part of the photos of a camera that are turned by mistake; of more, columns and rows are exchanged in all."""
 
+_SOME = 0.5
+"""Part of the photos of a camera up to which they may be those of another one, or of another lens."""
+
 _PIXEL = 1.0
 """Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
 
@@ -93,7 +96,12 @@ def _off_sensors(
                 "or exchange columns and rows (and width and height) of the sensor"
             )
         else:
-            text += "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
+            # photos of another lens may reach beyond the pictures of the first
+            lens = " and lens, with the same zoom" if len(off) <= _SOME * len(of_camera) else ""
+            text += (
+                "; check columns and rows of the sensor, and whether the photos are uncropped ones of this camera"
+                f"{lens}"
+            )
         yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.antennas import with_orientations_of_stations
+from orip.bundle.antennas import antenna_of, with_orientations_of_stations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
@@ -19,6 +19,7 @@ from orip.records.block import Block
 from orip.records.names import record_key
 from orip.records.observations.control import Station
 from orip.structs import replace
+from orip.wording import joined, listed_names
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
@@ -125,10 +126,11 @@ def _in_another_order(block: Block, observed: _Observed) -> tuple[str, str]:
     there = distance < _AT * float(np.median(between))
     own = np.arange(len(at))
     moved = there & (at != own)
-    # moved by one photo, all of them: events and photos do not correspond, which is tried by itself
+    # stations moved by one photo, all of them: events and photos do not correspond, which is tried by itself
     by_one = max(int(np.count_nonzero(there & (at == own + step))) for step in (-1, 1))
+    is_tried = observed.file == ".STA" and by_one >= _MOST * len(at) - 1
     is_permuted = len(np.unique(at[there])) == np.count_nonzero(there)
-    if not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED and by_one < _MOST * len(at) - 1):
+    if is_tried or not (is_permuted and there.mean() >= _MOST and moved.sum() >= _FEWEST_MOVED):
         return ORDER, ""
     names = [block.photos[row].name for row in observed.photo.tolist()]
     first = int(np.flatnonzero(moved)[0])
@@ -188,6 +190,29 @@ def _readings(given: FloatArray) -> Iterator[tuple[str, FloatArray, str]]:
         text = f"when multiplied by {factor:.5g}: {{}} in {unit}, and the control in {other}; use one unit"
         yield UNIT, given * factor, f"they fit {text.format('they seem to be')}"
         yield UNIT, given * [1.0, 1.0, factor], f"their Z fits {text.format('it seems to be')}"
+
+
+def missing_strips(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning for each antenna with an unknown of strips that its stations have not."""
+    cameras = [antenna_of(block.antennas, camera.name) for camera in block.cameras]
+    rows = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
+    for row, antenna in enumerate(block.antennas):
+        keys = [f'{key} = "strip"' for key in ("shift", "drift") if getattr(antenna, key) == "strip"]
+        strips = {
+            station.strip
+            for station in block.stations
+            if station.has_position and cameras[block.photo_camera[rows[record_key(station.photo)]]] == row
+        }
+        if keys and strips == {""}:
+            text = (
+                f"{joined(keys)} needs the strips of stations, and no line of the .STA file has one (its last field): "
+                'all are one strip; write them there, or "session" in place of "strip"'
+            )
+            yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
+        elif unknown := [name for name in antenna.strips if strips and name not in strips]:
+            known = listed_names(sorted(strip for strip in strips if strip))
+            text = f"no station has strip {joined(unknown)}, which strips names; those of the .STA file are: {known}"
+            yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
 
 
 _FEWEST_STATIONS = 6

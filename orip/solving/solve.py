@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 import numpy as np
@@ -18,8 +18,10 @@ from orip.bundle.verdict import MISTAKE, headline, sigma0_test
 from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
 from orip.mistakes.camera_values import OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
+from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
+from orip.mistakes.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
-from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
+from orip.mistakes.explanation import concerns_position, explain_failure, explain_misfit, explain_start
 from orip.mistakes.free_network import FREE_DATUM
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Readjuster
@@ -54,8 +56,17 @@ OF_STATIONS = {
 """The same of positions of photos that are not in the system of the control: what is said of single photos, or of
 groups of the two, follows from it."""
 
-WRONG = {**SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit"}
+WRONG = {
+    **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit",
+    DISTANCE_UNIT: OF_DISTANCE_UNITS,
+}  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
+_FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
+    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "control point")),
+    ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
+)
+"""Codes of warnings, and of which groups of observations a contradiction follows from them."""
+
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
 
@@ -151,13 +162,17 @@ def solve(
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
+    mistaken, taken = (_without_consequences(found, gathered.warnings) for found in (mistaken, taken))
     causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
+    if any(warning.code in (*OF_STATIONS, CONTRADICTING_POSITION) for warning in (*causes, *mistaken)):
+        taken = []  # positions that are wrong lead nowhere, and are to be mended first
     others = [warning for warning in gathered.warnings if warning not in causes]
     explained = [warning for warning in others if any(_is_explained(found, warning) for found in mistaken)]
     mistaken = [found for found in mistaken if not any(_is_explained(found, warning) for warning in explained)]
     causes += explained
     others = [warning for warning in others if warning not in explained]
-    warnings = (*causes, *mistaken, *taken, *others, *start.warnings, *forewarnings(start.block))
+    of_start = _without_consequences(start.warnings, gathered.warnings)
+    warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(_judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
@@ -182,7 +197,9 @@ def _judged(
         for found in (*mistaken, *gathered)
         if found.code in WRONG
     ]
-    others = [_mistake(found) for found in (*mistaken, *taken) if found.code not in WRONG]
+    # measurements that are wrong explain what does not fit, and nothing else is said of it
+    measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
+    others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
     status = "doubtful" if wrong and solution.status == "converged" else solution.status
     diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
     return replace(solution, status=status, diagnosis=diagnosis)
@@ -212,10 +229,15 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         if found.where.startswith(_CONTROL_POINT)
         and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
     }
-    if any(warning.code in OF_STATIONS or warning.code == OTHER_LENS for warning in mistaken):
-        solution = replace(
-            solution, diagnosis=tuple(found for found in solution.diagnosis if not _is_of_systems(found))
-        )
+    follows = {word for codes, words in _FOLLOW for warning in mistaken if warning.code in codes for word in words}
+    solution = replace(
+        solution,
+        diagnosis=tuple(
+            found
+            for found in solution.diagnosis
+            if not (found.code == CONTRADICTION and any(word in found.where for word in follows))
+        ),
+    )
     contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
     if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
         return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
@@ -225,10 +247,6 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         else found
         for found in solution.diagnosis
     )
-
-
-def _is_of_systems(found: Diagnosis) -> bool:
-    return found.code == CONTRADICTION and ("exposure station" in found.where or "control point" in found.where)
 
 
 def _with_mistakes_of_the_block(
@@ -245,14 +263,35 @@ def _with_mistakes_of_the_block(
         explained = explain_misfit(
             adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered), own.solved if own else None
         )
-    if any(found.code in OF_STATIONS for found in explained):
+    if any(found.code in OF_STATIONS for found in (*explained, *adjuster.gathered.warnings)):
         of_start = ()
+    positions = [found for found in explained if found.code == CONTRADICTING_POSITION]
+    of_start = [found for found in of_start if not concerns_position(found, positions)]
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)
     if left_out:
         left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
+
+
+def _without_consequences(found: Sequence[ProjectWarning], gathered: Sequence[ProjectWarning]) -> list[ProjectWarning]:
+    """Return the warnings that do not follow from one about the measurements of all photos, or of a photo.
+
+    A photo that is wrong as a whole is not where it was given, and leads an adjustment astray.
+    """
+    if any(warning.code in (COORDINATE_UNIT, RESOLUTION) for warning in gathered):
+        return []
+    photos = {
+        warning.where.removeprefix("photo ")
+        for warning in gathered
+        if warning.code in EXPLAINING_WARNINGS and warning.where.startswith("photo ")
+    }
+    return [
+        warning
+        for warning in found
+        if not (photos and warning.code == REPLACED) and not photos & set(f"{warning.where} {warning.text}".split()[:3])
+    ]
 
 
 class _Adjusted(Struct, frozen=True):

@@ -46,6 +46,14 @@ def test_shared_options_before_and_after_mean_the_same(project: Path, option: st
     assert (again.out, again.err) == (after.out, after.err)
 
 
+@pytest.mark.parametrize("words", [("run", "-C", "x"), ("camera", "list", "-C", "x"), ("solve", "--project", "x")])
+def test_a_folder_after_the_command_is_told_where_it_stands(project: Path, words: tuple[str, ...]) -> None:
+    said = orip(project, *words)
+    assert said.code == 2
+    command = " ".join(word for word in words if word not in ("-C", "--project", "x"))
+    assert f"write orip -C DIR {command}; see 'orip {command} --help'" in said.err
+
+
 def test_quiet_verbose_and_color(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert orip(project, "run", "-q").err == ""
     assert "read FIRST.MEA" in orip(project, "-v", "measure").err

@@ -12,6 +12,14 @@ def test_84_points_with_one_ray_are_one_line() -> None:
     assert str(line).startswith("points 1, 2, 3 and 81 more are seen by one ray, without ")
 
 
+def test_the_name_of_a_photo_has_no_plural() -> None:
+    elements = [ProjectWarning("unused", f"element PHOTO 23FD05617 {kind}", "is not used") for kind in ("X0", "Y0")]
+    (line,) = by_kind(elements)
+    assert str(line) == "elements PHOTO 23FD05617 X0, Y0 are not used"
+    (line,) = by_kind(ProjectWarning("unused", f"direction S1 A {target}", "is not used") for target in "BCDEF")
+    assert str(line) == "directions S1 A B, C, D and 2 more are not used"
+
+
 def test_single_warnings_and_their_order_stay() -> None:
     warnings = [
         ProjectWarning("a", "photo 1", "is dark"),

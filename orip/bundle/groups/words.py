@@ -19,6 +19,7 @@ from orip.records.observations.observation_kinds import (
 )
 from orip.records.results.result_tests import CommonCause, Contradiction, GroupTest
 from orip.records.results.solution import Diagnosis
+from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import joined
 
 CODE = "group"
@@ -170,9 +171,12 @@ def _stations_of(found: Contradiction | CommonCause) -> str:
 
 def _common(found: Contradiction, unit: str) -> str:
     """Return by what stations or control are off together."""
-    if found.extent == "lever arm":
+    if found.extent == "lever arm" and not _is_beyond_gnss(found, unit.strip()):
         sizes_of_arm = ", ".join(f"{error.component} {_with_sd(error.size, error.sd, '+')}" for error in found.common)
         return f"the exposure stations are all off by a lever arm of {sizes_of_arm}{unit}"
+    if found.extent == "lever arm":
+        length = sum(error.size**2 for error in found.common) ** 0.5
+        return f"the exposure stations are off by about {length:.4g}{unit}, along the axes of the photos"
     sizes = {
         is_drift: ", ".join(
             f"{error.component} {_with_sd(error.size, error.sd, '+')}"
@@ -250,7 +254,7 @@ def _with_sd(value: float, sd: float, sign: str = "") -> str:
 
 def _remedy(found: Contradiction, ground_unit: str) -> str:
     group = found.groups[0]
-    if group.kind == "station" and ground_unit == "m" and _is_beyond_gnss(found):
+    if group.kind == "station" and _is_beyond_gnss(found, ground_unit):
         return f"no lever arm or shift is so large: {_REMEDIES[group.kind].removesuffix(', and the lever arm')}"
     if found.extent == "held":
         return _HELD_REMEDY.format(component=group.component)
@@ -260,7 +264,11 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
     if found.extent == "all" and group.kind == "station":
         return f'set shift = "session" in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     if found.common and group.kind == "station":
-        kinds = ['shift = "strip"', *(['drift = "strip"'] if any(error.is_drift for error in found.common) else [])]
+        # stations without strips are one
+        extent = "strip" if group.of else "session"
+        kinds = [
+            f'{key} = "{extent}"' for key in ("shift", "drift")[: 1 + any(error.is_drift for error in found.common)]
+        ]
         kinds += [f'strips = ["{group.of}"]'] if group.of else []
         return f"set {joined(kinds)} in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
     if found.common and group.kind == "attitude":
@@ -268,9 +276,12 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
     return "; ".join(dict.fromkeys(_REMEDIES[group.kind] for group in found.groups))
 
 
-def _is_beyond_gnss(found: Contradiction) -> bool:
+def _is_beyond_gnss(found: Contradiction, ground_unit: str) -> bool:
     """Tell whether stations are off by more than an antenna from its camera, or GNSS from the truth."""
+    if ground_unit not in METRES_PER_GROUND_UNIT:
+        return False
     farthest = max((abs(error.size) for error in found.common if not error.is_drift), default=0.0)
+    farthest *= METRES_PER_GROUND_UNIT[ground_unit]
     return farthest > (_LONGEST_ARM if found.extent == "lever arm" else _LARGEST_SHIFT)
 
 

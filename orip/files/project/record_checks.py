@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator, Sequence
 
 from orip.errors import ProjectWarning
 from orip.files.project.file_names import file_name_fault, fit_file_name, pattern_fault, store_path_fault
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import Fault, ProjectTable, instead
+from orip.files.project.tables import Fault, ProjectTable, instead, nearest_word
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.names import look_alikes, name_fault, record_key
@@ -122,8 +121,7 @@ def parameter_names(place: KeyPath, given: Sequence[str], known: Sequence[str], 
     """Check the names of parameters in a list."""
     for index, name in enumerate(given):
         if name not in known:
-            near = difflib.get_close_matches(name.upper()[:100], known, 1)
-            remedy = instead(near[0] if near else None, known)
+            remedy = instead(nearest_word(name, known), known)
             yield (*place, index), f"{where}: '{shown_token(name)}' is not a parameter; {remedy}"
         elif name in given[:index]:
             yield (*place, index), f"{where}: '{name}' comes twice; name it once"

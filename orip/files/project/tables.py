@@ -24,7 +24,7 @@ from orip.files.project.forms import (
     UnknownKey,
     WrongValue,
 )
-from orip.files.text.decimal_numbers import parse_photo_error
+from orip.files.text.decimal_numbers import UNIT_IN_WORDS, parse_photo_error
 from orip.files.text.shown import shown_token
 from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
 from orip.records.project.definition import Precision
@@ -206,11 +206,35 @@ def table_faults(findings: Sequence[Finding], table: Table, title: str, place: P
         yield (*place, *finding.place), _sentence(finding, table, title)
 
 
+_SYNONYMS = {
+    **dict.fromkeys(
+        ("F", "FX", "FY", "FOCAL", "FOCAL_LENGTH", "FOCALLENGTH", "CK", "PRINCIPAL_DISTANCE", "CAMERA_CONSTANT"), ("C",)
+    ),
+    **dict.fromkeys(("CX", "PPX", "XP", "XH", "X_PP"), ("DX", "PRINCIPAL_POINT")),
+    **dict.fromkeys(("CY", "PPY", "YP", "YH", "Y_PP"), ("DY", "PRINCIPAL_POINT")),
+    "PP": ("PRINCIPAL_POINT",),
+    **{f"K{order}": (f"A{2 * order + 1}", "DISTORTION") for order in range(1, 5)},
+    **dict.fromkeys(("P1", "P2", "B1", "B2"), ("DISTORTION",)),
+    **dict.fromkeys(("SENSOR_WIDTH", "SENSOR_SIZE", "PIXEL_SIZE", "IMAGE_SIZE", "COLUMNS", "ROWS"), ("SENSOR",)),
+    **dict.fromkeys(("PRECISION", "SIGMA", "SIGMA_IMAGE", "PIXEL_ERROR", "SD"), ("MEASUREMENT_PRECISION",)),
+    **dict.fromkeys(("ITERATIONS", "MAX_ITER"), ("MAX_ITERATIONS",)),
+    **dict.fromkeys(("EPSG", "SRS", "COORDINATE_SYSTEM"), ("CRS",)),
+    **dict.fromkeys(("UNIT", "UNITS"), ("GROUND_UNIT",)),
+    **dict.fromkeys(("OFFSET", "GPS_OFFSET", "ANTENNA_OFFSET"), ("LEVER_ARM",)),
+}
+"""What other programs call a thing, in capitals, and orip's words for it, of which a table has one at most."""
+
+_K_OF_OTHERS = (
+    "; of coordinates divided by the focal length, as other programs have them, k1 = A3 C² and k2 = A5 C⁴ (C in mm)"
+)
+
+
 def unknown_key(key: str, title: str, allowed: Sequence[str]) -> str:
     """Return what to say of a key that does not exist; the nearest known one is named."""
     shown = shown_token(key)
-    near = _nearest(key, allowed)
-    return f"{title} has the unknown key '{shown}'; {instead(near, allowed)}"
+    near = nearest_word(key, allowed)
+    note = _K_OF_OTHERS if key.upper() in ("K1", "K2", "K3", "K4") else ""
+    return f"{title} has the unknown key '{shown}'; {instead(near, allowed)}{note}"
 
 
 def instead(near: str | None, allowed: Sequence[str]) -> str:
@@ -221,15 +245,19 @@ def instead(near: str | None, allowed: Sequence[str]) -> str:
 
 def unknown_name(name: str, kind: str, where: str, known: Sequence[str]) -> str:
     """Return what to say of a name that no record has; the nearest known one is named."""
-    near = _nearest(name, known)
+    near = nearest_word(name, known)
     remedy = f"did you mean '{near}'?" if near else f"define a [[{kind}]] of that name or correct it"
     return f"{where} names {kind} '{shown_token(name)}', which is not defined; {remedy}"
 
 
-def _nearest(word: str, known: Sequence[str]) -> str | None:
+def nearest_word(word: str, known: Sequence[str]) -> str | None:
+    """Return the known word that another one probably stands for: what other programs call so, or what is spelt so."""
     if len(known) > _MOST_COMPARED:
         return None
     by_upper = {candidate.upper(): candidate for candidate in known}
+    for meant in _SYNONYMS.get(word.upper(), ()):
+        if meant in by_upper:
+            return by_upper[meant]
     near = difflib.get_close_matches(word.upper()[:100], list(by_upper), 1)
     return by_upper[near[0]] if near else None
 
@@ -252,7 +280,8 @@ def _wrong_value(finding: WrongValue, table: Table, title: str) -> str:
     key = str(finding.place[last])
     example = example_of(table.around(finding.place[:last]), key)
     what = " of ".join([*_places(finding.place), title])
-    return f"{what} is {_found(finding.found)}, but {finding.allowed}; write for example {key} = {example or 0.0}"
+    said = f"{what} is {_found(finding.found)}, but {finding.allowed}"
+    return said if UNIT_IN_WORDS in said else f"{said}; write for example {key} = {example or 0.0}"
 
 
 def _places(location: Sequence[str | int]) -> list[str]:

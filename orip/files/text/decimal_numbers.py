@@ -16,6 +16,11 @@ _DECIMAL_COMMA = re.compile(r"([+-]?)([0-9]*),([0-9]+(?:[eEdD][+-]?[0-9]+)?)")
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _D_EXPONENT = str.maketrans("dD", "ee")
 _MINUS_SIGNS = str.maketrans("−–—", "---")
+_WITH_UNIT = re.compile(r"(?P<number>\S+?)\s*(?P<unit>pix|pixels?|px|[uµμ]m|microns?|mm|cm)", re.IGNORECASE)
+UNIT_IN_WORDS = "is not how a unit is written"
+"""Of a number that is followed by what it is to be instead."""
+_MILLIMETRES = {"mm": 1.0, "cm": 10.0}
+"""Of the units of lengths that people write after a photo error; all others are micrometres."""
 _LONGEST_GUESS = 40
 LARGEST_NUMBER = 1e30
 """Nothing measured is larger, and the fourth power of a larger number would overflow."""
@@ -51,9 +56,15 @@ def parse_photo_error(token: str) -> tuple[float, bool]:
     ValueError
         With a sentence that says what was found and what to write.
     """
-    if token[-2:].lower() == "px":
-        if is_number(token[:-2]):
-            return parse_number(token[:-2]), True
+    in_pixels = token[-2:].lower() == "px"
+    if in_pixels and is_number(token[:-2]):
+        return parse_number(token[:-2]), True
+    if (written := _WITH_UNIT.fullmatch(token)) and is_number(written["number"]):
+        number, unit = written["number"], written["unit"].lower()
+        in_mm = f"{parse_number(number) * _MILLIMETRES.get(unit, 1e-3):.10g} (mm)"
+        message = f"'{shown_token(token)}' {UNIT_IN_WORDS}; write {f'{number}px' if unit.startswith('p') else in_mm}"
+        raise ValueError(message)
+    if in_pixels:
         message = f"'{shown_token(token)}' is not a number of pixels; write for example 0.5px"
         raise ValueError(message)
     return parse_number(token), False

@@ -1,0 +1,181 @@
+"""Single positions of photos, in .STA or .ELE, that the block contradicts: slips, wrong fixes, names exchanged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.mistakes.contradicting_control import slip_of_pen
+from orip.records.coded_names import coded
+from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Solution
+from orip.wording import counted_names
+
+_DOUBTED, _ERRORS = 0.5, 5.0
+"""Weight factor below which a position hardly influenced the result, and standard residual from which it is wrong."""
+
+_SINGLE = 0.4
+"""Largest part of the positions of a file that are wrong one by one."""
+
+_BESIDE = 0.1
+"""Part of the largest difference below which that of another component is not named."""
+
+CODE = "contradicting-position"
+
+_FEWEST_ALIKE = 3
+"""Least number of wrong positions of which it is no chance that they are off alike."""
+
+_TOLERANCE = 4.0
+"""Standard errors within which a coordinate is the one that was meant."""
+
+_EXCHANGED = 0.05
+"""Part of the distance of two positions that each may be from where the other photo is, if they are exchanged."""
+
+
+class _Position(Struct, frozen=True):
+    """The observed coordinates (k,) of a photo's position, k to 3, and as the block has them.
+
+    `error` is that of their difference, and `doubted` whether the adjustment gave them no weight.
+    """
+
+    photo: str
+    file: str
+    components: tuple[str, ...]
+    given: FloatArray
+    found: FloatArray
+    error: FloatArray
+    doubted: bool
+
+    @property
+    def off(self) -> FloatArray:
+        """Return by what they are off: given minus found."""
+        return self.given - self.found
+
+    @property
+    def wrong(self) -> list[int]:
+        """Return the places of the components that are off, and not hardly beside another one."""
+        off = np.abs(self.off)
+        return np.flatnonzero((off > _TOLERANCE * self.error) & (off > _BESIDE * off.max())).tolist()
+
+
+def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
+    """Return warnings for positions of photos that the block contradicts, if most fit: one for each cause.
+
+    Parameters
+    ----------
+    solution : Solution
+        With down-weighting.
+    """
+    positions = list(_positions(solution))
+    wrong = [position for position in positions if position.doubted]
+    if len(wrong) > max(2.0, _SINGLE * len(positions)):
+        return []
+    if alike := _off_alike(wrong, solution.ground_unit):
+        return [alike]
+    pairs = [pair for pair in combinations(wrong, 2) if _are_exchanged(*pair)]
+    exchanged = [position.photo for pair in pairs for position in pair]
+    return [
+        *(_exchange(*pair) for pair in pairs),
+        *(_contradiction(position, solution.ground_unit) for position in wrong if position.photo not in exchanged),
+    ]
+
+
+def _positions(solution: Solution) -> Iterator[_Position]:
+    rows = solution.residuals
+    is_position = coded(rows.kind).where(lambda kind: kind in ("station", "element"))
+    is_position &= coded(rows.component).where(lambda component: component in {*"XYZ", *PHOTO_PARAMETERS[:3]})
+    of_photos: dict[tuple[str, str], list[int]] = {}
+    for row in np.flatnonzero(is_position & np.isfinite(rows.weight_factor)).tolist():
+        if rows.photo[row]:
+            of_photos.setdefault((rows.kind[row], rows.photo[row]), []).append(row)
+    place = {name: row for row, name in enumerate(solution.photos.names)}
+    for (kind, photo), mine in of_photos.items():
+        components = tuple(rows.component[row] for row in mine)
+        axes = ["XYZ".index(component[0]) for component in components]
+        of_photo = np.nan_to_num(solution.photos.sd[place[photo], axes])
+        doubted = (rows.weight_factor[mine] < _DOUBTED) & (rows.standard_residual[mine] > _ERRORS)
+        yield _Position(
+            photo,
+            ".STA" if kind == "station" else ".ELE",
+            components,
+            rows.observed[mine],
+            rows.observed[mine] + rows.residual[mine],
+            np.hypot(rows.a_priori[mine] * max(1.0, solution.sigma0), of_photo),
+            bool(doubted.any()),
+        )
+
+
+def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning | None:
+    """Return one warning for positions that are all off by the same, as those of a strip without a fix are."""
+    if len(wrong) < _FEWEST_ALIKE or len({(position.file, position.components) for position in wrong}) > 1:
+        return None
+    off = np.array([position.off for position in wrong])
+    error = np.median([position.error for position in wrong], axis=0)
+    middle = np.median(off, axis=0)
+    if (np.abs(off - middle).max(axis=0) > _ERRORS * error).any():
+        return None
+    first = wrong[0]
+    differ = (np.abs(middle) > _TOLERANCE * error / np.sqrt(len(wrong))) & (
+        np.abs(middle) > _BESIDE * np.abs(middle).max()
+    )
+    listed = ", ".join(f"{first.components[place]} {middle[place]:+.3f}" for place in np.flatnonzero(differ).tolist())
+    text = (
+        f"their positions contradict the block, and are all off by {listed} {ground_unit}: correct them in the "
+        f"{first.file} file, or make their errors negative (then they are only compared)"
+    )
+    if first.file == ".STA":
+        text += (
+            '; or give them a strip of their own there (the last field of their lines) and set shift = "strip" and '
+            "strips = its name in [[antenna]] of orip.toml"
+        )
+    return ProjectWarning(CODE, counted_names("exposure station", [position.photo for position in wrong]), text)
+
+
+def _are_exchanged(one: _Position, other: _Position) -> bool:
+    """Tell whether each position is where the other photo is."""
+    if one.components != other.components or len(one.components) < len("XYZ"):
+        return False
+    apart = float(np.linalg.norm(one.given - other.given))
+    there = (float(np.linalg.norm(a.given - b.found)) for a, b in ((one, other), (other, one)))
+    return max(there) < _EXCHANGED * apart
+
+
+def _exchange(one: _Position, other: _Position) -> ProjectWarning:
+    text = (
+        f"exposure stations {one.photo} and {other.photo} fit when they are exchanged; exchange their names in the "
+        f"{one.file} file"
+    )
+    return ProjectWarning(CODE, "", text)
+
+
+def _contradiction(position: _Position, ground_unit: str) -> ProjectWarning:
+    """Return a warning for a position, with the slip in writing that explains it if there is one."""
+    components, file = position.components, position.file
+    off = ", ".join(f"{components[place]} {position.off[place]:+.3f}" for place in position.wrong)
+    text = f"its position contradicts the block: it is off by {off} {ground_unit}"
+    slips = [
+        (place, slip_of_pen(float(given), float(found), _TOLERANCE * float(error)))
+        for place, (given, found, error) in enumerate(zip(position.given, position.found, position.error, strict=True))
+        if place in position.wrong
+    ]
+    if len(components) == len("XYZ") and _axes_are_exchanged(position):
+        text += f": its {components[0]} and {components[1]} are exchanged; exchange them in the {file} file"
+    elif slips and all(slip for _, slip in slips):
+        listed = "; ".join(f"{components[place]} = {position.given[place]:.10g} {slip}" for place, slip in slips)
+        text += f": {listed}; correct it in the {file} file"
+    else:
+        text += (
+            f"; check it, and whether GNSS had a fix there: correct it in the {file} file, or make its errors negative "
+            "(then it is only compared)"
+        )
+    return ProjectWarning(CODE, f"exposure station {position.photo}", text)
+
+
+def _axes_are_exchanged(position: _Position) -> bool:
+    off = np.abs(position.given[[1, 0, 2]] - position.found)
+    return bool((off <= _ERRORS * position.error).all())
