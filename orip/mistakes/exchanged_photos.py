@@ -181,8 +181,8 @@ def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: 
         if "C" in camera.unknown or not (of_stations or any(f"camera {camera.name}" in each.where for each in found)):
             continue
         photos = [photo.name for photo, of in zip(block.photos, block.photo_camera, strict=True) if of == row]
-        alone = other_cameras(block, photos) if len(photos) == 1 else ()
-        for hypothesis in (*alone, *other_principal_distance(block, row)):
+        hypotheses = [*other_cameras(block, photos if len(photos) == 1 else ()), *other_principal_distance(block, row)]
+        for hypothesis in hypotheses:
             tried = readjuster.adjust(hypothesis.block)
             if tried is not None and _is_other_lens(tried, solved, row, photos, of_stations=of_stations):
                 return hypothesis.findings(tried)
