@@ -273,7 +273,7 @@ def _after(
     return replace(
         now,
         current=step.moved,
-        weighing=now.weighing.after(record.iteration, record.enp),
+        weighing=now.weighing.after(record.iteration, record.enp, step.moved.equations),
         control=step.control,
         acceleration=step.acceleration,
         exchange=now.exchange if record.enp < _REWEIGHTED_ENP else None,

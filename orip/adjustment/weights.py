@@ -116,8 +116,13 @@ def robust_scale(standard_residuals: FloatArray) -> float:
 SETTLED_ENP = 1.0
 """Corrections a tenth of their standard deviations: residuals no longer depend on the starting values."""
 
-_LONGEST_SETTLING = 7
-"""Iterations after which the Danish method begins in any case: with many blunders ENP may never reach that limit."""
+_LONG_SETTLING, _LONGEST_SETTLING = 7, 30
+"""Iterations after which the Danish method begins where the residuals no longer fall, and in any case: with many
+blunders ENP may never reach that limit."""
+
+_ON_THE_WAY_ENP, _STILL_FALLS = 0.0, 0.9
+"""Corrections larger than their standard deviations, and the part of the least scale of the residuals so far below
+which they still fall: photos are on their way then, and the Danish method would leave out at once what leads them."""
 
 _FAR_OFF = 1.5
 """A-priori errors that are right within this factor are not replaced by the scale of the residuals."""
@@ -162,6 +167,8 @@ class Weighing(Struct, frozen=True):
         How many times it was estimated; the most once it no longer changes.
     crowded, of_tracks : bool
         Many observations did not fit when the state had settled; so many that they come from feature matching.
+    least : float
+        Scale of the residuals, the least of the iterations before it had settled.
     """
 
     limit: float
@@ -172,6 +179,7 @@ class Weighing(Struct, frozen=True):
     estimates: int = 0
     crowded: bool = False
     of_tracks: bool = False
+    least: float = np.inf
 
     @property
     def final_limit(self) -> float:
@@ -252,10 +260,17 @@ class Weighing(Struct, frozen=True):
         """Return the weighing of a block that has settled with many weights (n,) reduced."""
         return replace(self, crowded=True, of_tracks=_are_of_tracks(weights[_judged(equations)] < 1.0))
 
-    def after(self, iteration: int, enp: float) -> Weighing:
-        """Return the phase that follows an iteration."""
-        settles = self.settled_after is None and (enp >= SETTLED_ENP or iteration >= _LONGEST_SETTLING)
-        return replace(self, settled_after=iteration) if settles else self
+    def after(self, iteration: int, enp: float, equations: Equations) -> Weighing:
+        """Return the phase that follows an iteration, which led to some equations."""
+        if self.settled_after is not None:
+            return self
+        if enp >= SETTLED_ENP or iteration >= _LONGEST_SETTLING:
+            return replace(self, settled_after=iteration)
+        scale = self.scale_in(equations, iteration)
+        on_the_way = enp < _ON_THE_WAY_ENP and scale < _STILL_FALLS * self.least
+        if iteration >= _LONG_SETTLING and not on_the_way:
+            return replace(self, settled_after=iteration)
+        return replace(self, least=min(scale, self.least))
 
     def scaled(self, equations: Equations, redundancy_numbers: FloatArray, among: BoolArray | None = None) -> Weighing:
         """Return the weighing with the scale of the residuals, where the a-priori errors are far off.

@@ -92,7 +92,8 @@ class Block:
         Iterations end at this exponent of numerical precision.
     max_iterations : int
     start_down_weight : int
-        Iteration from which on weights of observations that do not fit are reduced; equal to `max_iterations`: never.
+        Iteration from which on weights of observations that do not fit are reduced; equal to `max_iterations`, or
+        20 and more: never.
     max_standard_residual : float
         Standard residual from which on a weight is reduced.
     max_lost_digits : float
@@ -125,7 +126,7 @@ class Block:
         datum: Datum = "control",
         datum_points: Sequence[str] = (),
         enp_stop: float = 4.0,
-        max_iterations: int = 20,
+        max_iterations: int = 60,
         start_down_weight: int = 2,
         max_standard_residual: float = 5.0,
         max_lost_digits: float = 12.0,

@@ -65,13 +65,12 @@ class SolvedBlock(Adjustment[BlockState], frozen=True):
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:
-    """Return the settings of the iterations; no down-weighting where a bundle's would begin with the last one."""
-    off = definition.start_down_weight >= definition.max_iterations
+    """Return the settings of the iterations; no down-weighting where a bundle's is off."""
     return IterationSettings(
         definition.enp_stop,
         definition.max_iterations,
         definition.max_standard_residual,
-        None if off else definition.start_down_weight,
+        definition.start_down_weight if definition.reduces_weights else None,
         definition.max_lost_digits,
         definition.early_weights == "scaled",
     )

@@ -232,7 +232,7 @@ def _method(given: ReportInput) -> str:
     how = "rigorous bundle adjustment by least squares"
     if solution.blunders:
         return f"{how}, with data snooping"
-    if bundle.start_down_weight >= bundle.max_iterations:
+    if not bundle.reduces_weights:
         return f"{how}, no observation down-weighted"
     return f"{how}, Danish method above {bundle.max_standard_residual:g} standard errors"
 

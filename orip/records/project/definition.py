@@ -182,6 +182,11 @@ class StereoModel(Struct, frozen=True):
     column: Annotated[int, Field(least=1, heading="Column", example="1")]
 
 
+NO_DOWN_WEIGHTING = 20
+"""First iteration with reduced weights from which on there are none at all: 20 was the most iterations by default, and
+texts that switch the Danish method off say no more than that."""
+
+
 class BundleDefinition(Struct, frozen=True):
     """What controls one bundle adjustment.
 
@@ -194,7 +199,8 @@ class BundleDefinition(Struct, frozen=True):
     enp_stop : float
         Iterations end at this exponent of numerical precision.
     max_iterations, start_down_weight : int
-        The Danish method begins at iteration `start_down_weight` at the earliest; equal to `max_iterations` it is off.
+        The Danish method begins at iteration `start_down_weight` at the earliest; equal to `max_iterations`, or 20 and
+        more, it is off.
     max_standard_residual : float
         Standard residual above which the Danish method reduces a weight.
     max_lost_digits : float
@@ -217,7 +223,7 @@ class BundleDefinition(Struct, frozen=True):
         0.005
     )
     enp_stop: Annotated[float, Field(above=0, example="4")] = 4.0
-    max_iterations: Annotated[int, Field(above=0, example="20")] = 20
+    max_iterations: Annotated[int, Field(above=0, example="60")] = 60
     start_down_weight: Annotated[int, Field(above=1, example="2")] = 2
     max_standard_residual: Annotated[float, Field(above=0, example="5")] = 5.0
     max_lost_digits: Annotated[float, Field(least=5, most=13, example="12")] = 12.0
@@ -234,6 +240,11 @@ class BundleDefinition(Struct, frozen=True):
             heading="Early weights", example='"full"', key_after="start_down_weight", column_after="start_down_weight"
         ),
     ] = "scaled"
+
+    @property
+    def reduces_weights(self) -> bool:
+        """Return whether the Danish method may begin."""
+        return self.start_down_weight < min(self.max_iterations, NO_DOWN_WEIGHTING)
 
 
 RECORD_TYPES: Mapping[str, type] = {

@@ -198,7 +198,7 @@ def test_added_before_another(project: Path) -> None:
         ("template add T temtick=G", "template 'T' names temtick 'G', which is not defined"),
         ("bundle add B/C", "which file names cannot have"),
         ("bundle add B model=1", "change them with 'orip model'"),
-        ("bundle add B start_down_weight=30", "above its max_iterations 20"),
+        ("bundle add B start_down_weight=70", "above its max_iterations 60"),
         ("model add M left=left right=left row=1 column=1", "has photo 'left' both left and right"),
         ("model add M left=left right=west row=1 column=1", "names photo 'west', which is not defined"),
         ("model add M left=left right=right row=0 column=1", "a number of at least 1 is required"),

@@ -56,7 +56,7 @@ def test_the_defaults() -> None:
         bundles=(BundleDefinition("M"),),
     )
     (bundle,) = project.bundles
-    assert (bundle.measurement_precision, bundle.enp_stop, bundle.max_iterations) == (Precision(0.005), 4, 20)
+    assert (bundle.measurement_precision, bundle.enp_stop, bundle.max_iterations) == (Precision(0.005), 4, 60)
     assert (bundle.start_down_weight, bundle.max_standard_residual, bundle.max_lost_digits) == (2, 5, 12)
     assert bundle.datum == "control"
 
@@ -217,7 +217,7 @@ def test_marks_that_look_alike_are_a_warning() -> None:
         (f"{PROJECT}{CAMERA}[[camera]]\nname = 'o'\nc = 1\n", 7, "differs from 'O' on line 4 only in case"),
         (f"{PROJECT}[[bundle]]\nname = 'a/b'\n", 4, "bundle 'a/b' has /, which file names cannot have"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\n[[bundle]]\nname = 'Prelim'\n", 6, "PRELIM_RESULT.OUT of another step"),
-        (f"{PROJECT}[[bundle]]\nname = 'M'\nstart_down_weight = 21\n", 5, "above its max_iterations 20"),
+        (f"{PROJECT}[[bundle]]\nname = 'M'\nstart_down_weight = 61\n", 5, "above its max_iterations 60"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\nstart_down_weight = 1\n", 5, "a number above 1 is required"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\nmax_standard_residual = 0\n", 5, "a number above 0 is required"),
         (f"{PROJECT}[[bundle]]\nname = 'M'\nmeasurement_precision = '5um'\n", 5, "write 0.005 (mm)"),
@@ -445,3 +445,21 @@ def test_a_table_in_place_of_a_list_of_tables_is_one_complaint(tmp_path: Path) -
     assert [complaint.message for complaint in found] == [
         "camera is one table or value, but may come several times; write each as [[camera]]"
     ]
+
+
+@pytest.mark.parametrize(
+    ("keys", "reduces"),
+    [
+        ({}, True),
+        ({"start_down_weight": 19}, True),
+        ({"start_down_weight": 20}, False),
+        ({"max_iterations": 9, "start_down_weight": 9}, False),
+    ],
+)
+def test_down_weighting_is_off_where_it_would_begin_with_the_last_iteration(
+    keys: dict[str, int], reduces: bool
+) -> None:
+    # 20 iterations were the most by default: texts that say 20 alone mean never
+    lines = "".join(f"{key} = {value}\n" for key, value in keys.items())
+    project = definition(f"{PROJECT}[[bundle]]\nname = 'M'\n{lines}")
+    assert project.bundles[0].reduces_weights is reduces
