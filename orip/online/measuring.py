@@ -277,6 +277,7 @@ class Measuring:
 
     def _settle(self, request: Request) -> bool:
         """Linearise at the solution with a new measurement, and test all that it concerns there.
+
         Return whether there was anything to be done.
         """
         if request.has_oriented:
