@@ -16,11 +16,13 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.online.first_photos import FirstValues
 from orip.online.measurements import Measurements
+from orip.online.sequential.observation_rows import ObservationKey
 from orip.prelim.rays import image_rays, rays_of_plane_images
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
+from orip.records.names import record_key
 from orip.records.observations.control import ControlPoint
 from orip.records.results.preliminary import RelativeOrientation
 from orip.solving.better_minimum import doubt_about
@@ -58,10 +60,29 @@ def orientation_by_model(pair: Block, photo: str) -> FloatArray | None:
         return None
     part = part_of_block(pair, np.ones(len(pair.photos), dtype=bool), common)
     first = int(part.photos[0].name == photo)
-    found = orient_pair(rays_of_plane_images(part, image_rays(part)), first, 1 - first, model="", row=None, column=None)
-    if not isinstance(found, RelativeOrientation) or found.seuw > _LARGEST_SEUW:
+    found = _relative_orientation(part, first)
+    return None if found is None else _in_block(part, found, first)
+
+
+def orientation_to_first(pair: Block) -> FloatArray | None:
+    """Return the orientation (6,) of the second photo of a pair in the axes of the first, its base 1; None if it fails.
+
+    Parameters
+    ----------
+    pair : Block
+        Two photos and their common points alone.
+    """
+    found = _relative_orientation(pair, 0) if len(pair.point_names) >= _COMMON_POINTS else None
+    if found is None:
         return None
-    return _in_block(part, found, first)
+    base, angles = found.block.centres[1], angles_from_rotation(found.block.rotations[1][None])[0]
+    return np.concatenate([base / np.linalg.norm(base), angles])
+
+
+def _relative_orientation(part: Block, first: int) -> RelativeOrientation | None:
+    """Return the relative orientation of a pair, if it can be believed."""
+    found = orient_pair(rays_of_plane_images(part, image_rays(part)), first, 1 - first, model="", row=None, column=None)
+    return found if isinstance(found, RelativeOrientation) and found.seuw <= _LARGEST_SEUW else None
 
 
 def _in_block(part: Block, found: RelativeOrientation, first: int) -> FloatArray | None:
@@ -133,6 +154,17 @@ class CurrentValues(Struct):
     def is_placed(self, block: Block) -> BoolArray:
         """Return which points (number of points,) of a block have coordinates."""
         return np.array([name in self.points for name in block.point_names], dtype=bool)
+
+    def waiting(self) -> dict[str, str]:
+        """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
+        photos = {f"photo {name}": text for name, text in self.photos_wait.items() if name not in self.orientations}
+        points = {f"point {name}": text for name, text in self.points_wait.items() if name not in self.points}
+        return {**photos, **points}
+
+    def has_camera_unknowns(self, measurements: Measurements) -> bool:
+        """Return whether anything is unknown of the cameras of oriented photos."""
+        records = measurements.inputs.records
+        return any(records.camera_of(records.photos[record_key(photo)]).unknown for photo in self.orientations)
 
     def start(self, measurements: Measurements, first: FirstValues) -> None:
         """Orient the first photos by an adjustment; without success, keep what each photo waits for."""
@@ -312,6 +344,18 @@ class CurrentValues(Struct):
         missing = f"{rays} of 2 rays of oriented photos" if rays else "none of its photos is oriented"
         self.points_wait[name] = f"point {name} waits: {missing}"
         return False
+
+
+def counting_alone(part: Block, included: Collection[ObservationKey], left_out: Collection[ObservationKey]) -> Block:
+    """Return a block in which photo points count that are included, and control that is not left out."""
+    rays = part.photo_points
+    keys = [
+        ObservationKey("photo", part.photos[photo].name, part.point_names[point])
+        for photo, point in zip(rays.photo.tolist(), rays.point.tolist(), strict=True)
+    ]
+    used = rays.used & np.array([key in included for key in keys], dtype=bool)[:, None]
+    control = (point for point in part.control_points if ObservationKey("control", "", point.name) not in left_out)
+    return replace(part, photo_points=replace(rays, used=used), control_points=tuple(control))
 
 
 def with_cameras_held(block: Block) -> Block:

@@ -40,15 +40,20 @@ class FirstValues(Struct, frozen=True):
         Runs the chain.
     solution : Solution or None
         An adjustment of the same measurements, which is tried first.
+    known : callable or None
+        Starts the adjustment of a gathered block at values that a session has already, or raises `NotSolvableError`.
     """
 
     find: Callable[[Block], PreliminaryValues]
     solution: Solution | None = None
+    known: Callable[[Block], StartedBlock] | None = None
 
     def starts(self, block: Block) -> Iterator[Callable[[], StartedBlock]]:
         """Yield functions that start the adjustment of a gathered block, or raise `NotSolvableError`."""
         if (solution := self.solution) is not None:
             yield lambda: _at_solution(block, solution)
+        if (known := self.known) is not None:
+            yield lambda: known(block)
         values = cache(lambda: self.find(block))
         yield lambda: _without_given(block, values())
         if np.isfinite(block.photo_orientation).any():
@@ -118,6 +123,14 @@ def may_start(measurements: Measurements, photo: str) -> bool:
     ):
         return True
     return measurements.has_orientation(photo)
+
+
+def no_start(photo: str) -> str:
+    """Return what a photo waits for where `may_start` holds for none."""
+    return (
+        f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
+        f"{COMMON_POINTS - 1} known points"
+    )
 
 
 class StartAttempts:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 
 from orip.online.advice import Before, Request, advice, answer_now, is_news
 from orip.online.answers import Answer, Candidate, ErrorScale, Suspect, words_of
 from orip.online.control_examination import ControlExamination
-from orip.online.first_photos import COMMON_POINTS, SOON, THOROUGH, FirstValues, StartAttempts, may_start
+from orip.online.first_photos import SOON, THOROUGH, FirstValues, StartAttempts, may_start, no_start
 from orip.online.held_control import control_as_given
+from orip.online.local_system import local_system, on_ground
 from orip.online.measurements import Measurement
 from orip.online.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
-from orip.records.names import record_key
 from orip.structs import replace
 
 ALPHA = 0.001
@@ -24,9 +24,6 @@ _IN_AN_ANSWER = 1
 
 _ADVISED = 3
 """What to measure next, in an answer."""
-
-_FEW_POINTS = 12
-"""Points of a photo up to which a new one is also a check of the others."""
 
 _LATER = 0.1
 """Part by which the measurements have to increase before the cameras are adjusted again."""
@@ -62,7 +59,7 @@ class Measuring:
         self._request: Request | None = None
         if len(block.measurements):
             self._start(first)
-            self._snoop_first()
+            self._snooping.snoop_first()
             self._control.examine_if_doubted()
 
     @property
@@ -84,7 +81,7 @@ class Measuring:
         photo, point, xy = measurement
         key = self.block.key(photo, point)
         sigma0 = self.block.sigma0
-        self._attempts.note(self.block.measurements, key)
+        self._attempts.note(self.block.project, key)
         if self.block.measurements.put((key.photo, point, xy)):
             self.block.take_out(key)
             self._snooping.forgive([key])
@@ -101,7 +98,7 @@ class Measuring:
         """
         self.reconsider()
         key, sigma0 = self._measured(photo, point), self.block.sigma0
-        self._attempts.note(self.block.measurements, key)
+        self._attempts.note(self.block.project, key)
         self.excluded.discard(key)
         self._snooping.forgive([key])
         return self._advanced(key, sigma0)
@@ -120,7 +117,7 @@ class Measuring:
         if request is None:
             return None
         if self._has_values():
-            is_moved = self._settle(request) | self._join(SOON, request.key.photo)
+            is_moved = self._settle(request) | self._join(SOON, request.key.photo) | self._leave_local_system(SOON)
         else:
             is_moved = self._start_soon(request.key)
         examined = self._control.examined
@@ -141,7 +138,7 @@ class Measuring:
         """
         self.reconsider()
         key, before = self._measured(photo, point), self._before(self.block.sigma0)
-        self._attempts.note(self.block.measurements, key)
+        self._attempts.note(self.block.project, key)
         self.block.take_out(key)
         self.suspects.pop(key, None)
         self.excluded.add(key)
@@ -158,7 +155,7 @@ class Measuring:
         """
         self.reconsider()
         key = self._measured(photo, point)
-        self._attempts.note(self.block.measurements, key)
+        self._attempts.note(self.block.project, key)
         self.suspects.pop(key, None)
         self.excluded.discard(key)
         self.block.remove(key)
@@ -202,16 +199,20 @@ class Measuring:
             return
         if self._has_values():
             self._join(THOROUGH)
+            self._leave_local_system(THOROUGH)
         else:
             self._start(THOROUGH)
-            self._snoop_first()
+            self._snooping.snoop_first()
             self._control.examine_if_doubted()
 
     def approach_solution(self) -> None:
         """Linearise at the solution what is far from it, with the cameras that all that is measured determines."""
         self.reconsider()
         if self._has_values():
-            if self._has_camera_unknowns() and self._adjusted_with != self._attempts.changes:
+            if (
+                self.block.values.has_camera_unknowns(self.block.measurements)
+                and self._adjusted_with != self._attempts.changes
+            ):
                 self._adjusted_with = self._attempts.changes
                 with control_as_given(self.block):
                     self.block.adjust_included()
@@ -221,16 +222,18 @@ class Measuring:
         """Return what to measure next in some photos, the most profitable first."""
         return advice(self.block, photos, most) if self.block.values.orientations else ()
 
+    @property
+    def system(self) -> str:
+        """Return in words that the block is in a local system; empty on the ground."""
+        return "" if self.block.local is None else self.block.local.description(self.block.measurements)
+
     def limit(self, checked: int) -> float:
         """Return the limit of w of an observation of which so many equations are checked."""
         return self._scale.limit(checked)
 
     def waiting(self) -> dict[str, str]:
         """Return what photos and points wait for, by ``photo NAME`` and ``point NAME``."""
-        values = self.block.values
-        photos = {f"photo {name}": text for name, text in values.photos_wait.items() if name not in values.orientations}
-        points = {f"point {name}": text for name, text in values.points_wait.items() if name not in values.points}
-        return {**photos, **points}
+        return self.block.values.waiting()
 
     def _has_values(self) -> bool:
         return bool(self.block.values.orientations and self.block.values.points)
@@ -250,7 +253,7 @@ class Measuring:
         """Find values that can be found now, take in what has them, test it if that is soon done, and answer."""
         block, before = self.block, self._before(sigma0)
         if not self._has_values():
-            block.values.photos_wait.setdefault(key.photo, _no_start(key.photo))
+            block.values.photos_wait.setdefault(key.photo, no_start(key.photo))
             answer = self._answer(key, before)
             self._request = Request(key, before, answer, {}, [], is_tested=True, has_oriented=False)
             return answer
@@ -262,7 +265,7 @@ class Measuring:
         new = block.include(ray for ray in rays if block.key(*ray) not in block.equations.included)
         with block.relinearised(_IN_AN_ANSWER):
             is_settled = block.settle(points)
-            found = self._snooping.snoop(self._concerned(key, new), key, most=1) if is_settled else []
+            found = self._snooping.snoop(self._snooping.concerned(key, new), key, most=1) if is_settled else []
         answer = self._answer(key, before)
         if not is_settled and answer.state in ("included", "unchecked"):
             text = f"{words_of(key)}: the test is pending until the photos that it moves have been linearised again"
@@ -275,10 +278,7 @@ class Measuring:
     def _settle(self, request: Request) -> bool:
         """Linearise at the solution with a new measurement, and test all that it concerns there.
 
-        Returns
-        -------
-        bool
-            Whether there was anything to be done.
+        Return whether there was anything to be done.
         """
         if request.has_oriented:
             self._adjust_cameras()
@@ -288,14 +288,14 @@ class Measuring:
         self.block.settle(request.points)
         if is_estimated:
             self._snooping.review()
-        self._snooping.snoop(self._concerned(request.key, request.new), request.key)
+        self._snooping.snoop(self._snooping.concerned(request.key, request.new), request.key)
         self.block.lose_unsettled()
         return True
 
     def _start_soon(self, latest: ObservationKey) -> bool:
         """Orient the first photos if that takes little time; return whether there are any."""
         self._start(SOON)
-        self._snoop_first(latest)
+        self._snooping.snoop_first(latest)
         return bool(self.block.values.orientations)
 
     def _join(self, first: FirstValues, photo: str = "") -> bool:
@@ -330,64 +330,70 @@ class Measuring:
         """Start again from all measurements, and go on from there unless fewer of them fit; return whether it is so."""
         self._begun_with = len(self.block.measurements)
         other = Measuring(self.block.begun_again(self.excluded), first)
-        if len(other.block.equations.included) < len(self.block.equations.included):
+        is_less = len(other.block.equations.included) < len(self.block.equations.included)
+        if is_less or (other.block.local is not None and self.block.local is None):
             return False
-        self.block, self._scale = other.block, other._scale
-        self._snooping, self._control = other._snooping, other._control
-        self._next_adjustment = self._begun_with * (1.0 + _LATER)
+        self._go_on_with(other)
         return True
 
-    def _snoop_first(self, latest: ObservationKey | None = None) -> None:
-        """Take out what does not fit of the first photos, and linearise them at their solution without it.
+    def _go_on_with(self, other: Measuring) -> None:
+        self.block, self._scale = other.block, other._scale
+        self._snooping, self._control = other._snooping, other._control
+        self._next_adjustment = len(self.block.measurements) * (1.0 + _LATER)
 
-        Meanwhile the values are those of a robust adjustment: what is wrong, and still in, would lead away.
-        """
-        self._scale.estimated()
-        with self.block.relinearised(0):
-            self._snooping.snoop(list(self.block.equations.included), latest)
-        self.block.settle()
-        self.block.lose_unsettled()
-        self._scale.estimate_again()
+    def _leave_local_system(self, first: FirstValues) -> bool:
+        """Take the block to the ground if that loses no photo; return whether the session goes on there."""
+        block, local = self.block, self.block.local
+        if local is None or not self._attempts.is_due(block.measurements) or not local.may_leave(block.measurements):
+            return False
+        self._attempts.started(block.measurements)
+        orientations, points = block.at_solution()
+        other = Measuring(block.begun_again(self.excluded), on_ground(first, orientations, points))
+        if other.block.local is not None or not orientations.keys() <= other.block.values.orientations.keys():
+            return False
+        self._begun_with = len(block.measurements)
+        self._go_on_with(other)
+        return True
+
+    def _start_locally(self) -> None:
+        """Orient the first two photos to each other, and all that follow from them, if that can be done."""
+        if (local := local_system(self.block.measurements)) is None:
+            return
+        block = self.block.begun_again(self.excluded, local)
+        block.start(local.first_values)
+        if block.values.orientations:
+            self.block, self._scale = block, ErrorScale(block, ALPHA)
+            self._snooping = Snooping(block, self._scale)
+            self._control = ControlExamination(block, self._snooping, self._scale)
 
     def _start(self, first: FirstValues) -> None:
         """Orient the first photos, if there may be enough for that since it was tried."""
-        block = self.block
-        if not self._attempts.is_due(block.measurements):
+        if not self._attempts.is_due(self.block.measurements):
             return
+        if self.block.local is not None:
+            # its photos have lost their values
+            self.block = self.block.begun_again(self.excluded)
+        block = self.block
         if any(may_start(block.measurements, photo) for photo in block.measurements.photos):
             self._attempts.started(block.measurements)
             block.start(first)
+            if not block.values.orientations and first.known is None:
+                self._start_locally()
         else:
-            block.values.photos_wait = {photo: _no_start(photo) for photo in block.measurements.photos}
+            block.values.photos_wait = {photo: no_start(photo) for photo in block.measurements.photos}
 
     def _adjust_cameras(self) -> None:
         """Adjust the block with the unknowns of its cameras, where enough has been measured since that was done."""
         block = self.block
-        if self._has_camera_unknowns() and len(block.measurements) >= self._next_adjustment:
+        if (
+            self.block.values.has_camera_unknowns(self.block.measurements)
+            and len(block.measurements) >= self._next_adjustment
+        ):
             block.adjust()
             self._next_adjustment = len(block.measurements) * (1.0 + _LATER)
 
-    def _has_camera_unknowns(self) -> bool:
-        records = self.block.measurements.inputs.records
-        return any(
-            records.camera_of(records.photos[record_key(photo)]).unknown for photo in self.block.values.orientations
-        )
-
-    def _concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> list[ObservationKey]:
-        """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
-        fresh = dict.fromkeys([key, *new])
-        points = dict.fromkeys(other.point for other in fresh if other.point)
-        photos = dict.fromkeys(other.photo for other in fresh if other.photo)
-        few = [photo for photo in photos if len(self.block.measurements.points_in(photo)) <= _FEW_POINTS]
-        included = self.block.equations.included
-        return list(dict.fromkeys([*self.block.included_of(few, points), *(key for key in fresh if key in included)]))
-
     def _answer(self, key: ObservationKey, before: Before) -> Answer:
-        return answer_now(key, before, self._snooping, self.excluded, self.next([key.photo], _ADVISED))
-
-
-def _no_start(photo: str) -> str:
-    return (
-        f"photo {photo} waits: no two photos have {COMMON_POINTS} common points, and no photo has "
-        f"{COMMON_POINTS - 1} known points"
-    )
+        answer = answer_now(key, before, self._snooping, self.excluded, self.next([key.photo], _ADVISED))
+        if (system := self.system) and self._has_values():
+            answer = replace(answer, text=f"{answer.text}; {system}")
+        return answer

@@ -12,8 +12,9 @@ from orip.bundle.antennas import part_of_block
 from orip.bundle.assemble import BlockInput
 from orip.bundle.problem import starting_state
 from orip.bundle.unknowns import number_unknowns
-from orip.online.current_values import CurrentValues, with_cameras_held
+from orip.online.current_values import CurrentValues, counting_alone, with_cameras_held
 from orip.online.first_photos import FirstValues, PhotoCorrections
+from orip.online.local_system import LocalSystem
 from orip.online.measurements import Measurements, RayName
 from orip.online.sequential.hyper_rows import ObservationRows
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised
@@ -57,6 +58,8 @@ class OnlineBlock:
     ----------
     inputs : BlockInput
         Its observations are those that there are at the beginning; none is needed.
+    local : LocalSystem or None
+        The system of the block, whose inputs are given then; None: that of the project.
 
     Raises
     ------
@@ -64,8 +67,8 @@ class OnlineBlock:
         See `Measurements`.
     """
 
-    def __init__(self, inputs: BlockInput) -> None:
-        self.measurements = Measurements(inputs)
+    def __init__(self, inputs: BlockInput, local: LocalSystem | None = None) -> None:
+        self.measurements, self.local = Measurements(inputs), local
         self.values = CurrentValues()
         self.equations: SequentialBlock[ObservationKey] = SequentialBlock()
         self._columns = ReducedColumns()
@@ -81,13 +84,18 @@ class OnlineBlock:
             rows = zip(given.photos, given.points, given.disregarded, strict=True)
             self.left_out.update(self.key(photo, point) for photo, point, disregarded in rows if disregarded)
 
-    def begun_again(self, excluded: Collection[ObservationKey]) -> OnlineBlock:
-        """Return a block of the same measurements without any values; some are excluded."""
-        measured, inputs = self.measurements.observations, self.measurements.inputs
+    @property
+    def project(self) -> Measurements:
+        """Return measurements with all that the project knows of the ground; their rays may be fewer."""
+        return self.measurements if self.local is None else self.local.project
+
+    def begun_again(self, excluded: Collection[ObservationKey], local: LocalSystem | None = None) -> OnlineBlock:
+        """Return a block of the same measurements without any values, on the ground or not; some are excluded."""
+        measured, inputs = self.measurements.observations, self.project.inputs if local is None else local.inputs
         rays = zip(measured.photos, measured.points, strict=True)
         disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
         given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
-        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)))
+        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
 
     @property
     def sigma0(self) -> float | None:
@@ -202,20 +210,7 @@ class OnlineBlock:
         part = self._valued()
         if part is None:
             return False
-        rays, included = part.photo_points, self.equations.included
-        keys = [
-            ObservationKey("photo", part.photos[photo].name, part.point_names[point])
-            for photo, point in zip(rays.photo.tolist(), rays.point.tolist(), strict=True)
-        ]
-        part = replace(
-            part,
-            photo_points=replace(
-                rays, used=rays.used & np.array([key in included for key in keys], dtype=bool)[:, None]
-            ),
-            control_points=tuple(
-                point for point in part.control_points if ObservationKey("control", "", point.name) not in self.left_out
-            ),
-        )
+        part = counting_alone(part, self.equations.included, self.left_out)
         return self._adjusted(part, robust=any(key.kind not in ("photo", "control") for key in self.left_out))
 
     def _adjusted(self, part: Block | None, *, robust: bool) -> bool:
@@ -384,6 +379,11 @@ class OnlineBlock:
         These are values of a robust adjustment: what is wrong would only lead away from them.
         """
         self.values.start(self.measurements, first)
+        if first.known is not None and self.values.orientations:
+            # it starts some photos; the others follow one after the other, and then all share their errors
+            self.values.advance(self.measurements, self.measurements.photos, self.measurements.points)
+            if (whole := self._valued()) is not None:
+                self.values.adjust(with_cameras_held(whole))
         part = self._valued()
         if part is not None:
             rows = self.linearised(part)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from orip.arrays import FloatArray
 from orip.errors import OripError, UsageError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.answers import Answer, Candidate, Suspect, words_of
@@ -33,6 +34,8 @@ def summary(measuring: Measuring) -> str:
         f"{counted(len(values.points), 'point')} placed",
         "no redundancy" if sigma0 is None else f"sigma0 {sigma0:.3f} with redundancy {block.equations.redundancy}",
     ]
+    if measuring.system:
+        parts.append(measuring.system)
     if measuring.suspects:
         parts.append(f"{len(measuring.suspects)} suspect")
     return ", ".join(parts)
@@ -50,10 +53,23 @@ def _at_solution(measuring: Measuring) -> Iterator[OnlineBlock]:
         yield measuring.block
 
 
+def _shown_values(block: OnlineBlock) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return orientations and points of the solution; in a local system its first photo is at the origin."""
+    orientations, points = block.at_solution()
+    photos = [name for name in block.measurements.photos if name in orientations]
+    if block.local is None or len(photos) < _TWO:
+        return orientations, points
+    return block.local.shown(photos, orientations, points)
+
+
+_TWO = 2
+"""Photos that give origin, axes and scale of a local system."""
+
+
 def photos_of(measuring: Measuring) -> list[Shown]:
     """Return all photos in which something is measured: elements in project units and degrees, or what is missing."""
     with _at_solution(measuring) as block:
-        orientations, _ = block.at_solution()
+        orientations, _ = _shown_values(block)
     values = block.values
     oriented = {name: orientations[name] for name in block.measurements.photos if name in orientations}
     elements = {}
@@ -78,7 +94,7 @@ def photos_of(measuring: Measuring) -> list[Shown]:
 def points_of(measuring: Measuring) -> list[Shown]:
     """Return all points that are measured: coordinates in the project, or what is missing, and numbers of rays."""
     with _at_solution(measuring) as block:
-        _, points = block.at_solution()
+        _, points = _shown_values(block)
     values = block.values
     placed = {name: found for name in block.measurements.points if (found := points.get(name)) is not None}
     places = block.ground.to_project(np.array(list(placed.values())).reshape(-1, 3)).tolist()

@@ -30,6 +30,13 @@ _NEARLY = 0.7
 """Part of its limit that the test quantity of such an observation exceeds: what is taken out hides others."""
 
 
+_FEW_POINTS = 12
+"""Points of a photo up to which a new one is also a check of the others."""
+
+_AGAIN = 5
+"""Times at most that all of a block in a local system is tested where it starts."""
+
+
 class Snooping:
     """The observations that are suspect.
 
@@ -56,6 +63,36 @@ class Snooping:
         for key in keys:
             self.suspects.pop(key, None)
             self.block.left_out.discard(key)
+
+    def snoop_first(self, latest: ObservationKey | None = None) -> None:
+        """Take out what does not fit of the first photos, and linearise them at their solution without it.
+
+        Meanwhile the values are those of a robust adjustment: what is wrong, and still in, would lead away.
+        """
+        self.scale.estimated()
+        with self.block.relinearised(0):
+            self.snoop(list(self.block.equations.included), latest)
+        self.block.settle()
+        self.block.lose_unsettled()
+        self.scale.estimate_again()
+        if self.block.local is None:
+            return
+        # values found one after the other may be too far off for the first tests
+        for _ in range(_AGAIN):
+            if not self.snoop(list(self.block.equations.included), latest):
+                break
+            self.block.settle()
+            self.block.lose_unsettled()
+            self.scale.estimate_again()
+
+    def concerned(self, key: ObservationKey, new: Iterable[ObservationKey]) -> list[ObservationKey]:
+        """Return the observations that new ones may show to be wrong: of the same points, and of photos with few."""
+        fresh = dict.fromkeys([key, *new])
+        points = dict.fromkeys(other.point for other in fresh if other.point)
+        photos = dict.fromkeys(other.photo for other in fresh if other.photo)
+        few = [photo for photo in photos if len(self.block.measurements.points_in(photo)) <= _FEW_POINTS]
+        included = self.block.equations.included
+        return list(dict.fromkeys([*self.block.included_of(few, points), *(key for key in fresh if key in included)]))
 
     def snoop(
         self, keys: Collection[ObservationKey], latest: ObservationKey | None = None, most: int | None = None
