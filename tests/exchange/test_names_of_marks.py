@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ from cli.command_line import orip
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, with_frame
 from exchange.metashape_projects import packed, psx, psz
+from exchange.test_micmac import project_folder
 from exchange.test_written_back import BOTH_WAYS, DIGITS, LENS, in_conventions
 
 from orip.exchange.formats import format_named
@@ -137,6 +139,48 @@ def test_a_round_trip_by_way_of_a_project_loses_nothing_that_the_format_has(tmp_
         again = with_frame(again, LENS.columns, LENS.rows)
     reprojection, _ = reprojected(again)
     assert reprojection.rms < (0.005 if name in DIGITS else 1e-6)
+
+
+MARKS_OF_MICMAC = {"G0": "0", "G1": "Höhe 1", "G2": "north gate"}
+"""Names in place of those of the project folder; tracks are numbered from 0."""
+
+
+@pytest.mark.parametrize(
+    ("deviation", "errors"),
+    [("0.01 0.01 0.05", (0.01, 0.01, 0.05)), ("1 1 1", (0.02, 0.02, 0.02))],  # MicMac's default says nothing
+)
+def test_orientations_of_micmac_come_back_beside_the_measurements_that_they_belong_to(
+    tmp_path: Path, deviation: str, errors: tuple[float, ...]
+) -> None:
+    """Import, run, export, import: MicMac has measurements and control in files that an export leaves alone."""
+    source = project_folder(tmp_path / "given")
+    for file in ("points-S3D.xml", "points-S2D.xml"):
+        text = (source / file).read_text(encoding="utf-8")
+        for name, other in MARKS_OF_MICMAC.items():
+            text = text.replace(f"<NamePt>{name}<", f"<NamePt>{other}<")
+        text = re.sub("<Incertitude>.*?<", f"<Incertitude>{deviation}<", text)
+        (source / file).write_text(text, encoding="utf-8")
+    shutil.copytree(source, tmp_path / "again")
+    assert orip(tmp_path, "import", "micmac", "given", "first").code == 0
+    run = orip(tmp_path / "first", "run", "--no-report")
+    assert run.code == 0, run.err
+    written_back = orip(tmp_path / "first", "export", "micmac", str(tmp_path / "written"))
+    assert written_back.code == 0, written_back.err
+    shutil.rmtree(tmp_path / "again" / "Ori-A")
+    shutil.copytree(tmp_path / "written", tmp_path / "again" / "Ori-A")
+    assert orip(tmp_path, "import", "micmac", "again", "second").code == 0
+
+    first, second = Held(tmp_path / "first"), Held(tmp_path / "second")
+    assert set(first.control) == set(MARKS_OF_MICMAC.values())
+    assert first.control == second.control
+    assert [given for _, given in first.control.values()] == [errors] * 3
+    assert first.rays == second.rays
+    marks = {point for _, point, is_track in first.rays if not is_track}
+    assert marks == set(MARKS_OF_MICMAC.values())
+    read = format_named("micmac").read
+    assert read is not None
+    reprojection, _ = reprojected(read_well(read, tmp_path / "again"))
+    assert reprojection.rms < 1e-6
 
 
 LOST = {

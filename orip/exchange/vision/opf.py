@@ -1,10 +1,11 @@
 """Pix4D's Open Photogrammetry Format (OPF 1.x): a project file (``.opf``) and the JSON documents that it names.
 
 The specification is https://pix4d.github.io/opf-spec (repository Pix4D/opf-spec). Its control_points.md gives the
-accuracy of a mark, "of the click", no unit, and its examples 1, 10 and 20; pixels are orip's reading. Pixels count from the outer
-corner of the upper left one. Angles are those of Rx(omega) Ry(phi) Rz(kappa) from the camera (x right, y up, z back)
-to the processing system, which is right-handed, has one unit, and is shifted: processing = swap(scale * base) + shift. orip takes the shift away, keeps
-the axes of the processing system, and counts in the unit of the base system's horizontal axes.
+accuracy of a mark, "of the click", no unit, and its examples 1, 10 and 20; pixels are orip's reading. Pixels count
+from the outer corner of the upper left one. Angles are those of Rx(omega) Ry(phi) Rz(kappa) from the camera (x right,
+y up, z back) to the processing system, which is right-handed, has one unit, and is shifted: processing = swap(scale *
+base) + shift. orip takes the shift away, keeps the axes of the processing system, and counts in the unit of the base
+system's horizontal axes.
 """
 
 from __future__ import annotations
