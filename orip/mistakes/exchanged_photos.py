@@ -185,7 +185,7 @@ def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: 
         for hypothesis in hypotheses:
             tried = readjuster.adjust(hypothesis.block)
             if tried is not None and _is_other_lens(tried, solved, row, photos, of_stations=of_stations):
-                return hypothesis.findings(tried)
+                return list(hypothesis.findings(tried))
     return []
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 
 import numpy as np
@@ -10,31 +10,28 @@ from msgspec import Struct
 
 from orip.bundle.assemble import BlockInput
 from orip.bundle.diagnosis import forewarnings
-from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.methods import Method, adjust_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
-from orip.bundle.verdict import MISTAKE, headline, sigma0_test
-from orip.errors import UNREAD_FILE, NotSolvableError, ProjectWarning
-from orip.mistakes.camera_values import OTHER_LENS
-from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
-from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
+from orip.bundle.verdict import headline, sigma0_test
+from orip.errors import NotSolvableError, ProjectWarning
 from orip.mistakes.contradicting_positions import CODE as CONTRADICTING_POSITION
-from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.explanation import concerns_position, explain_failure, explain_misfit, explain_start
-from orip.mistakes.free_network import FREE_DATUM
-from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.hypothesis import EXPLAINING_WARNINGS, Readjuster
-from orip.mistakes.names import OTHER_SPELLING
-from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
-from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
-from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
+from orip.mistakes.hypothesis import Readjuster
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.results.preliminary import PreliminaryValues
-from orip.records.results.solution import Diagnosis, IterationPass, Solution
+from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
+from orip.solving.first_sentence import (
+    FIRST_CAUSES,
+    OF_STATIONS,
+    REPLACED,
+    is_explained,
+    judged,
+    without_consequences,
+)
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,
@@ -43,34 +40,6 @@ from orip.solving.starting_values import (
     started_block,
 )
 from orip.structs import replace
-
-FIRST_CAUSES = {
-    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, RESOLUTION, UNREAD_FILE,
-}  # fmt: skip
-"""Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
-
-OF_STATIONS = {
-    **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
-    TWO_LENSES: OF_TWO_LENSES,
-}  # fmt: skip
-"""The same of positions of photos that are not in the system of the control: what is said of single photos, or of
-groups of the two, follows from it."""
-
-WRONG = {
-    **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit",
-    DISTANCE_UNIT: OF_DISTANCE_UNITS,
-}  # fmt: skip
-"""What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
-_FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
-    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "control point")),
-    ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
-)
-"""Codes of warnings, and of which groups of observations a contradiction follows from them."""
-
-REPLACED = "given-values"
-"""Code of the warning that the adjustment did not start from the given values."""
-
-_CONTROL_POINT = "control point "
 
 PLAIN = Method()
 """All observations, with weights by the Danish method as defined for the bundle."""
@@ -162,91 +131,20 @@ def solve(
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
-    mistaken, taken = (_without_consequences(found, gathered.warnings) for found in (mistaken, taken))
+    mistaken, taken = (without_consequences(found, gathered.warnings) for found in (mistaken, taken))
     causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
     if any(warning.code in (*OF_STATIONS, CONTRADICTING_POSITION) for warning in (*causes, *mistaken)):
         taken = []  # positions that are wrong lead nowhere, and are to be mended first
     others = [warning for warning in gathered.warnings if warning not in causes]
-    explained = [warning for warning in others if any(_is_explained(found, warning) for found in mistaken)]
-    mistaken = [found for found in mistaken if not any(_is_explained(found, warning) for warning in explained)]
+    explained = [warning for warning in others if any(is_explained(found, warning) for found in mistaken)]
+    mistaken = [found for found in mistaken if not any(is_explained(found, warning) for warning in explained)]
     causes += explained
     others = [warning for warning in others if warning not in explained]
-    of_start = _without_consequences(start.warnings, gathered.warnings)
+    of_start = without_consequences(start.warnings, gathered.warnings)
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
-    solution = replace(_judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
+    solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
     return replace(solution, verdict=headline(solution, 0, sigma0_test(solution))[1]), adjusted.solved
-
-
-def _is_explained(found: ProjectWarning, warning: ProjectWarning) -> bool:
-    """Tell whether a photo is not where it was given because of what a warning about its measurements says."""
-    if found.code != "given-orientation" or warning.code not in EXPLAINING_WARNINGS:
-        return False
-    return found.where.removeprefix("photo ") in f"{warning.where} {warning.text}".replace(":", " ").split()
-
-
-def _judged(
-    solution: Solution,
-    mistaken: Sequence[ProjectWarning],
-    gathered: Sequence[ProjectWarning],
-    taken: Sequence[ProjectWarning],
-) -> Solution:
-    """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
-    wrong = [
-        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "first correct it as the warning says")
-        for found in (*mistaken, *gathered)
-        if found.code in WRONG
-    ]
-    # measurements that are wrong explain what does not fit, and nothing else is said of it
-    measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
-    others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
-    status = "doubtful" if wrong and solution.status == "converged" else solution.status
-    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
-    return replace(solution, status=status, diagnosis=diagnosis)
-
-
-def _mistake(warning: ProjectWarning) -> Diagnosis:
-    """Return what the first sentence has of a warning that says what is probably wrong."""
-    if warning.code == REPLACED:
-        text = "not from the given values, see the warning"
-    elif warning.where:
-        text = f"see the warning about {warning.where}"
-    else:
-        text = "see the warning"
-    return Diagnosis(MISTAKE, warning.where, text, "see the warning")
-
-
-def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
-    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set.
-
-    A wrong control point may have displaced itself or others: what is then said of groups follows from it.
-    """
-    causes = {warning.where for warning in mistaken}
-    exchanged = [warning.text.split() for warning in mistaken if warning.where.startswith(_CONTROL_POINT)]
-    causes |= {
-        found.where
-        for found in solution.diagnosis
-        if found.where.startswith(_CONTROL_POINT)
-        and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
-    }
-    follows = {word for codes, words in _FOLLOW for warning in mistaken if warning.code in codes for word in words}
-    solution = replace(
-        solution,
-        diagnosis=tuple(
-            found
-            for found in solution.diagnosis
-            if not (found.code == CONTRADICTION and any(word in found.where for word in follows))
-        ),
-    )
-    contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
-    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
-        return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
-    return tuple(
-        replace(found, remedy=f"first correct the {found.where} as the warning says")
-        if found.code == CONTRADICTION and found.where in causes
-        else found
-        for found in solution.diagnosis
-    )
 
 
 def _with_mistakes_of_the_block(
@@ -273,25 +171,6 @@ def _with_mistakes_of_the_block(
     if left_out:
         left_out = [*explain_failure(_readjuster(gathered), adjuster.not_oriented), *left_out]
     return [*first, *left_out, *(found for found in explained if found not in first)]
-
-
-def _without_consequences(found: Sequence[ProjectWarning], gathered: Sequence[ProjectWarning]) -> list[ProjectWarning]:
-    """Return the warnings that do not follow from one about the measurements of all photos, or of a photo.
-
-    A photo that is wrong as a whole is not where it was given, and leads an adjustment astray.
-    """
-    if any(warning.code in (COORDINATE_UNIT, RESOLUTION) for warning in gathered):
-        return []
-    photos = {
-        warning.where.removeprefix("photo ")
-        for warning in gathered
-        if warning.code in EXPLAINING_WARNINGS and warning.where.startswith("photo ")
-    }
-    return [
-        warning
-        for warning in found
-        if not (photos and warning.code == REPLACED) and not photos & set(f"{warning.where} {warning.text}".split()[:3])
-    ]
 
 
 class _Adjusted(Struct, frozen=True):

@@ -1,0 +1,141 @@
+"""What the first sentence of a solution has of the warnings: which of them are causes, and what follows from these."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from orip.bundle.groups.words import CODE as CONTRADICTION
+from orip.bundle.verdict import MISTAKE
+from orip.errors import UNREAD_FILE, ProjectWarning
+from orip.mistakes.camera_values import OTHER_LENS
+from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
+from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
+from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
+from orip.mistakes.free_network import FREE_DATUM
+from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
+from orip.mistakes.names import OTHER_SPELLING
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
+from orip.records.results.solution import Diagnosis, Solution
+from orip.structs import replace
+
+FIRST_CAUSES = {
+    OTHER_SPELLING, GROUND_SYSTEM, IN_DEGREES, FREE_DATUM, RESOLUTION, UNREAD_FILE,
+}  # fmt: skip
+"""Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
+
+OF_STATIONS = {
+    **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
+    TWO_LENSES: OF_TWO_LENSES,
+}  # fmt: skip
+"""The same of positions of photos that are not in the system of the control: what is said of single photos, or of
+groups of the two, follows from it."""
+
+WRONG = {
+    **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit",
+    DISTANCE_UNIT: OF_DISTANCE_UNITS,
+}  # fmt: skip
+"""What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
+
+_FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
+    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "control point")),
+    ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
+)
+"""Codes of warnings, and of which groups of observations a contradiction follows from them."""
+
+REPLACED = "given-values"
+"""Code of the warning that the adjustment did not start from the given values."""
+
+_CONTROL_POINT = "control point "
+
+
+def is_explained(found: ProjectWarning, warning: ProjectWarning) -> bool:
+    """Tell whether a photo is not where it was given because of what a warning about its measurements says."""
+    if found.code != "given-orientation" or warning.code not in EXPLAINING_WARNINGS:
+        return False
+    return found.where.removeprefix("photo ") in f"{warning.where} {warning.text}".replace(":", " ").split()
+
+
+def judged(
+    solution: Solution,
+    mistaken: Sequence[ProjectWarning],
+    gathered: Sequence[ProjectWarning],
+    taken: Sequence[ProjectWarning],
+) -> Solution:
+    """Return a solution with what its first sentence has of the warnings; one that fits, and is wrong, is doubtful."""
+    wrong = [
+        Diagnosis(CONTRADICTION, found.where, WRONG[found.code], "first correct it as the warning says")
+        for found in (*mistaken, *gathered)
+        if found.code in WRONG
+    ]
+    # measurements that are wrong explain what does not fit, and nothing else is said of it
+    measured = [found for found in gathered if found.code in EXPLAINING_WARNINGS and solution.status == "doubtful"]
+    others = [_mistake(found) for found in (*measured, *mistaken, *taken) if found.code not in WRONG]
+    status = "doubtful" if wrong and solution.status == "converged" else solution.status
+    diagnosis = (*wrong, *_after_causes(solution, (*mistaken, *gathered) if wrong else mistaken), *others)
+    return replace(solution, status=status, diagnosis=diagnosis)
+
+
+def _mistake(warning: ProjectWarning) -> Diagnosis:
+    """Return what the first sentence has of a warning that says what is probably wrong."""
+    if warning.code == REPLACED:
+        text = "not from the given values, see the warning"
+    elif warning.where:
+        text = f"see the warning about {warning.where}"
+    else:
+        text = "see the warning"
+    return Diagnosis(MISTAKE, warning.where, text, "see the warning")
+
+
+def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tuple[Diagnosis, ...]:
+    """Return the diagnosis; where the cause of a contradiction is named, that is to be mended, and nothing else set.
+
+    A wrong control point may have displaced itself or others: what is then said of groups follows from it.
+    """
+    causes = {warning.where for warning in mistaken}
+    exchanged = [warning.text.split() for warning in mistaken if warning.where.startswith(_CONTROL_POINT)]
+    causes |= {
+        found.where
+        for found in solution.diagnosis
+        if found.where.startswith(_CONTROL_POINT)
+        and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
+    }
+    follows = {word for codes, words in _FOLLOW for warning in mistaken if warning.code in codes for word in words}
+    solution = replace(
+        solution,
+        diagnosis=tuple(
+            found
+            for found in solution.diagnosis
+            if not (found.code == CONTRADICTION and any(word in found.where for word in follows))
+        ),
+    )
+    contradictions = [found for found in solution.diagnosis if found.code == CONTRADICTION]
+    if contradictions and contradictions[0].where in causes and contradictions[0].where.startswith(_CONTROL_POINT):
+        return tuple(found for found in solution.diagnosis if found.code != CONTRADICTION)
+    return tuple(
+        replace(found, remedy=f"first correct the {found.where} as the warning says")
+        if found.code == CONTRADICTION and found.where in causes
+        else found
+        for found in solution.diagnosis
+    )
+
+
+def without_consequences(found: Sequence[ProjectWarning], gathered: Sequence[ProjectWarning]) -> list[ProjectWarning]:
+    """Return the warnings that do not follow from one about the measurements of all photos, or of a photo.
+
+    A photo that is wrong as a whole is not where it was given, and leads an adjustment astray.
+    """
+    if any(warning.code in (COORDINATE_UNIT, RESOLUTION) for warning in gathered):
+        return []
+    photos = {
+        warning.where.removeprefix("photo ")
+        for warning in gathered
+        if warning.code in EXPLAINING_WARNINGS and warning.where.startswith("photo ")
+    }
+    return [
+        warning
+        for warning in found
+        if not (photos and warning.code == REPLACED) and not photos & set(f"{warning.where} {warning.text}".split()[:3])
+    ]
