@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import part_of_block
 from orip.bundle.assemble import BlockInput
 from orip.bundle.points.starting import given_coordinates, with_starting_points
@@ -233,7 +233,7 @@ def _similarity(block: Block, orientations: Mapping[str, FloatArray], points: Ma
 
 def _started_with(block: Block, orientation: FloatArray) -> StartedBlock:
     """Return the photos of a block that are oriented, and the points with coordinates or two of their rays."""
-    oriented = np.isfinite(orientation).all(axis=1)
+    oriented: BoolArray = np.asarray(np.isfinite(orientation).all(axis=1))
     rays = block.photo_points
     seen = np.bincount(rays.point[oriented[rays.photo]], minlength=len(block.point_names))
     gathered = part_of_block(replace(block, photo_orientation=orientation), oriented, seen > 1)
