@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlPoint
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
 from orip.structs import replace
 
 PRINCIPAL_DISTANCE_MM = 120.0

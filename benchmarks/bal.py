@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 
 from orip.geometry.rotation import angles_from_rotation
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
+from orip.records.camera import Camera
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
 
 LADYBUG = Path(__file__).parents[2] / "shared" / "reference-data" / "bal" / "problem-49-7776-pre.txt"
 ALL_RAYS_COST = 13344.24

@@ -22,7 +22,7 @@ from aerial_blocks import FLYING_HEIGHT, FRAME_MM, PRINCIPAL_DISTANCE_MM, aerial
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from orip.adjustment.factorisation.dissection.tree import DissectionTree, dissected
+from orip.adjustment.factorisation.dissection import DissectionTree, dissected
 from orip.archive.blocking.divided_problem import LARGEST_PART
 from orip.archive.cluster.divided_block import ClusterRequest, divided_blocks
 from orip.bundle.problem import starting_state

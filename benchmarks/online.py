@@ -29,7 +29,7 @@ from orip.online.replies import photos_of, points_of, residuals_of, statistics_o
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.online.sequential.sequential_block import SequentialBlock
 from orip.online.simulation import simulated_session
-from orip.records.observations.measurement import PhotoObservations
+from orip.records.measurement import PhotoObservations
 from orip.structs import replace
 
 POINTS_A_PHOTO = 40

@@ -28,7 +28,7 @@ from aerial_blocks import POINTS_A_PHOTO, aerial_block
 
 from orip.files.project.toml_text import toml_table
 from orip.records.block import Block
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 
 COMMANDS = ("init", "measure", "solve")
 _LARGE = 5000

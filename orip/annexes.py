@@ -15,13 +15,13 @@ COMMANDS: Mapping[str, str] = {
     "online": "orip.online.commands",
     "import": "orip.exchange.commands",
     "export": "orip.exchange.commands",
-    "adjust": "orip.exchange.adjust_source",
+    "adjust": "orip.exchange.commands",
     "drive": "orip.multimodel.commands.drive",
     "digitise": "orip.multimodel.commands.digitise",
     "stations": "orip.stations.commands",
     "archive": "orip.archive.commands",
 }
-"""Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.commands`."""
+"""Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
 
 DRIVE_STEPS = "orip.multimodel.table_step"
 """Steps of `run` and `status` for bundles with models: `DRIVEN_FROM`, `table_of_run`, `drive_step`."""
@@ -29,7 +29,7 @@ DRIVE_STEPS = "orip.multimodel.table_step"
 DRIVE_WORDS = "orip.multimodel.commands.drive"
 """What `run` says of these steps: `tell_made`."""
 
-DOWNLOAD_STEP = "orip.multimodel.loaded_table"
+DOWNLOAD_STEP = "orip.multimodel.project_link"
 """Step of `status` where there is a plate processor: `download_step`."""
 
 DIVIDED_BLOCK = "orip.archive.cluster.divided_block"

@@ -10,9 +10,9 @@ from msgspec import Struct
 from scipy.sparse import csr_array
 
 from orip.adjustment.factorisation.band import Arrangement
+from orip.adjustment.factorisation.cholesky import Symmetric
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
 from orip.adjustment.factorisation.null_space import Amounts
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
 

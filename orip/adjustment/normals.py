@@ -12,12 +12,20 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations, Layout
 from orip.adjustment.factorisation.band import BandMatrix
 from orip.adjustment.factorisation.band_cholesky import BandFactor, factorise_band
-from orip.adjustment.factorisation.cholesky import ExactConstraints, Factor, exact_constraints, factorise
-from orip.adjustment.factorisation.dissection.cholesky import DissectedFactor, factorise_dissected
-from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
+from orip.adjustment.factorisation.cholesky import (
+    DissectedFactor,
+    ExactConstraints,
+    Factor,
+    Symmetric,
+    add_to_diagonal,
+    exact_constraints,
+    factorise,
+    factorise_dissected,
+    scale_matrix,
+)
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, times_half, times_transposed_half
+from orip.adjustment.factorisation.fronts import DissectedMatrix
 from orip.adjustment.factorisation.null_space import Amounts, InnerConstraints
-from orip.adjustment.factorisation.symmetric import Symmetric, add_to_diagonal, scale_matrix
 from orip.arrays import FloatArray, IntArray
 from orip.set_aside import set_aside
 from orip.structs import replace

@@ -10,8 +10,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.equations import Equations
+from orip.adjustment.factorisation.cholesky import Symmetric, scale_matrix, subtract_product
 from orip.adjustment.factorisation.null_space import InnerConstraints
-from orip.adjustment.factorisation.symmetric import Symmetric, scale_matrix, subtract_product
 from orip.adjustment.normals import SolvedNormals
 from orip.arrays import FloatArray, parts
 from orip.set_aside import set_aside

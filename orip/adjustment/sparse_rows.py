@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import band_of
+from orip.adjustment.factorisation.cholesky import Symmetric
 from orip.adjustment.factorisation.elimination import (
     BlockFactors,
     Coupling,
@@ -20,7 +21,6 @@ from orip.adjustment.factorisation.elimination import (
     factorise_blocks,
 )
 from orip.adjustment.factorisation.null_space import Amounts
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import FloatArray, IntArray
 
 _CHUNK_NUMBERS = 4_000_000

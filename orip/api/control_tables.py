@@ -17,8 +17,7 @@ from orip.files.control.stations_text import parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
 from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
 from orip.files.text.shown import Parsed, printable, shown_token
-from orip.records.names import name_fault
-from orip.records.observations.control import (
+from orip.records.control import (
     ControlDirection,
     ControlDistance,
     ControlElement,
@@ -26,6 +25,7 @@ from orip.records.observations.control import (
     PreliminaryPoint,
     Station,
 )
+from orip.records.names import name_fault
 from orip.structs import replace
 
 _MOST_OF_A_COLUMN = 20

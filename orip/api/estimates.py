@@ -13,10 +13,10 @@ from msgspec import Struct
 from orip.api.tables import Table, estimates_table, html_table
 from orip.arrays import FloatArray, IntArray
 from orip.errors import UnknownNameError
+from orip.records.camera import CAMERA_UNITS
+from orip.records.control import PointKind
 from orip.records.names import record_key
-from orip.records.observations.control import PointKind
-from orip.records.project.camera import CAMERA_UNITS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
 CovarianceOf = Callable[[str], FloatArray]

@@ -29,11 +29,11 @@ from orip.files.project.records import project_definition
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import interior_orientation
+from orip.records.control import PHOTO_ERRORS, Control, PreliminaryPoint
+from orip.records.definition import ProjectDefinition
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.control import PHOTO_ERRORS, Control, PreliminaryPoint
-from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.project.definition import ProjectDefinition
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import listed_names
 from orip.workflow.records.reconcile import with_polynomial
 

@@ -8,7 +8,7 @@ from typing import Literal
 from msgspec import Struct
 from numpy.typing import ArrayLike
 
-from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
+from orip.records.camera import AdditionalSet, DistortionArgument, Projection
 
 
 class Camera(Struct, frozen=True):

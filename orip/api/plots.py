@@ -11,9 +11,9 @@ from orip.api.estimates import row_of
 from orip.arrays import FloatArray
 from orip.bundle.results.compared_points import AXES, COMPARED_KINDS, compared_points
 from orip.interior.distortion import curve_from_polynomial
+from orip.records.camera import RADIAL_PLACES
 from orip.records.names import record_key
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.project.camera import RADIAL_PLACES
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.report.calibration import frame_reach
 from orip.report.drawings.block_view import pyramid_corners
 from orip.report.drawings.residual_vectors import frame_extent, large_residual, measured_reach

@@ -17,9 +17,9 @@ from orip.bundle.results.compared_points import AXES, COMPARED_KINDS, ComparedPo
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import OripError, UnknownNameError
 from orip.number_text import HUGE, MISSING
-from orip.records.observations.observation_kinds import unit_of_observation
-from orip.records.results.result_tests import GroupTest
-from orip.records.results.solution import Blunder, IterationPass, Residuals, Solution
+from orip.records.observation_kinds import unit_of_observation
+from orip.records.result_tests import GroupTest
+from orip.records.solution import Blunder, IterationPass, Residuals, Solution
 from orip.wording import counted
 
 if TYPE_CHECKING:

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from orip.cli.adjust.method import MethodOptions
-from orip.cli.late_groups import add_group
-from orip.cli.options import Invocation, command
+from orip.cli.method import MethodOptions
+from orip.cli.options import Invocation, add_group, command
 from orip.errors import GateError, OripError, UsageError
 
 if TYPE_CHECKING:

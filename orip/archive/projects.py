@@ -12,8 +12,8 @@ from msgspec import Struct
 
 from orip.errors import UsageError
 from orip.files.project.tables import ProjectTable
+from orip.files.project.toml_lines import toml_document
 from orip.files.text.regular_file import regular_bytes
-from orip.files.text.toml import toml_document
 from orip.workflow.project.folder import PROJECT_FILE
 
 

@@ -11,9 +11,9 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Estimates, Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.result_tests import GateResult
+from orip.records.solution import Estimates, Solution
 
 # docs/reference/archive.md describes them for users. A change that readers of older data sets would notice takes a new
 # `SCHEMA`.

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.control import ControlElement, Station
+from orip.records.definition import Antenna, Extent
 from orip.records.names import record_key
-from orip.records.observations.control import ControlElement, Station
-from orip.records.observations.repeated import photos_per_point
-from orip.records.project.definition import Antenna, Extent
+from orip.records.observation_kinds import photos_per_point
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

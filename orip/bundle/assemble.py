@@ -18,14 +18,14 @@ from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_key
 from orip.records.coded_names import coded
+from orip.records.control import Control, ControlElement, PreliminaryPoint, Station
+from orip.records.definition import Antenna, BundleDefinition
 from orip.records.ground import GroundSystem
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
-from orip.records.observations.control import Control, ControlElement, PreliminaryPoint, Station
-from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_key
-from orip.records.project.definition import Antenna, BundleDefinition
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.set_aside import set_aside
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE

@@ -16,8 +16,8 @@ from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import axes_rotation_from_angle_rates
 from orip.number_text import decimals_of_two_digits
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.results.solution import Diagnosis
+from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.solution import Diagnosis
 from orip.wording import agreeing, counted, counted_names, joined
 
 # An adjustment ends with some numbers whatever the observations say. Where they leave a movement of the whole block

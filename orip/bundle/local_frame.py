@@ -17,9 +17,9 @@ from orip.errors import Complaint, InputError
 from orip.geometry.ground_frame import ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block
+from orip.records.control import ControlElement, ControlPoint
 from orip.records.ground import PLAIN, GroundSystem
-from orip.records.observations.control import ControlElement, ControlPoint
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 from orip.structs import replace
 
 _POSITION = frozenset(PHOTO_PARAMETERS[:3])

@@ -16,8 +16,8 @@ from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.verdict import headline, sigma0_test
 from orip.records.block import Block
-from orip.records.results.result_tests import NOT_DETERMINED, VarianceComponent
-from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.result_tests import NOT_DETERMINED, VarianceComponent
+from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
 from orip.structs import replace
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def adjust_block(
         advice += pruning_diagnosis(pruned.removed)
     components: tuple[VarianceComponent, ...] = ()
     if method.variance_components and not stop_asked():
-        from orip.bundle.variance_components.estimation import estimate_errors
+        from orip.bundle.variance_components import estimate_errors
 
         settings = iteration_settings(block.definition)
         if method.snooping is not None:

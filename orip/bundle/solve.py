@@ -22,7 +22,7 @@ from orip.bundle.undetermined_unknowns import (
 from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.project.definition import BundleDefinition
+from orip.records.definition import BundleDefinition
 from orip.threads import limited_threads
 
 

@@ -17,8 +17,8 @@ from orip.geometry.rotation import (
     rotation_from_angles,
 )
 from orip.records.block import Block
-from orip.records.project.camera import CAMERA_PARAMETERS, LENS_PLACES, first_of_lens
-from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
+from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, first_of_lens
+from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

@@ -21,8 +21,8 @@ from orip.bundle.problem import BlockProblem
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import rotation_from_angles
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.ground import PlainGround
-from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.structs import replace
 
 _LEAST_COSINE_OF_PHI = 0.02

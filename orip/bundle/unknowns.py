@@ -19,9 +19,9 @@ from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
-from orip.records.project.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
-from orip.records.project.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
+from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
+from orip.records.photo import PHOTO_PARAMETERS
 
 CONSTANT = -1
 POINT_COORDINATES = ("X", "Y", "Z")

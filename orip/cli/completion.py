@@ -68,7 +68,7 @@ def of_results(context: typer.Context, incomplete: str) -> list[str]:
 def lines_of_control(context: typer.Context, incomplete: str) -> list[str]:
     """Return the names in the control text that a group of commands is about: `orip control points`."""
     from orip.files.control.editing import FORMS
-    from orip.workflow.control.edits import list_control
+    from orip.workflow.observations.control import list_control
     from orip.workflow.project.state import read_project
 
     group = str(context.parent.info_name) if context.parent else ""

@@ -10,15 +10,23 @@ import typer
 
 from orip.cli.completion import lines_of_control
 from orip.cli.conversion import require_confirmation
-from orip.cli.editing import DryRunOption, EditOptions, YesOption, edit_document, tell_edit
-from orip.cli.late_groups import add_group
-from orip.cli.options import BundleOption, Invocation, command
+from orip.cli.options import (
+    BundleOption,
+    DryRunOption,
+    EditOptions,
+    Invocation,
+    YesOption,
+    add_group,
+    command,
+    edit_document,
+    tell_edit,
+)
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
     from orip.files.control.editing import ControlKind
-    from orip.workflow.control.edits import ControlOutcome, Weighting
+    from orip.workflow.observations.control import ControlOutcome, Weighting
     from orip.workflow.project.commit import Change
     from orip.workflow.project.state import ProjectState
 
@@ -88,7 +96,7 @@ def _register_list(group: typer.Typer, kind: ControlKind) -> None:
     def list_command(invocation: Invocation, bundle: BundleOption = None) -> None:
         """List the lines of the file."""
         from orip.files.text.table import Column, table_lines
-        from orip.workflow.control.edits import list_control
+        from orip.workflow.observations.control import list_control
         from orip.workflow.project.state import read_project
 
         table = list_control(read_project(invocation.folder), kind, bundle)
@@ -109,7 +117,7 @@ def _register_adding(group: typer.Typer, kind: ControlKind) -> None:
     def add(
         invocation: Invocation, name: str, values: list[str] | None, before: str | None, options: EditOptions
     ) -> None:
-        from orip.workflow.control.edits import add_control
+        from orip.workflow.observations.control import add_control
 
         edit = partial(add_control, kind=kind, name=name, words=values or (), before=before, **options._asdict())
         tell(invocation.terminal, f"control {kind} add", _edited(invocation, edit))
@@ -135,7 +143,7 @@ def _register_edit(group: typer.Typer, kind: ControlKind) -> None:
     @command(group, "edit", without=_left_out(kind))
     def edit_command(invocation: Invocation, name: Name, options: EditOptions, values: Values = None) -> None:
         """Change values of a line; what is not named stays."""
-        from orip.workflow.control.edits import edit_control
+        from orip.workflow.observations.control import edit_control
 
         edit = partial(edit_control, kind=kind, name=name, words=values or (), **options._asdict())
         tell(invocation.terminal, f"control {kind} edit", _edited(invocation, edit))
@@ -151,7 +159,7 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
         yes: YesOption = False,
     ) -> None:
         """Take lines out. Comments on lines of their own stay."""
-        from orip.workflow.control.edits import kill_control
+        from orip.workflow.observations.control import kill_control
 
         if bool(names) == everything:
             message = "name what to kill, or write --all and no name"
@@ -165,7 +173,7 @@ def _register_kill(group: typer.Typer, kind: ControlKind) -> None:
 
 def _register_weighting(group: typer.Typer, kind: ControlKind, weighting: Weighting, text: str) -> None:
     def weight(invocation: Invocation, names: Names, dry_run: DryRunOption = False) -> None:
-        from orip.workflow.control.edits import weight_control
+        from orip.workflow.observations.control import weight_control
 
         edit = partial(weight_control, kind=kind, weighting=weighting, names=names, dry_run=dry_run)
         tell(invocation.terminal, f"control {kind} {weighting}", _edited(invocation, edit))

@@ -1,4 +1,4 @@
-"""Options that every command shares, accepted before and after its name with the same meaning."""
+"""Options that commands share, groups of commands registered when asked for, and what edits have in common."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import functools
 import inspect
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
+import msgspec
 import typer
 from msgspec import Struct
+from typer.main import get_group
 
 from orip.cli.completion import bundles
 from orip.cli.conversion import Command, Group
 from orip.cli.exits import NOTHING_WRITTEN, exit_on_error
-from orip.cli.terminal import ColorChoice, Terminal
+from orip.cli.terminal import ColorChoice, Terminal, warning_rows
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print more of what is done.")]
@@ -191,3 +193,80 @@ def _fields(group: type[Any]) -> list[inspect.Parameter]:
 def _taken(group: type[G], given: dict[str, Any]) -> G:
     """Take the options of a named tuple out of what was given."""
     return group(*(given.pop(key) for key in group._fields))
+
+
+Registration = Callable[[typer.Typer], None]
+
+
+def add_group(app: typer.Typer, name: str, text: str, register: Registration) -> None:
+    """Add a group of commands to a program or another group.
+
+    Parameters
+    ----------
+    app : typer.Typer
+    name : str
+    text : str
+        What `--help` says of the group.
+    register : function of a typer.Typer
+        Adds the commands of the group.
+    """
+
+    class LateGroup(Group):
+        """The group of that name; commands that the program added to it are there from the beginning."""
+
+        complete = False
+
+        def list_commands(self, ctx: Any) -> list[str]:
+            self._put_together()
+            return super().list_commands(ctx)
+
+        def get_command(self, ctx: Any, cmd_name: str) -> Any:
+            self._put_together()
+            return super().get_command(ctx, cmd_name)
+
+        def _put_together(self) -> None:
+            if not self.complete:
+                group = group_of_commands(name, text)
+                register(group)
+                self.commands = {**get_group(group).commands, **self.commands}
+                self.complete = True
+
+    app.add_typer(group_of_commands(name, text, cls=LateGroup, no_args_is_help=True))
+
+
+if TYPE_CHECKING:
+    from orip.workflow.observations.control import ControlOutcome
+    from orip.workflow.records.commands import RecordsOutcome
+
+    EditOutcome: TypeAlias = ControlOutcome | RecordsOutcome
+
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Show the difference and write nothing.")]
+YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")]
+
+
+class EditOptions(NamedTuple):
+    """Options of every command that edits."""
+
+    bundle: BundleOption = None
+    dry_run: DryRunOption = False
+
+
+def tell_edit(terminal: Terminal, verb: str, outcome: EditOutcome, unchanged: str) -> None:
+    """Say whether anything was edited, before the changes are listed; `unchanged` names what stays."""
+    terminal.warn(outcome.warnings)
+    if not outcome.changes:
+        terminal.say(f"{verb} unchanged: {unchanged} so already")
+    elif outcome.dry_run:
+        terminal.say(f"{verb} would do the following; nothing is written")
+
+
+def edit_document(command: str, outcome: EditOutcome, **more: Any) -> dict[str, Any]:
+    """Return what an edit did, as a document for programs."""
+    return {
+        "command": command,
+        **more,
+        "unchanged": not outcome.changes,
+        "dry_run": outcome.dry_run,
+        "changes": msgspec.to_builtins(outcome.changes),
+        "warnings": warning_rows(outcome.warnings),
+    }

@@ -14,8 +14,8 @@ from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import Faults, numbered_words, quoted_words, text_lines
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlDistance
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
-from orip.records.observations.control import ControlDistance
 from orip.wording import counted
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "radian", "centre")

@@ -14,8 +14,8 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays, Phot
 from orip.exchange.sources.names import distinct_names, names_file, short_names, with_original_names
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
-from orip.records.observations.control import ControlPoint
 from orip.wording import counted
 
 # Image coordinates are millimetres from the centre of the image, y up. Orientations have phi, omega, kappa in gon; as

@@ -1,4 +1,4 @@
-"""`orip import` and `orip export`: projects of other programs made folders of orip, and results written for them."""
+"""`orip import`, `orip export` and `orip adjust`: foreign projects made folders of orip, and results written back."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from orip.cli.completion import folder_of, that_begin
+from orip.cli.exits import report
 from orip.cli.options import BundleOption, ForceOption, Invocation, command
+from orip.cli.run import run_project
 from orip.cli.terminal import Terminal
-from orip.errors import UsageError
+from orip.errors import OripError, UsageError
+from orip.structs import replace
 from orip.wording import counted
 
 if TYPE_CHECKING:
@@ -74,6 +77,7 @@ class SourceOptions(NamedTuple):
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
+    _register_adjust(app)
     _register_import(app)
     _register_export(app)
 
@@ -276,3 +280,55 @@ def tell_export(terminal: Terminal, exported: ExportedResult, *, is_last: bool =
                 "files": list(exported.files),
             },
         )
+
+
+def _register_adjust(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "adjust")
+    def adjust_command(
+        invocation: Invocation, source: SourceOptions, words: Annotated[list[str] | None, WORDS] = None
+    ) -> None:
+        """Adjust a project of another program: import, run, report, and the result written back, in one command.
+
+        The new folder appears when all of it is there; nothing is written into the original. If the result cannot be
+        written back, the project is kept with its report, and the exit code is that of the refusal.
+
+        Example: orip adjust castle/sparse/0 castle_adjusted
+        """
+        from orip.exchange.project.exported import EXPORTED_FROM, export, write_export
+        from orip.exchange.project.imported import read_source, write_project
+        from orip.exchange.project.temporary import folder_in_the_making
+        from orip.exchange.project.texts import what_to_write
+        from orip.workflow.project.bundle_state import read_bundle
+
+        terminal = invocation.terminal
+        name, given, folder = split_words(words or [], "adjust")
+        imported = read_source(name, invocation.folder / given, settings_of(source, invocation.folder))
+        if what_to_write(imported.block):
+            message = f"{given} has no measurements, and nothing to adjust; 'orip import {given}' makes a project of it"
+            raise UsageError(message)
+        if imported.format.require_way_back is not None:
+            imported.format.require_way_back(imported.block.project, imported.source)
+        target = invocation.folder / (folder if folder is not None else f"{imported.title}_orip")
+        refusal: OripError | None = None
+        with folder_in_the_making(target) as temporary:
+            write_project(imported, temporary)
+            tell_import(terminal, imported, target, is_last=False)
+            code = run_project(terminal, temporary)
+            if imported.format.write is not None and imported.format.conventions is not None:
+                try:
+                    exported = export(read_bundle(temporary, None, *EXPORTED_FROM), imported.format.name, None)
+                    write_export(exported)
+                    tell_export(terminal, exported, is_last=False)
+                except OripError as error:  # the adjustment is done, and is kept
+                    refusal = error
+        if refusal is not None:
+            # stdout has the result already, and a second document would make both illegible
+            code = report(replace(terminal, json=False), refusal)
+            terminal.point(
+                "wrote", f"{target}: the project with report.html and result.json; nothing was exported", "bold"
+            )
+            raise typer.Exit(code)
+        terminal.point("wrote", f"{target}: the project with report.html, result.json and what was exported", "bold")
+        raise typer.Exit(code)

@@ -10,16 +10,15 @@ from orip.exchange.aicon import is_aicon, read_aicon
 from orip.exchange.bingo import AXES as BINGO_AXES
 from orip.exchange.bingo import BINGO_TERMS, is_bingo, read_bingo, write_bingo
 from orip.exchange.bingo import READING as BINGO
-from orip.exchange.blocks_exchange.reader import AXES as BLOCKS_AXES
-from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
-from orip.exchange.blocks_exchange.writer import READING as BLOCKS
-from orip.exchange.blocks_exchange.writer import write_blocks_exchange
+from orip.exchange.blocks_exchange import AXES as BLOCKS_AXES
+from orip.exchange.blocks_exchange import READING as BLOCKS
+from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange, write_blocks_exchange
 from orip.exchange.colmap.reader import READING as COLMAP
 from orip.exchange.colmap.reader import is_model, read_model
 from orip.exchange.colmap.writer import COLMAP_FISHEYE_TERMS, write_model
 from orip.exchange.format import Conventions, Format, Given
-from orip.exchange.gis.layers import READING as DRAWN
-from orip.exchange.gis.writers import write_dxf, write_geojson, write_geopackage, write_tables
+from orip.exchange.gis import write_dxf, write_geojson, write_geopackage, write_tables
+from orip.exchange.gis_layers import READING as DRAWN
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
 from orip.exchange.images import is_images, read_images_project

@@ -20,8 +20,8 @@ from orip.exchange.format import with_assumed_frame
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
-from orip.records.observations.control import ControlPoint
 from orip.wording import counted
 
 _FILES = ("gubaio.img", "gubaio.gcp", "gubaio.cam")

@@ -25,8 +25,8 @@ from orip.files.exif import (
 )
 from orip.files.text.regular_file import open_regular
 from orip.files.text.shown import Parsed
+from orip.records.control import NOT_GIVEN, Station, StationReference
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
-from orip.records.observations.control import NOT_GIVEN, Station, StationReference
 from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import agreeing, counted, first_names
 

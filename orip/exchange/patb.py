@@ -14,8 +14,8 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.names import distinct_names, names_file, short_names, with_original_names
 from orip.exchange.sources.text import Faults, numbered_words, text_lines
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
-from orip.records.observations.control import ControlPoint
 from orip.structs import replace
 
 # An orientation has the projection centre and a rotation matrix in fixed columns, whose sense no description says: the

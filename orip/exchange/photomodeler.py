@@ -15,8 +15,8 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays
 from orip.exchange.sources.text import Faults, text_lines
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, PoseReading
-from orip.records.observations.control import ControlPoint
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree", "centre")
 

@@ -14,6 +14,7 @@ from orip.errors import Complaint
 from orip.exchange.sources.collected import CollectedPoints, CollectedRays, PhotoNames
 from orip.exchange.sources.text import Faults, Row, Table, read_table
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint, Station
 from orip.records.exchanged import (
     PIXELS,
     ExchangedCamera,
@@ -22,7 +23,6 @@ from orip.records.exchanged import (
     ImageAxes,
     PoseReading,
 )
-from orip.records.observations.control import ControlPoint, Station
 from orip.structs import replace
 from orip.wording import counted
 

@@ -18,8 +18,8 @@ from msgspec import Struct
 from orip.errors import Complaint, InputError
 from orip.files.text.regular_file import natural_key, open_regular
 from orip.files.text.shown import Parsed
+from orip.records.epochs import Epochs, Quality, epochs, seconds_of_date
 from orip.records.names import name_fault
-from orip.records.observations.epochs import Epochs, Quality, epochs, seconds_of_date
 from orip.units import RADIANS_PER_DEGREE
 
 ENDINGS = (".jpg", ".jpeg", ".tif", ".tiff", ".dng", ".heic", ".png")

@@ -13,7 +13,7 @@ from orip.geometry.ground_crs import geodetic_of, known_crs, near_place
 from orip.geometry.ground_ellipsoid import heights_to_ellipsoid, place_axes
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
-from orip.records.observations.control import IN_PROJECT, Station, StationReference
+from orip.records.control import IN_PROJECT, Station, StationReference
 from orip.structs import replace
 
 if TYPE_CHECKING:

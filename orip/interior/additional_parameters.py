@@ -37,7 +37,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.records.project.camera import AdditionalSet, Camera
+from orip.records.camera import AdditionalSet, Camera
 
 Term = tuple[int, int, float]
 """i, j and factor of a product B_i(y) A_j(x), counted from 1."""

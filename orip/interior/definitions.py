@@ -8,10 +8,10 @@ from typing import TypeVar
 from msgspec import Struct, field
 
 from orip.errors import OrientationError
+from orip.records.camera import Camera
+from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.photo import Photo, Template, Temtick
 from orip.structs import replace
 from orip.wording import listed_names
 

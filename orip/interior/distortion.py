@@ -9,7 +9,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, Number
 from orip.interior.additional_parameters import PARAMETER_SETS, basis_by_powers
-from orip.records.project.camera import AdditionalSet
+from orip.records.camera import AdditionalSet
 
 # Coordinates are millimetres reduced to the principal point; r is their radius:
 #

@@ -26,8 +26,8 @@ from orip.interior.distortion import (
     remove_distortion,
 )
 from orip.records.block import Block
-from orip.records.project.camera import AdditionalSet, Camera, Sensor
-from orip.records.project.photo import Photo, Scan, Template
+from orip.records.camera import AdditionalSet, Camera, Sensor
+from orip.records.photo import Photo, Scan, Template
 from orip.structs import replace
 from orip.threads import by_threads
 

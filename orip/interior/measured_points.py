@@ -15,9 +15,9 @@ from orip.errors import Complaint, ProjectWarning
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.mounting import STORED
 from orip.records.coded_names import coded, joined, repeated, rows_of_records
+from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
 from orip.records.names import record_key
-from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
-from orip.records.project.photo import Photo
+from orip.records.photo import Photo
 from orip.structs import replace
 
 ToStored = Callable[[str, int], PlaneTransformation | None]

@@ -12,8 +12,8 @@ from orip.arrays import FloatArray
 from orip.errors import OrientationError
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions, unknown_record
-from orip.records.names import record_key
-from orip.records.observations.measurement import (
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     MeasuredMarks,
@@ -22,8 +22,8 @@ from orip.records.observations.measurement import (
     TextPlace,
     TicksRecord,
 )
-from orip.records.project.camera import Camera, Mark
-from orip.records.project.photo import Temtick
+from orip.records.names import record_key
+from orip.records.photo import Temtick
 from orip.structs import replace
 
 # A later edit may still take a mark away from a mounting, and with it change where everything measured in that mounting

@@ -18,11 +18,11 @@ from orip.geometry.plane import (
     fit_plane_transformation,
 )
 from orip.interior.image_coordinates import sensor_transformation
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.records.project.camera import Camera, Mark
-from orip.records.project.photo import Stage
-from orip.records.results.interior import MarkAdjustment
-from orip.records.results.solution import InteriorSummary
+from orip.records.camera import Camera, Mark
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.photo import Stage
+from orip.records.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
 from orip.wording import counted, listed_names
 

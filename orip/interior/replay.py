@@ -26,8 +26,8 @@ from orip.interior.mounting import (
     temtick_with_digitised_ticks,
 )
 from orip.interior.stored_coordinates import StoredCoordinates
-from orip.records.names import record_key
-from orip.records.observations.measurement import (
+from orip.records.camera import Camera
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -40,8 +40,8 @@ from orip.records.observations.measurement import (
     TextPlace,
     TicksRecord,
 )
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.names import record_key
+from orip.records.photo import Photo, Template, Temtick
 from orip.structs import replace
 
 __all__ = ["Definitions", "Measured", "Replayed", "pixel_size", "replay"]

@@ -17,9 +17,9 @@ from orip.interior.image_coordinates import pixel_size
 from orip.interior.measured_points import Findings, MeasuredPoints
 from orip.interior.mounting import STORED, FilmMountings, Mounting, Orientation, chosen_marks, joined_marks
 from orip.interior.orientation import orient_photo, orient_template
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.names import record_key
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.records.project.photo import Photo
+from orip.records.photo import Photo
 from orip.structs import replace
 
 

@@ -17,7 +17,7 @@ from orip.interior.mounting import frame_corners
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from orip.mistakes.names import name_warnings, photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
+from orip.records.control import Control
+from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.observations.control import Control
-from orip.records.observations.measurement import Measured
 
 
 def measurement_warnings(

@@ -13,9 +13,9 @@ from orip.mistakes.contradicting_control import slip_of_pen
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
+from orip.records.control import ControlDistance
 from orip.records.names import places_of_names
-from orip.records.observations.control import ControlDistance
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 
 DISTANCE_UNIT = "distance-unit"
 OF_DISTANCE_UNITS = "distances are in another unit than the other distances or the control"

@@ -20,9 +20,9 @@ from orip.mistakes.camera_values import other_principal_distance, with_unknown
 from orip.mistakes.free_network import free_network
 from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.records.block import Block
+from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 

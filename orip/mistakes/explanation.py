@@ -48,7 +48,7 @@ from orip.mistakes.point_numbers import misnamed_points, points_under_two_number
 from orip.mistakes.stations import misread_stations
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 from orip.structs import replace
 
 _MOST_WARNINGS = 5

@@ -20,8 +20,8 @@ from orip.prelim.ground import known_centres, known_points
 from orip.prelim.similarity.control_reading import other_reading
 from orip.records.block import Block
 from orip.records.ground import PlainGround
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import ControlReading, PartialBlock
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import ControlReading, PartialBlock
 from orip.structs import replace
 from orip.wording import counted
 

@@ -16,7 +16,7 @@ from orip.mistakes.hypothesis import Fit, is_good
 from orip.mistakes.other_units import ANGLE_UNITS, FEET_AND_METRES, angle_unit_text, control_unit_text, is_nearer
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 from orip.wording import counted_names
 

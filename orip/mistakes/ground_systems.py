@@ -14,10 +14,10 @@ from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS, control_unit_text
 from orip.prelim.similarity.control_reading import camera_side
 from orip.records.block import Block
+from orip.records.control import Control, ControlPoint
 from orip.records.ground import PlainGround
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlPoint
-from orip.records.results.preliminary import ControlReading
+from orip.records.preliminary import ControlReading
 from orip.structs import replace
 from orip.units import METRES_PER_FOOT
 from orip.wording import counted_names

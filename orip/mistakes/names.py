@@ -11,8 +11,8 @@ import numpy as np
 from orip.arrays import IntArray, parts
 from orip.errors import ProjectWarning
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.control import Control, ControlElement, PreliminaryPoint
 from orip.records.names import look_alikes, near_names, record_key
-from orip.records.observations.control import Control, ControlElement, PreliminaryPoint
 from orip.wording import agreeing, counted_names, first_names, joined
 
 OTHER_SPELLING = "other-spelling"

@@ -12,12 +12,12 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, PlaneTransformation
 from orip.interior.definitions import Definitions
+from orip.records.camera import Camera
 from orip.records.coded_names import rows_of_records
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Photo
-from orip.records.results.interior import MarkAdjustment
+from orip.records.photo import Photo
 from orip.wording import counted_names
 
 # No point lies outside the pixels of a sensor, and few lie far outside the fiducial marks of a film camera. Where most

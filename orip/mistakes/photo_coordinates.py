@@ -11,12 +11,12 @@ from orip.errors import ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.mistakes.hypothesis import Hypothesis, finding, photos_stay_near
 from orip.records.block import Block
+from orip.records.camera import Camera, Sensor
 from orip.records.coded_names import coded
+from orip.records.measurement import PhotoObservations
 from orip.records.names import places_of_names, record_key
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.project.camera import Camera, Sensor
-from orip.records.project.photo import Photo
-from orip.records.results.solution import Solution
+from orip.records.photo import Photo
+from orip.records.solution import Solution
 from orip.structs import replace
 
 

@@ -16,8 +16,8 @@ from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
+from orip.records.control import Station
 from orip.records.names import record_key
-from orip.records.observations.control import Station
 from orip.structs import replace
 from orip.wording import joined, listed_names
 

@@ -29,7 +29,7 @@ from orip.multimodel.state import (
     select_model,
 )
 from orip.records.drive_table import STAGES, DriveCode, DriveFault, Triple
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.structs import replace
 
 # All of them return the new state and a `Driven`, or the old state and a `DriveFault`: a movement that cannot be done

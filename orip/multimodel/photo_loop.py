@@ -15,9 +15,9 @@ from orip.geometry.projection import PROJECTIONS, Projection
 from orip.geometry.rotation import rotated, rotated_back
 from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
+from orip.records.camera import RADIAL_PLACES
 from orip.records.drive_table import DriveCamera, DriveCode, DrivePhoto, StageLimits
-from orip.records.project.camera import RADIAL_PLACES
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.structs import replace
 
 # A polynomial is a model of a lens as far as it rises. Where it falls again a second point of the object would be

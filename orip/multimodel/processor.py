@@ -23,7 +23,7 @@ from orip.records.drive_table import (
     StageLimits,
 )
 from orip.records.names import name_fault, record_key
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 ORTHONORMAL = 1e-9
 """Largest difference of R^T R from the unit matrix; 0.2 µm in a photo of 230 mm."""

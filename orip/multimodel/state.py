@@ -12,7 +12,7 @@ from orip.arrays import FloatArray
 from orip.multimodel.oriented_block import ModelLoop, OrientedBlock
 from orip.multimodel.photo_loop import PlatePlace
 from orip.records.drive_table import STAGES, DriveFault, Triple
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.structs import replace
 
 # A command is a function ``command(block, state, …) -> (state, reply)``. Nothing is changed in place: a command that

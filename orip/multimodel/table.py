@@ -13,6 +13,8 @@ from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
+from orip.records.camera import Camera
+from orip.records.definition import StereoModel
 from orip.records.drive_table import (
     STAGES,
     DriveCamera,
@@ -27,10 +29,8 @@ from orip.records.drive_table import (
 )
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.project.definition import StereoModel
-from orip.records.project.photo import Photo, Stage
-from orip.records.results.solution import Solution
+from orip.records.photo import Photo, Stage
+from orip.records.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

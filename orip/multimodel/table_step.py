@@ -15,17 +15,17 @@ from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.processor import Loaded, drivable_name_fault, load, table_faults
 from orip.multimodel.table import TableIngredients, drive_table, frame_size, object_ground, with_empty_stages
 from orip.multimodel.table_text import drive_table_text, read_drive_table
+from orip.records.definition import StereoModel, plan_stages
 from orip.records.drive_table import DriveFault, DriveTable
 from orip.records.names import record_key
-from orip.records.project.definition import StereoModel, plan_stages
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Stage
+from orip.records.photo import PHOTO_PARAMETERS, Photo, Stage
 from orip.structs import replace
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change, commit
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.outputs import TextOutput
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState
-from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import raise_complaints
 
 DRIVEN_FROM: tuple[Part, ...] = ("definitions", "marks", "observations", "solutions")

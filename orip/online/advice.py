@@ -18,8 +18,8 @@ from orip.online.sequential.hyper_rows import ObservationRows, factored
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
 from orip.records.block import Block
+from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
 from orip.structs import replace
 
 # A further observation with the equations a, divided by its errors, multiplies the determinant of the normal equations

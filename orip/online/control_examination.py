@@ -1,8 +1,9 @@
-"""A robust look at the control when something does not fit: which control points agree with each other."""
+"""The control of a session as the project gives it, and a robust look at it when something does not fit."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -14,6 +15,26 @@ from orip.online.online_block import OnlineBlock
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.snooping import Snooping
 from orip.prelim.sampling import subsets
+
+
+@contextmanager
+def control_as_given(block: OnlineBlock) -> Iterator[None]:
+    """Meanwhile, hold the control that the project holds; afterwards it is observed again, and can be tested.
+
+    Everything is linearised again with it, at the values that there are, before and after. Where nothing is held, and
+    within another such block, nothing happens.
+    """
+    if not block.measurements.softens_control:
+        yield
+        return
+    block.measurements.hold_control(held=True)
+    try:
+        block.linearise_again()
+        yield
+    finally:
+        block.measurements.hold_control(held=False)
+        block.linearise_again()
+
 
 # Rays alone say where control points are up to a datum that is nearly free. The differences e between their given and
 # these coordinates have the cofactors V of both, in which the datum is a large common part. A few control points fix

@@ -22,9 +22,9 @@ from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.resection.resection import Unresected, resect
 from orip.records.block import Block
+from orip.records.control import ControlPoint
 from orip.records.names import record_key
-from orip.records.observations.control import ControlPoint
-from orip.records.results.preliminary import RelativeOrientation
+from orip.records.preliminary import RelativeOrientation
 from orip.solving.better_minimum import doubt_about
 from orip.structs import replace
 from orip.wording import counted

@@ -16,10 +16,10 @@ from orip.errors import NotSolvableError
 from orip.online.measurements import Measurements
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns
 from orip.records.block import Block
-from orip.records.observations.control import PreliminaryPoint
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import PreliminaryValues
-from orip.records.results.solution import Solution
+from orip.records.control import PreliminaryPoint
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import PreliminaryValues
+from orip.records.solution import Solution
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,

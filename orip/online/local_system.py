@@ -21,10 +21,10 @@ from orip.prelim.resection.known_points import image_configuration
 from orip.prelim.similarity.absolute_orientation import fit_to_control
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.records.block import Block
+from orip.records.control import Control
 from orip.records.names import record_key
-from orip.records.observations.control import Control
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import PreliminaryValues
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import PreliminaryValues
 from orip.solving.starting_values import StartedBlock
 from orip.structs import replace
 

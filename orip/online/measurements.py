@@ -15,11 +15,11 @@ from orip.bundle.antennas import NONE, antenna_of, is_shifted
 from orip.bundle.assemble import BlockInput, gather
 from orip.bundle.local_frame import ground_system
 from orip.records.block import Block
+from orip.records.control import Control, ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.ground import GroundSystem
+from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlDistance, ControlElement, ControlPoint, Station
-from orip.records.observations.measurement import PhotoObservations, no_observations
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 Pair = tuple[float, float]

@@ -13,14 +13,14 @@ from orip.arrays import FloatArray
 from orip.errors import OripError, UsageError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.answers import Answer, Candidate, Suspect, words_of
-from orip.online.held_control import control_as_given
+from orip.online.control_examination import control_as_given
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Request, read_request
 from orip.online.sequential.standings import falls, redundancies
 from orip.online.session import OnlineSession
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
 

@@ -15,20 +15,20 @@ from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer
-from orip.online.background import Background, Operation
 from orip.online.first_photos import THOROUGH
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
+from orip.online.requests import Background, Operation
+from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key
-from orip.records.observations.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState
+from orip.workflow.project.outputs import remove_leftovers_of_kills
 from orip.workflow.project.run_id import changed_inputs
 from orip.workflow.project.state import read_state
-from orip.workflow.project.text_output import remove_leftovers_of_kills
 from orip.workflow.project.texts import EDITS_FILE
 from orip.workflow.steps import inputs_now
 

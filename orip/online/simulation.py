@@ -21,12 +21,12 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.online.measurements import Measurement
+from orip.records.camera import Camera
+from orip.records.control import Control, ControlElement, ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlElement, ControlPoint
-from orip.records.observations.measurement import Measured
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
 _PRINCIPAL_DISTANCE = 152.7
 _FRAME = 230.0

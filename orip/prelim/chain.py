@@ -13,12 +13,18 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray
 from orip.geometry.rotation import rotation_from_angles
+from orip.prelim.block_grower import BlockGrower
+from orip.prelim.confirmed_block import (
+    block_without_contradicted_rays,
+    confirmed_block,
+    confirmed_by_parts,
+    has_many_misses,
+)
 from orip.prelim.found_values import fits_by_chance, found_values, is_strong, redundancy, robust_square_sum
-from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import GrowingBlock, misplaced_photos
-from orip.prelim.joint.routes import by_level_photos, by_parts, by_photos
-from orip.prelim.joint.ties import supported_photos
+from orip.prelim.growing_block import GrowingBlock, misplaced_photos
+from orip.prelim.joint_routes import by_level_photos, by_parts, by_photos
 from orip.prelim.measured_block import MORE, MeasuredBlock, measured_block
+from orip.prelim.parts import supported_photos
 from orip.prelim.rays import ImageRays
 from orip.prelim.routes import (
     LEAST_RESECTION,
@@ -31,15 +37,9 @@ from orip.prelim.routes import (
     control_points_seen,
 )
 from orip.prelim.to_ground import Outcome, lengths_of_residuals, outcome_of
-from orip.prelim.tracks.confirmed_block import (
-    block_without_contradicted_rays,
-    confirmed_block,
-    confirmed_by_parts,
-    has_many_misses,
-)
 from orip.prelim.unknown_cameras import POINTS_NEEDED, by_unknown_cameras
 from orip.records.block import Block
-from orip.records.results.preliminary import PreliminaryValues, SimilarityStep
+from orip.records.preliminary import PreliminaryValues, SimilarityStep
 
 _STARTING_PAIRS = 5
 """Number of first pairs that are tried, one after the other."""

@@ -11,14 +11,14 @@ import numpy as np
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.growing.growing_block import GrowingBlock, doubtful_photos, empty_growing_block, why_not_oriented
+from orip.prelim.growing_block import GrowingBlock, doubtful_photos, empty_growing_block, why_not_oriented
 from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.rays import ImageRays
 from orip.prelim.refinement.problem import parameters_with
 from orip.prelim.routes import Route
 from orip.prelim.to_ground import Outcome
-from orip.records.results.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
+from orip.records.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
 from orip.wording import agreeing, counted, first_names
 
 _PHOTO, _POINT = 6, 3

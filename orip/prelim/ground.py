@@ -9,14 +9,14 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.geometry.rotation import angles_from_rotation
 from orip.geometry.similarity import Similarity
-from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.rays import ImageRays
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
+from orip.records.control import ControlDistance, PreliminaryPoint
 from orip.records.ground import GroundSystem, PlainGround
 from orip.records.names import record_key
-from orip.records.observations.control import ControlDistance, PreliminaryPoint
-from orip.records.results.preliminary import PartialBlock, PhotoStart, PointStarts, PreliminaryValues
+from orip.records.preliminary import PartialBlock, PhotoStart, PointStarts, PreliminaryValues
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 from orip.wording import counted

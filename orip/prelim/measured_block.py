@@ -6,15 +6,15 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.prelim.block_grower import BlockGrower
 from orip.prelim.ground import approximate_points, known_centres, known_points
-from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import FromModels
+from orip.prelim.growing_block import FromModels
 from orip.prelim.rays import ImageRays, PhotoIndex, image_rays, photo_index, rays_of_plane_images, thinned
 from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS
 from orip.prelim.similarity.absolute_orientation import KnownPositions
 from orip.records.block import Block
-from orip.records.results.preliminary import SimilarityStep
+from orip.records.preliminary import SimilarityStep
 
 _ENOUGH, MORE = 30, 80
 """Points that suffice to orient a photo, and where models are listed point by point or few points tie parts."""

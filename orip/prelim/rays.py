@@ -11,7 +11,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.interior.image_coordinates import image_vectors, suit_plane_image
 from orip.prelim.sampling import median
 from orip.records.block import Block
-from orip.records.observations.repeated import measured_before
+from orip.records.observation_kinds import measured_before
 from orip.structs import replace
 
 CAMERA_CORRECTIONS = 4

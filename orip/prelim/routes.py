@@ -13,8 +13,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import GrowingBlock, empty_growing_block, growing_block_of
+from orip.prelim.block_grower import BlockGrower
+from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
 from orip.prelim.rays import ImageRays, PhotoIndex
 from orip.prelim.refinement.problem import no_corrections
 from orip.prelim.refinement.refinement import ROUGH
@@ -22,9 +22,9 @@ from orip.prelim.relative.orientation import OrientedPair, listed, orient_two_ph
 from orip.prelim.relative.start import POINTS_NEEDED
 from orip.prelim.sampling import median
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row, connect_strips
+from orip.records.definition import StereoModel
 from orip.records.names import record_key
-from orip.records.project.definition import StereoModel
-from orip.records.results.preliminary import NotOriented, RelativeOrientation, SimilarityStep
+from orip.records.preliminary import NotOriented, RelativeOrientation, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted
 

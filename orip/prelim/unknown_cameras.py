@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.prelim.growing.block_grower import BlockGrower
+from orip.prelim.block_grower import BlockGrower
 from orip.prelim.refinement.problem import no_corrections
 from orip.prelim.resection.resection import Unresected
 from orip.prelim.routes import Route, control_start

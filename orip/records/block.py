@@ -8,9 +8,8 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import ProjectWarning
-from orip.records.ground import PLAIN, GroundSystem
-from orip.records.names import places_of_names
-from orip.records.observations.control import (
+from orip.records.camera import Camera
+from orip.records.control import (
     ControlDirection,
     ControlDistance,
     ControlElement,
@@ -18,9 +17,10 @@ from orip.records.observations.control import (
     PreliminaryPoint,
     Station,
 )
-from orip.records.project.camera import Camera
-from orip.records.project.definition import Antenna, BundleDefinition
-from orip.records.project.photo import Photo
+from orip.records.definition import Antenna, BundleDefinition
+from orip.records.ground import PLAIN, GroundSystem
+from orip.records.names import places_of_names
+from orip.records.photo import Photo
 
 
 class IndexedPhotoPoints(Struct, frozen=True):

@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 
 from msgspec import Struct
 
-from orip.records.project.camera import AdditionalSet, DistortionArgument, Projection
-from orip.records.project.photo import Stage
+from orip.records.camera import AdditionalSet, DistortionArgument, Projection
+from orip.records.photo import Stage
 
 STAGES: tuple[Stage, Stage] = ("UPPER", "LOWER")
 """The stages in the order of every pair of plate positions."""

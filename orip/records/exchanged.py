@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.records.observations.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
+from orip.records.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
 
 RotationForm = Literal["matrix", "quaternion", "rotation_vector", "omega_phi_kappa", "phi_omega_kappa"]
 AngleUnit = Literal["radian", "degree", "gon"]
@@ -22,7 +22,7 @@ Lens = Literal[
     "opencv", "agisoft", "fraser", "measured", "isp", "division", "equidistant", "fisheye624", "fov", "eucm",
     "agisoft_fisheye", "angle_polynomial", "unsupported",
 ]  # fmt: skip
-"""Formula of a camera; `orip.exchange.conversion.lenses` has them, with the names of their parameters."""
+"""Formula of a camera; `orip.exchange.conversion.lens_exact` has them, with the names of their parameters."""
 
 
 class ImageAxes(Struct, frozen=True):

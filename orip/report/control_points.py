@@ -12,10 +12,10 @@ from orip.bundle.groups.words import group_name, unit_of_group
 from orip.bundle.results.compared_points import AXES, ComparedKind, ComparedPoints, compared_points, image_residuals
 from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
-from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, DISTANCE
-from orip.records.project.definition import BundleDefinition, StereoModel
-from orip.records.results.result_tests import GroupTest
-from orip.records.results.solution import Residuals, Solution
+from orip.records.definition import BundleDefinition, StereoModel
+from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE
+from orip.records.result_tests import GroupTest
+from orip.records.solution import Residuals, Solution
 from orip.report.report_input import ReportInput
 from orip.report.table import (
     MISSING,

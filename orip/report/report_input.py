@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import pixel_size
+from orip.records.camera import Camera
 from orip.records.coded_names import coded
+from orip.records.definition import BundleDefinition, ReportDetails
 from orip.records.names import record_key
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, ReportDetails
-from orip.records.project.photo import Photo, Template
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Residuals, Solution
+from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.photo import Photo, Template
+from orip.records.result_tests import GateResult
+from orip.records.solution import Residuals, Solution
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.results.misfits import FAMILY_ALPHA, suspect_rows
+from orip.bundle.results.reliability import FAMILY_ALPHA, suspect_rows
 from orip.records.coded_names import coded
-from orip.records.observations.observation_kinds import (
+from orip.records.observation_kinds import (
     CONSTANT_ELEMENT,
     ELEMENT,
     OBSERVATION_KINDS,
     unit_of_observation,
 )
-from orip.records.results.solution import Blunder, Residuals, Solution
+from orip.records.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names

@@ -10,7 +10,7 @@ from orip.bundle.results.reliability import lost_rays
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import CONTROL_POINT
+from orip.records.observation_kinds import CONTROL_POINT
 from orip.structs import replace
 from orip.wording import agreeing, counted, counted_names
 

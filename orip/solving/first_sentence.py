@@ -18,7 +18,7 @@ from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
-from orip.records.results.solution import Diagnosis, Solution
+from orip.records.solution import Diagnosis, Solution
 from orip.structs import replace
 
 FIRST_CAUSES = {

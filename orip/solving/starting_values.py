@@ -19,11 +19,11 @@ from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.progress import stage
 from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
-from orip.records.observations.control import PreliminaryPoint
-from orip.records.project.camera import Camera
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import CameraStart, PhotoStart, PreliminaryValues
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import CameraStart, PhotoStart, PreliminaryValues
 from orip.structs import replace
 
 _ADVICE = (

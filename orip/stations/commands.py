@@ -8,15 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import typer
 
-from orip.cli.editing import DryRunOption
-from orip.cli.late_groups import add_group
-from orip.cli.options import Invocation, command
+from orip.cli.options import DryRunOption, Invocation, add_group, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
-    from orip.records.observations.control import Station
-    from orip.records.observations.epochs import Quality
+    from orip.records.control import Station
+    from orip.records.epochs import Quality
     from orip.stations.imported import ImportedStations
 
 

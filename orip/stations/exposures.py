@@ -11,10 +11,10 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
+from orip.records.epochs import Epochs, Quality
 from orip.records.names import record_key
-from orip.records.observations.epochs import Epochs, Quality
-from orip.stations.coordinates import Exposures
 from orip.stations.interpolation import (
+    Exposures,
     Interpolated,
     in_seconds_of_week,
     interpolate,

@@ -17,20 +17,19 @@ from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed
+from orip.records.control import Station
+from orip.records.epochs import Epochs, epochs
 from orip.records.names import record_key
-from orip.records.observations.control import Station
-from orip.records.observations.epochs import Epochs, epochs
-from orip.stations.coordinates import stations_in_project
 from orip.stations.exposures import Matching, Sources, find_exposures
-from orip.stations.receiver_logs import read_dji_mrk, read_rtklib_pos
-from orip.stations.sbet import read_sbet
+from orip.stations.interpolation import stations_in_project
+from orip.stations.receiver_files import read_dji_mrk, read_rtklib_pos, read_sbet
 from orip.stations.table import read_station_table
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.outputs import EditedText, digest_of_text
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.text_output import EditedText, digest_of_text
 from orip.workflow.records.mentions import is_written
 
 _SBET_ENDINGS = (".sbet", ".out")

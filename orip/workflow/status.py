@@ -117,7 +117,7 @@ def _drive_steps(state: ProjectState) -> Iterator[Step]:
 def observation_loop() -> str:
     """Return whether this installation has the compiled loops over photo points, rays and lines of logs."""
     from orip.bundle.compiled import photo_loop
-    from orip.files.log import plain_lines
+    from orip.files.log import text as plain_lines
     from orip.prelim import compiled
 
     is_whole = photo_loop.is_compiled() and compiled.is_compiled() and plain_lines.is_compiled()

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import SolutionHead
+from orip.records.camera import Camera
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Temtick
+from orip.records.photo import Temtick
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.bundle_state import BundleState

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlPoint
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
 
 PRINCIPAL_DISTANCE_MM = 153.0
 FRAME_MM = 230.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.records.block import Block
-from orip.records.project.camera import CAMERA_PARAMETERS, with_lens_of
+from orip.records.camera import CAMERA_PARAMETERS, with_lens_of
 from orip.structs import replace
 
 SHIFT = np.array([0.31, -0.22])

@@ -7,7 +7,7 @@ from bundle.aerial_block import aerial_block
 from bundle.solving import OFF, redefined
 from scipy.spatial.transform import Rotation
 
-from orip.records.observations.control import Station
+from orip.records.control import Station
 from orip.structs import replace
 
 MADE = aerial_block("stations", 6)

@@ -12,8 +12,8 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.prelim.chain import preliminary_values
 from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.ground import PLAIN
-from orip.records.project.camera import CAMERA_PARAMETERS
 from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3", "A5", "P1", "P2")

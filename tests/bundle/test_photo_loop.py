@@ -22,8 +22,8 @@ from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlDistance
-from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.control import ControlDistance
 from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")

@@ -9,7 +9,7 @@ from bundle.solving import OFF, noisy, redefined, solved
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.calibration import parameter_tests, prune, removable
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.structs import replace
 
 RADIAL = (0.0, -3e-2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

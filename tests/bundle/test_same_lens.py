@@ -10,7 +10,7 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle import problem
 from orip.bundle.unknowns import CONSTANT, number_unknowns
-from orip.records.project.camera import CAMERA_PARAMETERS, LENS_PLACES, with_lens_of, with_shared_lenses
+from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, with_lens_of, with_shared_lenses
 from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3", "P1")

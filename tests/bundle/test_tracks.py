@@ -12,7 +12,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.adjustment import weights as weighing
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
-from orip.records.project.definition import BundleDefinition
+from orip.records.definition import BundleDefinition
 from orip.structs import replace
 
 SETTINGS = {"max_iterations": 30, "start_down_weight": 2}

@@ -9,8 +9,7 @@ import typer
 from typer.main import get_command, get_group
 
 from orip.annexes import COMMANDS as COMMANDS_OF_ANNEXES
-from orip.cli.commands import COMMANDS
-from orip.cli.main import app
+from orip.cli.main import COMMANDS, app
 
 
 @pytest.mark.parametrize("name", COMMANDS)

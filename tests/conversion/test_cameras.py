@@ -15,10 +15,10 @@ from orip.exchange.conversion.cameras import (
 )
 from orip.exchange.conversion.determined import unknown_parameters
 from orip.exchange.conversion.image_axes import UnsuitableCameraError, axes_from_pixels, pixels_from_axes
-from orip.exchange.conversion.lenses.exact_forms import parameters_from_polynomial, polynomial_from_parameters
-from orip.exchange.conversion.lenses.table import LENSES, directions_of_image, image_of_directions
+from orip.exchange.conversion.lens_exact import parameters_from_polynomial, polynomial_from_parameters
+from orip.exchange.conversion.lens_table import LENSES, directions_of_image, image_of_directions
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.records.exchanged import PIXELS, ExchangedCamera, ImageAxes, Lens
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
 
 CORNER, CENTRE_OF_PIXEL, MIDDLE_UP = (

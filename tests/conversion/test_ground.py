@@ -8,8 +8,8 @@ from conversion.exchanged_blocks import block
 
 from orip.exchange.conversion.ground import LocalGround, from_local_ground, in_local_ground, local_ground
 from orip.exchange.conversion.poses import orip_poses
+from orip.records.control import ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedProject, GroundFrame, PoseReading
-from orip.records.observations.control import ControlPoint, Station, StationReference
 from orip.structs import replace
 
 READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")

@@ -16,9 +16,9 @@ from orip.exchange.conversion.cameras import (
     pixels_of_directions,
 )
 from orip.exchange.conversion.image_axes import UnsuitableCameraError
-from orip.exchange.conversion.lenses.fit import has_pole
+from orip.exchange.conversion.lens_fit import has_pole
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.records.exchanged import PIXELS, ExchangedCamera
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Sensor
 from orip.structs import replace
 
 WIDTH, HEIGHT = 2000, 1500

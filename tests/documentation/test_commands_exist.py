@@ -16,11 +16,11 @@ import pytest
 from command_tree import SHARED, commands, is_group, options_of
 from documentation.pages import DOCS, pages, shown
 
-from orip.cli.adjust.results import What
+from orip.cli.results import What
 from orip.files.control.editing import FORMS
 from orip.files.project.tables import keys_of as keys_of_table
 from orip.files.project.tables import table_of
-from orip.records.project.definition import RECORD_TYPES
+from orip.records.definition import RECORD_TYPES
 
 INLINE = re.compile(r"`(orip\b[^`]*)`")
 """May go over the end of a line."""

@@ -19,8 +19,8 @@ from orip.files.log.blocks import ACTIONS, BLOCK_KINDS
 from orip.files.project import tables as project_tables
 from orip.files.result.json_text import result_document
 from orip.files.result.residuals import HEADER
-from orip.records.observations.control import DistanceCode
-from orip.records.project.definition import RECORD_TYPES, ReportDetails
+from orip.records.control import DistanceCode
+from orip.records.definition import RECORD_TYPES, ReportDetails
 
 TABLES = {
     "[project]": project_tables.table_of(project_tables.ProjectTable),

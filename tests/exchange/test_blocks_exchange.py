@@ -9,7 +9,7 @@ import pytest
 from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, written
 
-from orip.exchange.blocks_exchange.reader import is_blocks_exchange, read_blocks_exchange
+from orip.exchange.blocks_exchange import is_blocks_exchange, read_blocks_exchange
 from orip.exchange.conversion.poses import exchanged_poses, orip_poses
 from orip.records.exchanged import ExchangedProject, PoseReading
 from orip.structs import replace

@@ -10,7 +10,7 @@ from conversion.exchanged_blocks import block
 from exchange.imported import read_well, reprojected, sample, written
 
 from orip.exchange.conversion.cameras import convert_camera, export_camera, lens_pixels, pixels_of_directions
-from orip.exchange.conversion.lenses.table import image_of_directions
+from orip.exchange.conversion.lens_table import image_of_directions
 from orip.exchange.metashape.source import READING, is_metashape, read_metashape
 from orip.exchange.project.block import ExchangeSettings, imported_block
 from orip.geometry.rotation import rotation_from_angles

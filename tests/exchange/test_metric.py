@@ -13,7 +13,7 @@ from exchange.imported import read_well, reprojected, written
 from reference.published_data import data_set
 
 from orip.exchange import aicon, ign, photomodeler, pix4d
-from orip.exchange.conversion.lenses.table import directions_of_image
+from orip.exchange.conversion.lens_table import directions_of_image
 from orip.exchange.conversion.poses import orip_poses
 from orip.records.exchanged import ExchangedProject
 

@@ -23,10 +23,10 @@ from orip.exchange.sources.names import read_names
 from orip.files.control.text import parse_points
 from orip.files.log.text import read_measurements
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedPoints, ExchangedProject
+from orip.records.measurement import PointsRecord
 from orip.records.names import record_key
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.measurement import PointsRecord
 from orip.structs import replace
 
 MARKS = (*map(str, range(12)), "T3", "north gate", "Höhe 1", "höhe 1", "gcp", "GCP")

@@ -12,7 +12,7 @@ from exchange.imported import read_well, reprojected, with_frame, written
 from reference.published_data import data_set
 
 from orip.exchange.conversion.cameras import convert_camera
-from orip.exchange.conversion.lenses.table import directions_of_image
+from orip.exchange.conversion.lens_table import directions_of_image
 from orip.exchange.conversion.poses import orip_poses
 from orip.exchange.format import Read
 from orip.exchange.vision.bundler import BAL, BUNDLER, is_bal, is_bundler, read_bal, read_bundler

@@ -26,9 +26,9 @@ from orip.exchange.opensfm.source import read_opensfm
 from orip.exchange.opensfm.writer import write_opensfm
 from orip.exchange.sources.xml_tree import XmlEdit
 from orip.exchange.vision.bundler import read_bal, write_bal
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedProject, ExchangedRays, PoseReading
-from orip.records.observations.control import ControlPoint
-from orip.records.project.camera import Camera
 from orip.structs import replace
 
 LENS = ExchangedCamera(

@@ -7,10 +7,10 @@ from typing import Any
 from hypothesis import strategies as st
 
 from orip.files.project.file_names import file_name_fault
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor, with_lens_of
+from orip.records.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
 from orip.records.names import name_fault, record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor, with_lens_of
-from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
+from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
 from orip.structs import replace
 
 letters = st.characters(codec="utf-8", categories=("L", "N", "P", "S"))

@@ -7,15 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.bundle.results.misfits import suspect_rows
-from orip.bundle.results.reliability import reliability
+from orip.bundle.results.reliability import reliability, suspect_rows
 from orip.files.listings.bundle import bundle_listing_lines
 from orip.files.listings.errors import error_listing_lines
 from orip.files.result.residuals import residuals_csv_pieces
-from orip.records.observations.control import PointKind
-from orip.records.observations.measurement import MeasuredMarks, PhotoObservations
-from orip.records.results.interior import MarkAdjustment
-from orip.records.results.solution import (
+from orip.records.control import PointKind
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import MeasuredMarks, PhotoObservations
+from orip.records.solution import (
     Blunder,
     CheckPoint,
     Correlation,

@@ -29,13 +29,13 @@ from hypothesis import strategies as st
 
 from orip import __version__
 from orip.bundle.results.reliability import reliability
+from orip.files.identification import run_of_listing
 from orip.files.listings import bundle_residuals as bundle_listing_residuals
 from orip.files.listings.errors import interior_listing
-from orip.files.listings.identification import run_of_listing
 from orip.files.result.json_text import result_text
-from orip.records.observations.measurement import no_observations
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.results.solution import CheckPoint, Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.measurement import no_observations
+from orip.records.solution import CheckPoint, Solution
 from orip.structs import replace
 
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orip.files.log.plain_lines import is_compiled, plain_lines
-from orip.files.log.text import read_measurements
+from orip.files.log.text import is_compiled, plain_lines, read_measurements
 from orip.files.text.shown import Parsed
-from orip.records.observations.measurement import (
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -252,8 +251,8 @@ def test_plain_lines_are_the_same_without_a_compiler(monkeypatch: pytest.MonkeyP
     text = "".join(f"{generator.choice((*_PLAIN, *_PLAIN, *_NOT_PLAIN))}\n" for _ in range(400)).encode()
     places = [0, *(place + 1 for place, byte in enumerate(text[:-1]) if byte == ord("\n"))]
     found = [plain_lines(text, place) for place in places]
-    monkeypatch.setattr("orip.files.log.plain_lines.compiled", None)
-    monkeypatch.setattr("orip.files.log.plain_lines.is_compiled", lambda: False)
+    monkeypatch.setattr("orip.files.log.text.compiled", None)
+    monkeypatch.setattr("orip.files.log.text.is_compiled", lambda: False)
     assert found == [plain_lines(text, place) for place in places]
     assert sum(run is not None for run in found) > 100
 

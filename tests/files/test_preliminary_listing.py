@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from orip.files.listings.preliminary import preliminary_listing
-from orip.files.listings.preliminary_steps import (
+from orip.files.listings.preliminary import (
     failure_lines,
     model_coordinate_lines,
+    preliminary_listing,
     relative_orientation_lines,
     relative_overview,
     relative_remarks,
@@ -19,8 +19,8 @@ from orip.files.listings.preliminary_steps import (
     similarity_remarks,
 )
 from orip.files.text.table import PAGE_WIDTH
-from orip.records.observations.control import PreliminaryPoint
-from orip.records.results.preliminary import (
+from orip.records.control import PreliminaryPoint
+from orip.records.preliminary import (
     CameraStart,
     ModelCoordinates,
     NotOriented,

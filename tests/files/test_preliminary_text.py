@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from orip.files.control import preliminary_text as module
 from orip.files.control.preliminary_text import parse_preliminary, preliminary_text, read_preliminary
 from orip.files.text.shown import Parsed
+from orip.records.control import PreliminaryPoint
 from orip.records.names import name_fault
-from orip.records.observations.control import PreliminaryPoint
 from orip.structs import replace
 
 finite = st.floats(-1e30, 1e30)

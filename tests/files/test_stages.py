@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from orip.records.project.definition import StereoModel, plan_stages
-from orip.records.project.photo import Photo, Stage, Template
+from orip.records.definition import StereoModel, plan_stages
+from orip.records.photo import Photo, Stage, Template
 
 
 def models(*pairs: str) -> list[StereoModel]:

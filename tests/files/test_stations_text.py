@@ -10,7 +10,7 @@ import pytest
 
 from orip.files.control.stations_text import read_stations
 from orip.files.text.shown import Parsed
-from orip.records.observations.control import Station
+from orip.records.control import Station
 
 POSITION = "P1 10 20 30 0.02 -0.03 0"
 

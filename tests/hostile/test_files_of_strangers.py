@@ -22,8 +22,8 @@ from workflow.small_projects import film_project
 
 from orip.cli.terminal import Terminal
 from orip.errors import ProjectWarning
+from orip.files.project.toml_lines import NestingError, toml_document
 from orip.files.text.shown import visible, visible_json
-from orip.files.text.toml import NestingError, toml_document
 
 _CAMERA = {"projection_type": "perspective", "width": 4000, "height": 3000, "focal": 0.8, "k1": 0.0, "k2": 0.0}
 _SHOT = {"rotation": [3.14, 0, 0], "translation": [0, 0, 10], "camera": "c"}

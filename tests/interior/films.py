@@ -11,9 +11,9 @@ from orip.files.log.text import read_measurements
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.orientation import orient_photo, transformation_without_marks
 from orip.interior.replay import Definitions, Measured, replay
+from orip.records.camera import Camera, Mark, Sensor
 from orip.records.names import record_key
-from orip.records.project.camera import Camera, Mark, Sensor
-from orip.records.project.photo import Photo, Scan, Template, Temtick
+from orip.records.photo import Photo, Scan, Template, Temtick
 from orip.structs import replace
 
 NO_PARAMETERS = (50.0,) + (0.0,) * 11

@@ -16,7 +16,7 @@ from orip.interior.distortion import (
     polynomial_from_isp,
     remove_distortion,
 )
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
 
 SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3e-4])
 """Some 0.3 mm of distortion in the corner of a 24 x 36 mm frame: A1 A3 A5 A7 A9 P1 P2 B1 B2."""

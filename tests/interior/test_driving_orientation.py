@@ -8,9 +8,9 @@ from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
 from orip.errors import OrientationError
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.driving_orientation import drive_photo, drive_template
+from orip.interior.in_force import drive_photo, drive_template
 from orip.interior.orientation import orient_photo
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 
 CAMERA = DEFINITIONS.cameras["FILM"]
 ALL_TICKS = DEFINITIONS.temticks["TT"].ticks

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orip.interior.mounting import fiducials_from_plate
-from orip.records.observations.measurement import MeasuredMarks
+from orip.records.measurement import MeasuredMarks
 
 CORNERS = {"ll": (-12.0, -18.0), "lr": (12.0, -18.0), "ur": (12.0, 18.0), "ul": (-12.0, 18.0)}
 MIDSIDES = {"left": (-12.0, 0.0), "bottom": (0.0, -18.0), "right": (12.0, 0.0), "top": (0.0, 18.0)}

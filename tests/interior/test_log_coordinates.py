@@ -8,9 +8,9 @@ from films import DEFINITIONS, NO_PARAMETERS, POINTS, marks_of, measured, on_pla
 
 from orip.interior.in_force import interior_orientation, stored_to_log
 from orip.interior.mounting import frame_corners
+from orip.records.camera import Camera, Sensor
 from orip.records.names import near_names
-from orip.records.project.camera import Camera, Sensor
-from orip.records.project.photo import Scan
+from orip.records.photo import Scan
 from orip.structs import replace
 
 FIRST, AGAIN = placed(0.7, 12.0, 8.0), placed(3.7, 17.0, 8.0)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from orip.geometry.plane import IDENTITY
 from orip.interior.measured_points import MeasuredPoints, points_of_record
-from orip.records.observations.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
-from orip.records.project.photo import Photo
+from orip.records.measurement import EditRecord, PhotoObservations, PointsRecord, TextPlace
+from orip.records.photo import Photo
 
 PLACE = TextPlace("DAY.MEA", 1)
 PHOTOS = {name: Photo(name, "CAM") for name in ("P1", "P2")}

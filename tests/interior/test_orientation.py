@@ -8,8 +8,8 @@ from films import DEFINITIONS, FIDUCIALS, TICKS, placed
 
 from orip.errors import OrientationError
 from orip.interior.orientation import orient_photo, orient_template
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
-from orip.records.project.camera import Mark
+from orip.records.camera import Mark
+from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 
 CAMERA = DEFINITIONS.cameras["FILM"]
 ALL_TICKS = DEFINITIONS.temticks["TT"].ticks

@@ -8,9 +8,9 @@ import pytest
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.image_coordinates import pixel_size, scan_transformation, sensor_transformation
 from orip.interior.orientation import orient_photo, transformation_without_marks
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
-from orip.records.project.camera import Camera, Mark, Sensor
-from orip.records.project.photo import Photo, Scan, Template
+from orip.records.camera import Camera, Mark, Sensor
+from orip.records.measurement import MeasuredMarks, PhotoOrientation
+from orip.records.photo import Photo, Scan, Template
 
 SENSOR = Sensor(columns=1280, rows=1024, width=8.245, height=6.6)
 NO_PARAMETERS = (50.0,) + (0.0,) * 11

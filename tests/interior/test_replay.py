@@ -24,7 +24,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orip.interior.replay import Measured, replay
-from orip.records.observations.measurement import (
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     MeasuredMarks,
@@ -34,7 +34,7 @@ from orip.records.observations.measurement import (
     TextPlace,
     TicksRecord,
 )
-from orip.records.project.photo import Scan
+from orip.records.photo import Scan
 from orip.structs import replace
 
 REMEDY = "measure more marks or include disregarded ones"

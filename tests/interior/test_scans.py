@@ -21,8 +21,8 @@ from films import (
 
 from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import interior_orientation
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Photo, Scan
+from orip.records.camera import Camera
+from orip.records.photo import Photo, Scan
 from orip.structs import replace
 
 MICRO = 1e-9

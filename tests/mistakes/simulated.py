@@ -12,7 +12,7 @@ from orip.mistakes.explanation import explain_misfit
 from orip.mistakes.hypothesis import Readjuster
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.records.block import Block
-from orip.records.project.camera import Camera
+from orip.records.camera import Camera
 from orip.solving.starting_values import started_block
 from orip.structs import replace
 

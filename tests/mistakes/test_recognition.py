@@ -19,9 +19,9 @@ from orip.mistakes.contradicting_control import control_warnings, slip_of_pen
 from orip.mistakes.names import photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks
 from orip.records.block import Block
-from orip.records.observations.control import ControlPoint
-from orip.records.observations.measurement import MeasuredMarks, PhotoOrientation
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.control import ControlPoint
+from orip.records.measurement import MeasuredMarks, PhotoOrientation
 from orip.structs import replace
 
 # ------------------------------------------------------------------------------------------------------------- cameras

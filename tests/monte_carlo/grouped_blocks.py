@@ -18,7 +18,7 @@ from support.synthetic_block import SyntheticBlock
 from orip.bundle.groups.verdict import GroupVerdict, group_verdict
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
-from orip.records.observations.control import ControlDistance, ControlElement, ControlPoint
+from orip.records.control import ControlDistance, ControlElement, ControlPoint
 from orip.structs import replace
 
 Planted = Literal["none", "control", "element", "check", "distance"]

@@ -14,7 +14,7 @@ from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, TheodoliteSet
-from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement
+from orip.records.control import ControlDirection, ControlDistance, ControlElement
 from orip.structs import replace
 
 CONTROL_ERROR = 0.0009

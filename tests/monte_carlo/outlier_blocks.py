@@ -19,7 +19,7 @@ from support.tie_points import TiePoints, measured_points
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
 from orip.errors import NotSolvableError
-from orip.records.observations.measurement import PhotoObservations
+from orip.records.measurement import PhotoObservations
 from orip.structs import replace
 
 _ATTEMPTS = 200

@@ -17,11 +17,11 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlDistance, ControlElement, ControlPoint, Station
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
-from orip.records.results.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.control import ControlDistance, ControlElement, ControlPoint, Station
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
+from orip.records.solution import Solution
 from orip.solving.solve import solve
 
 Kind = Literal["stations", "control", "close range", "elements"]

@@ -10,8 +10,8 @@ from monte_carlo.preliminary_records import NOISE_MM, SimulatedRecords, true_min
 
 from orip.adjustment.convergence import TerminationReason
 from orip.bundle.solve import SolvedBlock
+from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.observations.measurement import Measured
 from orip.structs import replace
 
 _ROUNDS = 4

@@ -18,12 +18,12 @@ from orip.geometry.rotation import angles_from_rotation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.control import Control, ControlPoint, PreliminaryPoint
+from orip.records.definition import BundleDefinition, Precision, StereoModel
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlPoint, PreliminaryPoint
-from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision, StereoModel
-from orip.records.project.photo import Photo
+from orip.records.photo import Photo
 from orip.structs import replace
 
 NOISE_MM = 0.005

@@ -12,8 +12,8 @@ from msgspec import Struct
 from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
-from orip.records.observations.control import Station
-from orip.records.project.definition import BORESIGHT, LEVER_ARM, Antenna
+from orip.records.control import Station
+from orip.records.definition import BORESIGHT, LEVER_ARM, Antenna
 from orip.structs import replace
 
 Design = Literal["lever arm and boresight", "shift and drift"]

@@ -11,7 +11,7 @@ import pytest
 from monte_carlo.planted_groups import KINDS, PLANTED, Error, Outcome, block_of, cases, outcome
 from monte_carlo.simulated_blocks import in_parallel
 
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.solving.solve import solve
 
 LOG = logging.getLogger(__name__)

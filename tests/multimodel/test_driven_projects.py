@@ -16,7 +16,7 @@ from orip.multimodel.movement import automatic, change_model, drive_object
 from orip.multimodel.readout import drive_objects, object_position
 from orip.multimodel.table import object_ground
 from orip.multimodel.table_step import DriveTableOutcome, load_drive_table
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:

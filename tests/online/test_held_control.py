@@ -15,7 +15,7 @@ from orip.online.online_block import OnlineBlock
 from orip.online.replies import cameras_of, photos_of, points_of
 from orip.online.simulation import simulated_session
 from orip.records.names import record_key
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 HUNDREDTH = 2e-4

@@ -16,7 +16,7 @@ from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.simulation import simulated_session
 from orip.records.names import record_key
-from orip.records.project.photo import Photo
+from orip.records.photo import Photo
 from orip.structs import replace
 
 

@@ -12,9 +12,9 @@ from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.replies import photos_of, points_of, summary
 from orip.online.simulation import simulated_session
+from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.solving.starting_values import explained_preliminary_values, started_block
 from orip.structs import replace
 

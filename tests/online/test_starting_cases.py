@@ -13,8 +13,8 @@ from orip.bundle.assemble import BlockInput
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.simulation import SimulatedSession, simulated_session
-from orip.records.observations.control import Control, ControlElement
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.control import Control, ControlElement
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 CENTRE_ERROR, ANGLE_ERROR = 0.05, 0.001

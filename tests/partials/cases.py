@@ -56,10 +56,10 @@ from orip.prelim.refinement.problem import RefinementProblem, RefinementState, n
 from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, Station
+from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
-from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement, Station
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.definition import ANTENNA_PARAMETERS, Antenna
 from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
+from orip.prelim import growing_block as misplaced_photos
 from orip.prelim import intersection
 from orip.prelim import intersection as consensus
-from orip.prelim.growing import growing_block as misplaced_photos
 from orip.prelim.rays import ImageRays, image_rays, photo_index
 from orip.prelim.refinement import refinement
 from orip.prelim.relative import given_scale

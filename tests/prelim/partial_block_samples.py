@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from orip.geometry.rotation import rotation_from_angles
 from orip.geometry.similarity import Similarity
 from orip.prelim.similarity.absolute_orientation import KnownPositions
-from orip.records.results.preliminary import PartialBlock
+from orip.records.preliminary import PartialBlock
 from orip.structs import replace
 
 NOISE = 1e-5

@@ -8,7 +8,7 @@ from partial_block_samples import ground_sample
 
 from orip.prelim.similarity.absolute_orientation import KnownPositions, absolute_orientation
 from orip.prelim.similarity.joining import Joined
-from orip.records.results.preliminary import NotOriented
+from orip.records.preliminary import NotOriented
 from orip.structs import replace
 
 

@@ -9,7 +9,7 @@ from support.synthetic_block import synthetic_block
 from orip.prelim.chain import preliminary_values
 from orip.prelim.rays import image_rays
 from orip.prelim.refinement.problem import by_corrections, corrected, no_corrections, parameters_with
-from orip.records.project.camera import Camera
+from orip.records.camera import Camera
 from orip.structs import replace
 
 UNKNOWN = ("C", "DX", "DY", "A3")

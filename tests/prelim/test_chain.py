@@ -13,14 +13,14 @@ from support.synthetic_block import Scene, SyntheticBlock, synthetic_block
 from orip.bundle.antennas import without_photos
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.prelim import chain
+from orip.prelim.block_grower import BlockGrower
 from orip.prelim.chain import preliminary_values
 from orip.prelim.ground import orientations_in_project, points_in_project
-from orip.prelim.growing.block_grower import BlockGrower
 from orip.prelim.routes import Route
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import Control
-from orip.records.project.definition import StereoModel
-from orip.records.results.preliminary import PreliminaryValues
+from orip.records.control import Control
+from orip.records.definition import StereoModel
+from orip.records.preliminary import PreliminaryValues
 from orip.solving.starting_values import started_block
 from orip.structs import replace
 

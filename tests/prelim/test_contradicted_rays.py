@@ -14,7 +14,15 @@ from scipy.spatial.transform import Rotation
 
 from orip.geometry.essential import TwoPhotos
 from orip.prelim.chain import preliminary_values
-from orip.prelim.growing.growing_block import empty_growing_block, misplaced_photos
+from orip.prelim.confirmed_block import (
+    block_without_contradicted_rays,
+    confirmed_block,
+    confirmed_by_parts,
+    excess_of_contradicted,
+    has_many_misses,
+)
+from orip.prelim.confirmed_rays import Votes
+from orip.prelim.growing_block import empty_growing_block, misplaced_photos
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays import photo_index
 from orip.prelim.relative.adjustment import Pairs
@@ -23,14 +31,6 @@ from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import solve
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS, fits_beyond_chance
 from orip.prelim.routes import by_pairs
-from orip.prelim.tracks.confirmation import Votes
-from orip.prelim.tracks.confirmed_block import (
-    block_without_contradicted_rays,
-    confirmed_block,
-    confirmed_by_parts,
-    excess_of_contradicted,
-    has_many_misses,
-)
 from orip.records.names import record_key
 from orip.structs import replace
 

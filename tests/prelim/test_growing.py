@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import SyntheticBlock, synthetic_block
 
-from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import FromModels, GrowingBlock, empty_growing_block, residual_lengths
+from orip.prelim.block_grower import BlockGrower
+from orip.prelim.growing_block import FromModels, GrowingBlock, empty_growing_block, residual_lengths
 from orip.prelim.rays import ImageRays, image_rays, photo_index
 from orip.prelim.relative.orientation import OrientedPair, common_point_counts
 from orip.prelim.resection.resection import Resected

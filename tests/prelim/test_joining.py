@@ -15,7 +15,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, join
 from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.results.preliminary import NotOriented, PartialBlock
+from orip.records.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 
 

@@ -9,15 +9,15 @@ from monte_carlo.weakly_joined_blocks import weakly_joined_records
 from scipy import stats
 
 from orip.geometry.rotation import rotation_about_axes
+from orip.prelim import joint_placing as placing
 from orip.prelim.found_values import fits_by_chance, is_strong, rays_that_count, redundancy, robust_square_sum
-from orip.prelim.growing.growing_block import residual_lengths
-from orip.prelim.joint import placing
-from orip.prelim.joint.placing import levelling, place_parts, tilts
-from orip.prelim.joint.routes import by_level_photos
-from orip.prelim.joint.ties import LOOKING_DOWN, UPRIGHT, assembled_at, single_photo, supported_photos, ties_between
+from orip.prelim.growing_block import residual_lengths
+from orip.prelim.joint_placing import levelling, place_parts, tilts
+from orip.prelim.joint_routes import by_level_photos
 from orip.prelim.measured_block import measured_block
+from orip.prelim.parts import LOOKING_DOWN, UPRIGHT, assembled_at, single_photo, supported_photos, ties_between
 from orip.prelim.rays import ImageRays, image_rays
-from orip.records.results.preliminary import PartialBlock
+from orip.records.preliminary import PartialBlock
 from orip.structs import replace
 
 C = 0.15

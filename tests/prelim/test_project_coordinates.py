@@ -17,9 +17,9 @@ from orip.prelim.ground import (
 )
 from orip.prelim.rays import ImageRays
 from orip.records.block import Block
+from orip.records.control import Control
 from orip.records.ground import PlainGround
-from orip.records.observations.control import Control
-from orip.records.results.preliminary import NO_POINTS, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
+from orip.records.preliminary import NO_POINTS, PhotoStart, PointStarts, PreliminaryValues, SimilarityStep
 
 NO_RAYS = np.empty(0, dtype=np.int64)
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from orip.prelim.rays import ImageRays, photo_index
 from orip.prelim.relative.orientation import orient_pair
-from orip.records.results.preliminary import NotOriented, RelativeOrientation
+from orip.records.preliminary import NotOriented, RelativeOrientation
 
 ERROR = 0.005
 

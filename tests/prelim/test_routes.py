@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.synthetic_block import synthetic_block
 
-from orip.prelim.growing.block_grower import BlockGrower
-from orip.prelim.growing.growing_block import empty_growing_block
+from orip.prelim.block_grower import BlockGrower
+from orip.prelim.growing_block import empty_growing_block
 from orip.prelim.rays import ImageRays, image_rays, photo_index
 from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.routes import by_pairs

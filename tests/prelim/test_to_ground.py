@@ -9,7 +9,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.geometry.similarity import Similarity
 from orip.prelim import to_ground
-from orip.prelim.growing.growing_block import GrowingBlock
+from orip.prelim.growing_block import GrowingBlock
 from orip.prelim.measured_block import MeasuredBlock, measured_block
 from orip.prelim.routes import Route, by_pairs
 from orip.prelim.to_ground import Outcome, outcome_of

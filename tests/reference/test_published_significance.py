@@ -14,7 +14,7 @@ from reference.published_data import read_export
 from workflow.quiet import run_quietly, solve_quietly
 
 from orip.bundle.methods import Method
-from orip.records.project.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
 
 PRUNING = Method(prune=True)
 UNKNOWN = {"C", "DX", "DY", "A3", "A5", "A7", "P1", "P2", "B1"}

@@ -7,7 +7,7 @@ from bundle.solving import noisy, solved
 from bundle.stations_of_block import MADE, stations, with_stations
 
 from orip.bundle.results.solution import solution_of
-from orip.records.project.definition import Antenna
+from orip.records.definition import Antenna
 from orip.report.precision import antenna_table
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from report.sample_pages import sample
 from scipy.spatial.transform import Rotation
 
+from orip.records.camera import Camera
+from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo
+from orip.records.photo import Photo
 from orip.report.drawings.block_view import block_view, pyramid_corners
 from orip.report.report_input import ReportInput
 

@@ -10,12 +10,12 @@ import pytest
 from cli.command_line import orip
 from report.sample_pages import sample, sample_project
 
-from orip.bundle.results.misfits import number_by_chance, suspect_rows, suspicious_w
+from orip.bundle.results.reliability import number_by_chance, suspect_rows, suspicious_w
+from orip.records.camera import Camera, Sensor
+from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
-from orip.records.project.camera import Camera, Sensor
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo
-from orip.records.results.solution import Solution
+from orip.records.photo import Photo
+from orip.records.solution import Solution
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
 from orip.report.trouble import named_observation, suspect_table, suspects, weak_spots

@@ -17,11 +17,11 @@ from plotly.offline import get_plotlyjs
 from report.sample_pages import SAMPLES, Page, sample
 
 from orip.files.text.decimal_numbers import parse_gate
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, StereoModel
-from orip.records.project.photo import Photo
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Blunder, Estimates, Residuals, Solution
+from orip.records.camera import Camera
+from orip.records.definition import BundleDefinition, StereoModel
+from orip.records.photo import Photo
+from orip.records.result_tests import GateResult
+from orip.records.solution import Blunder, Estimates, Residuals, Solution
 from orip.report.drawings.residual_vectors import FEWEST_PHOTOS
 from orip.report.page import MOST_BYTES, report_page
 from orip.report.report_input import ReportInput

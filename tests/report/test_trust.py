@@ -13,9 +13,9 @@ from scipy.stats import chi2
 from orip.bundle.groups.words import CODE
 from orip.bundle.verdict import GlobalTest, Untested, global_test, sigma0_finding
 from orip.files.text.decimal_numbers import parse_gate
-from orip.records.project.definition import BundleDefinition
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Blunder, Diagnosis, Solution
+from orip.records.definition import BundleDefinition
+from orip.records.result_tests import GateResult
+from orip.records.solution import Blunder, Diagnosis, Solution
 from orip.report.first_page import verdict
 from orip.report.report_input import ReportInput
 from orip.structs import replace

@@ -11,8 +11,8 @@ from support.sample_projects import sample
 from workflow.quiet import run_quietly
 from workflow.small_projects import contents, replace_in
 
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.results.solution import Solution
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.solution import Solution
 
 
 @pytest.fixture

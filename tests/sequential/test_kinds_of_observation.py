@@ -11,8 +11,8 @@ from orip.bundle.solve import SolvedBlock
 from orip.online.sequential.observation_rows import ObservationKey, ReducedColumns, linearised, tied_points
 from orip.online.sequential.sequential_block import SequentialBlock
 from orip.records.block import Block
-from orip.records.observations.control import ControlDistance, ControlElement, Station
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS
+from orip.records.control import ControlDistance, ControlElement, Station
+from orip.records.observation_kinds import OBSERVATION_KINDS
 from orip.structs import replace
 
 MADE = aerial_block("one after the other", 6)

@@ -19,12 +19,12 @@ from orip.geometry.plane import PlaneTransformation
 from orip.interior.definitions import Definitions
 from orip.interior.in_force import Interior
 from orip.records.block import Block
+from orip.records.camera import Camera
+from orip.records.control import Control, ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.control import Control, ControlPoint
-from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
 CRS = "EPSG:25832"
 MIDDLE = np.array([690_000.0, 5_340_000.0, 500.0])

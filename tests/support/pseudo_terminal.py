@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from msgspec import Struct
 
-from orip.cli import progress_bar
+from orip.cli import terminal as progress_bar
 from orip.cli.main import main
 
 NEVER = 1e3

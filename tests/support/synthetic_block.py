@@ -15,10 +15,10 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlPoint
-from orip.records.project.camera import Camera, Projection
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.camera import Camera, Projection
+from orip.records.control import ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
 Scene = Literal["strip", "convergent", "terrestrial", "room"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orip.errors import InputError
-from orip.records.observations.epochs import Epochs, Quality, epochs
+from orip.records.epochs import Epochs, Quality, epochs
 from orip.stations.exposures import Matching, Sources, find_exposures
 from orip.structs import replace
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from orip.geometry.rotation import rotation_from_navigation
-from orip.records.observations.epochs import Epochs, epochs
+from orip.records.epochs import Epochs, epochs
 from orip.stations.interpolation import interpolate, moved, time_complaints, without_contradicting_velocities
 
 

@@ -13,7 +13,7 @@ from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.lines import decode_lines
 from orip.geometry.other_crs import stations_of_reference
 from orip.geometry.rotation import rotation_from_angles, rotation_from_navigation
-from orip.records.observations.control import Station
+from orip.records.control import Station
 
 PLACE = (9.9351, 53.5522, 142.21)
 LINE = "P1 {} {} {} 0.01 0.03 0.02 2 -3 135 0.1 0.2 0.3\n"

@@ -14,10 +14,9 @@ from orip.workflow.adjust import update as _update
 from orip.workflow.adjust.report import WrittenReport
 from orip.workflow.adjust.undo_update import UndoOutcome
 from orip.workflow.adjust.update import UpdateOutcome, What
-from orip.workflow.control import edits as control
-from orip.workflow.control.edits import ControlOutcome
-from orip.workflow.observations import edits, listed, todo
+from orip.workflow.observations import control, edits, listed, todo
 from orip.workflow.observations import measure as _measure
+from orip.workflow.observations.control import ControlOutcome
 from orip.workflow.observations.edits import EDITED_FROM, AddedEdits
 from orip.workflow.observations.listed import LISTED_FROM, ObservationList
 from orip.workflow.observations.measure import MEASURED_FROM, MEASURED_ON_TOP, MeasureOutcome
@@ -27,14 +26,13 @@ from orip.workflow.project.commit import Committed, carry_out, commit
 from orip.workflow.project.state import read_checked_project, read_project
 from orip.workflow.project.texts import read_log
 from orip.workflow.records import commands as _records
-from orip.workflow.records import export_toml as _export_toml
+from orip.workflow.records import initialise as _export_toml
 from orip.workflow.records import initialise as _initialise
 from orip.workflow.records import lists
 from orip.workflow.records.commands import RecordsOutcome
 from orip.workflow.records.document import RecordKind
 from orip.workflow.records.edits import RecordName
-from orip.workflow.records.export_toml import ExportedToml
-from orip.workflow.records.initialise import INITIALISED_FROM, Initialised
+from orip.workflow.records.initialise import INITIALISED_FROM, ExportedToml, Initialised
 from orip.workflow.records.lists import RecordList
 from orip.workflow.records.reconcile import Prefer
 from orip.workflow.status import STATUS_FROM, ProjectStatus

@@ -8,7 +8,7 @@ import numpy as np
 from bundle.blocks_without_control import first_model, off_truth
 from workflow.quiet import run_quietly
 
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 
 PROJECT = """
 [project]

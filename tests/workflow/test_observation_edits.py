@@ -25,9 +25,9 @@ from orip.files.stores.contents import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
 from orip.interior.distortion import corrected_with_partials
+from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.ground import PLAIN
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
-from orip.records.results.solution import Estimates, Solution
+from orip.records.solution import Estimates, Solution
 from orip.structs import replace
 from orip.workflow.observations.edits import EDITED_FROM
 from orip.workflow.observations.edits import edit_observations as edited

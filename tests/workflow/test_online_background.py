@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 from workflow.online_points import typed_points
 from workflow.small_projects import first_project, without_points
 
-from orip.online.background import Background
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.page import ServedSession
+from orip.online.requests import Background
 from orip.online.session import OnlineSession
 from orip.online.simulation import simulated_session
 from orip.workflow.project.commit import commit

@@ -14,8 +14,8 @@ import numpy as np
 from msgspec import Struct
 from scipy.sparse import bsr_array, csr_array
 
+from orip.adjustment.factorisation.cholesky import Symmetric
 from orip.adjustment.factorisation.null_space import LOST_ALL, MovementSums, PointMovements, movement_sums
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.threads import by_threads
 

@@ -10,8 +10,8 @@ from msgspec import Struct, field
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix, dissected_matrix
-from orip.adjustment.factorisation.dissection.tree import (
+from orip.adjustment.factorisation.cholesky import Symmetric
+from orip.adjustment.factorisation.dissection import (
     DissectionTree,
     Handles,
     InTurn,
@@ -20,8 +20,8 @@ from orip.adjustment.factorisation.dissection.tree import (
     lowest_nodes,
 )
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.fronts import DissectedMatrix, dissected_matrix
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.archive.blocking import sub_block as node_tasks
 from orip.archive.blocking.sub_block import (
     Accuracy,

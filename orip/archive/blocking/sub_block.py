@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
-from orip.adjustment.factorisation.dissection.matrix import adjusted_front, triangle_of
-from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.dissection import DissectionTree
+from orip.adjustment.factorisation.fronts import adjusted_front, triangle_of
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.loop_pattern import blocks_of_points
@@ -19,8 +19,8 @@ from orip.bundle.kinds.observation import Rows
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, UnknownNames, Unknowns
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.project.camera import AdditionalSet
+from orip.records.camera import AdditionalSet
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.set_aside import set_aside
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
-from orip.adjustment.factorisation.dissection.tree import DissectionTree, Node
+from orip.adjustment.factorisation.dissection import DissectionTree, Node
 from orip.archive.cluster.connection import LostClusterError, UnfitWorkerError, lost_cluster
 from orip.archive.cluster.worker_tasks import (
     Argument,

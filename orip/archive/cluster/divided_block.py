@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from msgspec import Struct, field
 
-from orip.adjustment.factorisation.dissection.tree import DissectionTree
+from orip.adjustment.factorisation.dissection import DissectionTree
 from orip.archive.blocking.divided_problem import LARGEST_PART, Spread, pose_divided
 from orip.archive.blocking.sub_block import SubBlock
 from orip.archive.cluster.connection import connected, require_fit_workers, require_installed

@@ -24,7 +24,7 @@ from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled
 from orip.files.text.atomic import remove_leftovers, reporting_failure, temporary_beside
 from orip.files.text.own_files import make_file, make_folder, new_file, remove_folder, rename
 from orip.files.text.regular_file import open_regular
-from orip.records.project.camera import AdditionalSet
+from orip.records.camera import AdditionalSet
 from orip.version import __version__
 
 # A folder that is complete is never changed; its marker is written last. The folder of a project may come from anybody:

@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import astuple
 
-from orip.adjustment.factorisation.dissection.tree import Topology, downward, upward
+from orip.adjustment.factorisation.dissection import Topology, downward, upward
 from orip.archive.cluster.connection import UnfitWorkerError
 from orip.errors import OripError
 from orip.files.text.atomic import temporary_beside

@@ -17,10 +17,10 @@ from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
 from orip.adjustment.factorisation.band import Arrangement, BandMatrix, band_of
-from orip.adjustment.factorisation.dissection.matrix import DissectedMatrix
+from orip.adjustment.factorisation.cholesky import Symmetric
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals
+from orip.adjustment.factorisation.fronts import DissectedMatrix
 from orip.adjustment.factorisation.null_space import Amounts, MovementSums, PointMovements
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.compiled.loop_pattern import Cameras, Pattern, blocks_of_points, cameras_of_loop, pattern_of_loop
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations

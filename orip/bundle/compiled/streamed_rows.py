@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from orip.adjustment.equations import BlockNormals, BlockPrecision, Layout
+from orip.adjustment.factorisation.cholesky import Symmetric
 from orip.adjustment.factorisation.elimination import BlockFactors, Coupling, EliminatedNormals, block_diagonal
 from orip.adjustment.factorisation.null_space import Amounts
-from orip.adjustment.factorisation.symmetric import Symmetric
 from orip.adjustment.sparse_rows import SparseRows, quadratic_rows, squared_blocks
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions

@@ -35,8 +35,8 @@ from orip.bundle.groups.observation_groups import (
     strip_errors,
 )
 from orip.bundle.solve import SolvedBlock
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.results.result_tests import GroupTest
+from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.result_tests import GroupTest
 from orip.structs import replace
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]

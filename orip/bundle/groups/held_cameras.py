@@ -17,7 +17,7 @@ from orip.bundle.groups.observation_groups import ObservationGroup
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, first_of_lens
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, first_of_lens
 
 TESTED = ("C", "DX", "DY", "A3")
 """What differs from one lens or calibration to another; further coefficients of distortion follow A3."""

@@ -15,8 +15,10 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_position import PositionObservations
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.definition import LEVER_ARM
 from orip.records.names import record_key
-from orip.records.observations.observation_kinds import (
+from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
     DIRECTION,
@@ -25,9 +27,7 @@ from orip.records.observations.observation_kinds import (
     PHOTO_POINT,
     STATION,
 )
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.definition import LEVER_ARM
-from orip.records.results.result_tests import CommonExtent, GroupKind
+from orip.records.result_tests import CommonExtent, GroupKind
 from orip.threads import limited_threads
 
 _KINDS: dict[str, GroupKind] = {
@@ -42,7 +42,7 @@ _KINDS: dict[str, GroupKind] = {
 
 
 class ObservationGroup(Struct, frozen=True):
-    """Observations of one kind and component; see `orip.records.results.result_tests.GroupTest`.
+    """Observations of one kind and component; see `orip.records.result_tests.GroupTest`.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from orip.number_text import decimals_of_two_digits
-from orip.records.observations.observation_kinds import (
+from orip.records.observation_kinds import (
     ANGULAR_UNKNOWNS,
     ATTITUDE,
     CONTROL_POINT,
@@ -17,8 +17,8 @@ from orip.records.observations.observation_kinds import (
     STATION,
     ObservationKind,
 )
-from orip.records.results.result_tests import CommonCause, Contradiction, GroupTest
-from orip.records.results.solution import Diagnosis
+from orip.records.result_tests import CommonCause, Contradiction, GroupTest
+from orip.records.solution import Diagnosis
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import joined
 

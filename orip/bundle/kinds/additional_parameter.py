@@ -10,7 +10,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera, default_error
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import ADDITIONAL_PARAMETER
+from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 
 
 class AdditionalParameterObservations(Observations, frozen=True):

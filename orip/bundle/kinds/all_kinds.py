@@ -1,7 +1,7 @@
 """The equations of all kinds of observation, as the modules of this folder list them.
 
 Their order, which is that of the rows of the adjustment, is the order of the table in
-`orip.records.observations.observation_kinds`.
+`orip.records.observation_kinds`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pkgutil import iter_modules
 import orip.bundle.kinds
 from orip.bundle.kinds.observation import KindEquations
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS
+from orip.records.observation_kinds import OBSERVATION_KINDS
 
 
 def _listed_by_modules() -> Iterator[KindEquations]:

@@ -14,8 +14,8 @@ from orip.bundle.kinds.observation import KindEquations, Linearisation, Observat
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import ANTENNA_PARAMETER
-from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
+from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
+from orip.records.observation_kinds import ANTENNA_PARAMETER
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -17,7 +17,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
-from orip.records.observations.observation_kinds import CONTROL_POINT
+from orip.records.observation_kinds import CONTROL_POINT
 
 
 class ControlPointObservations(Observations, frozen=True):

@@ -10,7 +10,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
-from orip.records.observations.observation_kinds import DIRECTION
+from orip.records.observation_kinds import DIRECTION
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -25,9 +25,9 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
 from orip.errors import InputError
 from orip.records.block import Block
+from orip.records.control import ControlDistance, DistanceCode
 from orip.records.ground import GroundSystem, ProjectCoordinates
-from orip.records.observations.control import ControlDistance, DistanceCode
-from orip.records.observations.observation_kinds import CONSTANT_DISTANCE, DISTANCE, ObservationKind
+from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE, ObservationKind
 
 _LEAST_PART = 1e-4
 """Least a-priori error of a distance, as a part of a photo error on the ground. Its weight is then 10^8 times that of a

@@ -24,12 +24,12 @@ from orip.bundle.kinds.station_attitude import require_separable_angles, rotatio
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlElement
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.observations.control import ControlElement
-from orip.records.observations.observation_kinds import CONSTANT_ELEMENT, ELEMENT, ObservationKind
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.observation_kinds import CONSTANT_ELEMENT, ELEMENT, ObservationKind
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 

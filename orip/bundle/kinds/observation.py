@@ -15,7 +15,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
-from orip.records.observations.observation_kinds import ObservationKind
+from orip.records.observation_kinds import ObservationKind
 
 
 class Rows(Struct, frozen=True):

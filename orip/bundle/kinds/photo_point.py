@@ -16,10 +16,9 @@ from orip.geometry.projection import projected_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
 from orip.records.coded_names import CodedNames, coded
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.observations.repeated import measured_before, measurement_name
-from orip.records.project.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.observation_kinds import PHOTO_POINT, measured_before, measurement_name
 from orip.set_aside import set_aside
 
 _CAMERA = len(CAMERA_PARAMETERS)

@@ -27,10 +27,10 @@ from orip.geometry.rotation import (
     rotation_vectors_with_partials,
 )
 from orip.records.block import Block
+from orip.records.definition import BORESIGHT_PLACES
 from orip.records.ground import GroundSystem
-from orip.records.observations.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
-from orip.records.project.definition import BORESIGHT_PLACES
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import agreeing, first_names, joined
 

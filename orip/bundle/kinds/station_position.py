@@ -22,10 +22,10 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.geometry.rotation import cross_matrix
 from orip.records.block import Block
+from orip.records.control import Station
+from orip.records.definition import LEVER_ARM
 from orip.records.ground import GroundSystem
-from orip.records.observations.control import Station
-from orip.records.observations.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
-from orip.records.project.definition import LEVER_ARM
+from orip.records.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
 
 _ARM, _OFFSET = slice(0, 3), 6
 

@@ -11,7 +11,7 @@ from orip.geometry.rays import RayMeeting, points_at_origins
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.records.block import Block
-from orip.records.observations.repeated import photos_per_point
+from orip.records.observation_kinds import photos_per_point
 from orip.structs import replace
 
 _MOST_RAYS = 20_000

@@ -11,7 +11,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.names import record_key
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 # A coordinate that is removed, such as the depth of a point with one ray, is a guess; so are the others, which follow

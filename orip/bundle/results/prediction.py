@@ -10,10 +10,10 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
+from orip.records.camera import Camera
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.results.solution import Solution
+from orip.records.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 

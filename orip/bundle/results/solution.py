@@ -23,14 +23,14 @@ from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import CodedNames, joined, repeated
+from orip.records.control import PointKind
+from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.records.names import places_of_names, record_key
-from orip.records.observations.control import PointKind
-from orip.records.observations.repeated import photos_per_point
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
-from orip.records.results.result_tests import Status
-from orip.records.results.solution import (
+from orip.records.observation_kinds import photos_per_point
+from orip.records.result_tests import Status
+from orip.records.solution import (
     AdditionalEstimate,
     AntennaEstimate,
     CheckPoint,

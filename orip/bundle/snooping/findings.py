@@ -12,9 +12,9 @@ from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.names import record_key
-from orip.records.observations.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, Station
-from orip.records.observations.observation_kinds import (
+from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
     DIRECTION,
@@ -25,7 +25,7 @@ from orip.records.observations.observation_kinds import (
     STATION,
     unit_of_observation,
 )
-from orip.records.results.solution import Blunder, Diagnosis
+from orip.records.solution import Blunder, Diagnosis
 from orip.structs import replace
 from orip.wording import first_names
 

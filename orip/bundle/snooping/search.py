@@ -36,7 +36,7 @@ from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
 from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.results.solution import Blunder
+from orip.records.solution import Blunder
 from orip.structs import replace
 
 FAMILY_ALPHA = 0.05

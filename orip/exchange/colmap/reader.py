@@ -12,7 +12,6 @@ import numpy as np
 from orip.arrays import BoolArray, IntArray
 from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap import binary, text
-from orip.exchange.colmap.database import pose_priors
 from orip.exchange.colmap.model import (
     CAMERA_MODELS,
     LARGEST_FRAME,
@@ -21,6 +20,7 @@ from orip.exchange.colmap.model import (
     ColmapModel,
     ColmapPoints,
     no_points,
+    pose_priors,
 )
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import Parsed, printable

@@ -18,15 +18,15 @@ from orip.exchange.conversion.image_axes import (
     require_possible,
     stretched_image,
 )
-from orip.exchange.conversion.lenses.exact_forms import (
+from orip.exchange.conversion.lens_exact import (
     Polynomial,
     middle_of_frame,
     parameters_from_polynomial,
     polynomial_from_parameters,
 )
-from orip.exchange.conversion.lenses.fit import fitted_polynomial
-from orip.exchange.conversion.lenses.from_orip import lens_of_polynomial
-from orip.exchange.conversion.lenses.table import (
+from orip.exchange.conversion.lens_fit import fitted_polynomial
+from orip.exchange.conversion.lens_from_orip import lens_of_polynomial
+from orip.exchange.conversion.lens_table import (
     LENSES,
     directions_of_image,
     focal_lengths,
@@ -35,8 +35,8 @@ from orip.exchange.conversion.lenses.table import (
 )
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
+from orip.records.camera import Camera, Projection, Sensor
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
-from orip.records.project.camera import Camera, Projection, Sensor
 from orip.structs import replace
 
 MOST_MISFIT_PX = 0.5

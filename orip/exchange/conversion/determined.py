@@ -10,9 +10,9 @@ from orip.arrays import BoolArray, FloatArray, IntArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera, pixels_of_directions
 from orip.exchange.conversion.reprojection import Reprojection, with_intersections
 from orip.geometry.rotation import rotated_back
+from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.control import ControlElement
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
-from orip.records.observations.control import ControlElement
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
 from orip.structs import replace
 
 # The test is generous: points count as known, so that a parameter that it finds undetermined is one whatever else the

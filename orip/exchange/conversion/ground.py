@@ -17,8 +17,8 @@ from orip.exchange.conversion.poses import exchanged_poses, orip_poses
 from orip.geometry.ground_ellipsoid import geocentric_from_geographic, geographic_from_geocentric, place_axes
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 from orip.geometry.rotation import navigation_from_rotation, rotation_from_navigation
+from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedProject, GroundFrame, MappedPlaces
-from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.structs import replace
 
 _WGS84 = (6_378_137.0, 6_356_752.314245)

@@ -8,10 +8,10 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.errors import OripError
-from orip.exchange.conversion.lenses.formulas import Parameters
-from orip.exchange.conversion.lenses.table import focal_lengths, lens_parameters
+from orip.exchange.conversion.lens_formulas import Parameters
+from orip.exchange.conversion.lens_table import focal_lengths, lens_parameters
+from orip.records.camera import Sensor
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
-from orip.records.project.camera import Sensor
 
 _FOCAL_LENGTHS = (1e-3, 1e9)  # pixels or mm; beyond, powers of the focal length are no numbers any more
 

@@ -8,8 +8,8 @@ from orip.arrays import FloatArray
 from orip.exchange.conversion.cameras import directions_of_pixels
 from orip.exchange.conversion.poses import camera_to_ground_vectors
 from orip.geometry.rotation import cross_matrix
+from orip.records.camera import Camera
 from orip.records.exchanged import PoseReading
-from orip.records.project.camera import Camera
 
 
 def error_ellipses(covariance: FloatArray) -> FloatArray:

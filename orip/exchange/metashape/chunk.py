@@ -15,8 +15,8 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
 from orip.files.text.shown import shown_token
+from orip.records.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedPhoto, GroundFrame
-from orip.records.observations.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
 
 _NEAR_THE_GROUND = (6.2e6, 6.5e6)
 """Metres from the centre of the earth."""

@@ -15,8 +15,8 @@ from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.text import Faults, fields_of_line, separator_of, text_lines
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
+from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedProject
-from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted

@@ -21,8 +21,8 @@ from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import SAME, PlacedElement, XmlEdit, XmlFields, xml_of
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import shown_token
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject
-from orip.records.observations.control import ControlPoint
 
 _CAMERAS = "cameras.xml"
 

@@ -16,8 +16,8 @@ from orip.exchange.sources.text import Faults
 from orip.exchange.sources.xml_tree import read_xml
 from orip.files.text.regular_file import is_there
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
-from orip.records.observations.control import ControlPoint
 from orip.wording import counted
 
 READING = PoseReading("y_down", "to_ground", "matrix", "radian", "centre")

@@ -19,8 +19,8 @@ from orip.exchange.sources.text import Faults
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
+from orip.records.control import Station
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, GroundFrame, Lens, PoseReading
-from orip.records.observations.control import Station
 
 # Lengths of a camera are divided by the longer side of its photos and counted from their centre, y down. A photo has a
 # rotation vector from ground to camera and a translation. Coordinates are east, north and up at ``reference_lla``.

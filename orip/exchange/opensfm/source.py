@@ -30,8 +30,8 @@ from orip.exchange.sources.collected import CollectedPoints, CollectedRays, Phot
 from orip.exchange.sources.json_tree import read_json
 from orip.exchange.sources.text import Faults
 from orip.files.text.shown import Parsed
+from orip.records.control import IN_PROJECT, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
-from orip.records.observations.control import IN_PROJECT, ControlPoint, Station, StationReference
 from orip.structs import replace
 from orip.wording import counted
 

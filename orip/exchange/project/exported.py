@@ -25,7 +25,7 @@ from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.named_output import require_replaceable
+from orip.workflow.project.outputs import require_replaceable
 from orip.workflow.project.state import Part
 
 _SAME = 1e-9

@@ -11,9 +11,9 @@ from orip.exchange.format import PIXEL_MM
 from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame
 from orip.interior.image_coordinates import sensor_transformation
+from orip.records.camera import Camera, Sensor
+from orip.records.control import NOT_GIVEN, ControlPoint, Station, StationReference
 from orip.records.names import record_key
-from orip.records.observations.control import NOT_GIVEN, ControlPoint, Station, StationReference
-from orip.records.project.camera import Camera, Sensor
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.bundle_state import BundleState

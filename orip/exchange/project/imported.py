@@ -23,8 +23,8 @@ from orip.files.project.reader import parse_project
 from orip.files.project.toml_text import toml_table
 from orip.files.text.atomic import reporting_failure
 from orip.files.text.shown import has_hidden, shown_token
+from orip.records.control import ControlDistance, ControlPoint
 from orip.records.exchanged import ExchangedProject
-from orip.records.observations.control import ControlDistance, ControlPoint
 
 _NO_TITLES = {"sparse", "opensfm", "params", "1_initial", "model", "text", "binary", ""}
 """Names of folders that projects of other programs have in common."""

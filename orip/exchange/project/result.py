@@ -18,12 +18,12 @@ from orip.exchange.project.given import cameras_with_frames, given_control, give
 from orip.exchange.sources.names import NamesTable
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
+from orip.records.camera import Camera
 from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
-from orip.records.observations.observation_kinds import PHOTO_POINT
-from orip.records.project.camera import Camera
-from orip.records.results.solution import Solution
+from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import agreeing, counted, counted_names

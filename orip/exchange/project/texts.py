@@ -22,10 +22,10 @@ from orip.files.project.file_names import fit_file_name
 from orip.files.project.records import project_document, project_text
 from orip.geometry.ground_crs import known_crs
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.observations.control import ControlDistance, ControlPoint
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.definition import Antenna, BundleDefinition, Precision, ProjectDefinition
-from orip.records.project.photo import Photo
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlDistance, ControlPoint
+from orip.records.definition import Antenna, BundleDefinition, Precision, ProjectDefinition
+from orip.records.photo import Photo
 from orip.structs import replace
 from orip.wording import counted
 

@@ -12,9 +12,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from msgspec import Struct, field
 
 from orip.errors import InputError
+from orip.files.project.toml_lines import toml_document
 from orip.files.text.lines import read_bytes
 from orip.files.text.shown import has_hidden, shown_token
-from orip.files.text.toml import toml_document
 from orip.records.exchanged import ExchangedPoints, ExchangedProject
 from orip.records.names import COMMENT_MARKS, RESERVED_NAMES, record_key
 from orip.structs import replace

@@ -23,8 +23,8 @@ from orip.exchange.sources.names import short_names
 from orip.exchange.sources.text import Faults
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, ImageAxes, Lens, PoseReading
-from orip.records.observations.control import ControlPoint
 from orip.wording import counted
 
 READING = PoseReading("y_down", "to_camera", "matrix", "radian", "centre")

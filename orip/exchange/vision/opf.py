@@ -22,8 +22,7 @@ from orip.exchange.sources.json_tree import JsonValue
 from orip.exchange.vision.opf_documents import Documents, Ground, Vector, by_id, identity, path_of, read_ground, vector
 from orip.exchange.vision.opf_tracks import add_tracks
 from orip.files.text.shown import Parsed, shown_token
-from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, Lens, PoseReading
-from orip.records.observations.control import (
+from orip.records.control import (
     ANGLE_ERRORS,
     GROUND_ERRORS,
     PIXEL_ERRORS,
@@ -32,6 +31,7 @@ from orip.records.observations.control import (
     ErrorLimits,
     Station,
 )
+from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, Lens, PoseReading
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import counted
 

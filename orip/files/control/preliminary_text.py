@@ -12,8 +12,8 @@ from orip.errors import Complaint
 from orip.files.text.decimal_numbers import LARGEST_NUMBER
 from orip.files.text.lines import FieldReader, read_lines, split_line
 from orip.files.text.shown import Parsed
+from orip.records.control import PreliminaryPoint
 from orip.records.names import RESERVED_NAMES, name_fault
-from orip.records.observations.control import PreliminaryPoint
 
 if TYPE_CHECKING:
     from orip.arrays import FloatArray

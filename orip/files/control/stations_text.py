@@ -9,8 +9,7 @@ from pathlib import Path
 from orip.errors import Complaint
 from orip.files.text.lines import FieldReader, TextLine, field_lines, read_lines
 from orip.files.text.shown import Parsed
-from orip.records.names import record_key
-from orip.records.observations.control import (
+from orip.records.control import (
     ANGLE_ERRORS,
     GROUND_ERRORS,
     NOT_GIVEN,
@@ -18,6 +17,7 @@ from orip.records.observations.control import (
     Station,
     StationReference,
 )
+from orip.records.names import record_key
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

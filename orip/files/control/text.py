@@ -11,8 +11,8 @@ from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed, shown_token
-from orip.records.names import look_alikes, record_key
-from orip.records.observations.control import (
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import (
     ANGLE_ERRORS,
     COEFFICIENT_ERRORS,
     GROUND_ERRORS,
@@ -26,8 +26,8 @@ from orip.records.observations.control import (
     ElementGroup,
     ErrorLimits,
 )
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.names import look_alikes, record_key
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.wording import counted
 
 _UNKNOWN = "-"

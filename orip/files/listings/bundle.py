@@ -26,10 +26,10 @@ from orip.files.listings.title import bundle_title
 from orip.files.text.table import Column, key_lines, paragraph, section, table_lines
 from orip.number_text import decimals_for, fixed, one_fixed, root_mean_square
 from orip.records.coded_names import coded
-from orip.records.observations.epochs import SECONDS_PER_WEEK
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.results.solution import MOST_AS_TEXT, Reliability, Solution
-from orip.records.results.stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
+from orip.records.epochs import SECONDS_PER_WEEK
+from orip.records.measurement import PhotoObservations
+from orip.records.solution import MOST_AS_TEXT, Reliability, Solution
+from orip.records.solution_stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
 
 STATION_KINDS = (*POSITION_KINDS, *ATTITUDE_KINDS)
 """Kinds of observation that are listed here."""

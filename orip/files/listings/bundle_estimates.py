@@ -9,10 +9,10 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, FixedCells, deviation_cells, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
-from orip.records.observations.observation_kinds import unit_of_unknown
-from orip.records.project.camera import CAMERA_PARAMETERS, CAMERA_UNITS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import AdditionalEstimate, AntennaEstimate, Solution
+from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS
+from orip.records.observation_kinds import unit_of_unknown
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import AdditionalEstimate, AntennaEstimate, Solution
 
 AXES_MARK = "*"
 

@@ -13,11 +13,10 @@ from orip.arrays import FloatArray, IntArray
 from orip.files.text.table import Column, FixedCells, Table, table_lines, xy_pair
 from orip.number_text import decimals_for, fixed, measure, root_mean_square
 from orip.records.coded_names import coded
+from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.observations.observation_kinds import unit_of_observation
-from orip.records.observations.repeated import measurement_name, observed_before
-from orip.records.results.solution import Reliability, Residuals, Solution
+from orip.records.observation_kinds import measurement_name, observed_before, unit_of_observation
+from orip.records.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 
 LARGEST = 10

@@ -10,10 +10,10 @@ from orip.files.listings.bundle_residuals import LEGEND, component_columns
 from orip.files.listings.title import bundle_title, title_block
 from orip.files.text.table import INDENT, Column, key_lines, paragraph, section, table_lines
 from orip.number_text import fixed, measure
-from orip.records.observations.measurement import TransformationKind
-from orip.records.observations.observation_kinds import unit_of_observation
-from orip.records.results.interior import MarkAdjustment
-from orip.records.results.solution import Solution
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import TransformationKind
+from orip.records.observation_kinds import unit_of_observation
+from orip.records.solution import Solution
 
 TITLE_OF_ERRORS = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
 

@@ -10,9 +10,9 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, table_lines, xy_columns
 from orip.number_text import fixed, root_mean_square
-from orip.records.observations.repeated import measurement_name
-from orip.records.project.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
-from orip.records.results.interior import ListedObservation, PointToMeasure, StereoPartner
+from orip.records.camera import ISP_PARAMETERS, RADIAL_PARAMETERS
+from orip.records.interior import ListedObservation, PointToMeasure, StereoPartner
+from orip.records.observation_kinds import measurement_name
 
 
 def observation_lines(rows: Sequence[ListedObservation]) -> list[str]:

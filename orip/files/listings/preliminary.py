@@ -1,4 +1,4 @@
-"""PRELIM_RESULT.OUT: the listing of how preliminary values were found, and of the values themselves."""
+"""PRELIM_RESULT.OUT: how preliminary values were found, step by step, and the values themselves."""
 
 from __future__ import annotations
 
@@ -9,22 +9,239 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.files.listings.preliminary_steps import (
-    failure_lines,
-    relative_orientation_lines,
-    relative_overview,
-    relative_remarks,
-    similarity_lines,
-    similarity_overview,
-    similarity_remarks,
-)
 from orip.files.listings.title import title_block
 from orip.files.text.table import INDENT, PAGE_WIDTH, Column, one_line, paragraph, section, table_lines
-from orip.number_text import decimals_for, fixed
-from orip.records.observations.control import PreliminaryPoint
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.preliminary import CameraStart, PreliminaryValues, SimilarityStep
+from orip.number_text import decimals_for, fixed, one_fixed
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import PreliminaryPoint
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.preliminary import (
+    CameraStart,
+    ModelCoordinates,
+    NotOriented,
+    PartialBlock,
+    PreliminaryValues,
+    RelativeOrientation,
+    SimilarityStep,
+)
+
+# The columns and their headings are those that operators know: npts, its, seuw, mres; py and spy; by, bz, om, phi, kp.
+# Model coordinates are printed in millimetres at photo scale, those on the ground in ground units. The scale of the
+# absolute orientation is in ground units per metre at photo scale.
+
+
+_ANGLES = ("om", "phi", "kp")
+_DOWN = "down-weighted"
+
+_MM = 1000.0
+"""Model coordinates are metres at photo scale."""
+
+_SYSTEMS = {
+    "bridge": ("Model {}", "model {}"),
+    "connect": ("Strip of model {}", "strip of model {}"),
+    "absolute": ("Block of model {}", "the ground"),
+}
+"""What a similarity moves, and to what."""
+
+
+def relative_overview(models: Sequence[RelativeOrientation]) -> list[str]:
+    """Return one line a model."""
+    return table_lines(
+        [
+            Column("Model", [model.model for model in models], align="left"),
+            Column("Left", [model.left for model in models], align="left"),
+            Column("Right", [model.right for model in models], align="left"),
+            Column("npts", [str(len(model.points)) for model in models]),
+            Column("its", [str(model.iterations) for model in models]),
+            Column("seuw", fixed([model.seuw for model in models], 3)),
+            Column("mres", fixed([model.max_residual for model in models], 4), "mm"),
+            Column("", [_down_weighted(model) for model in models], align="left"),
+        ]
+    )
+
+
+def relative_remarks(models: Sequence[RelativeOrientation]) -> list[str]:
+    """Return what there is to say of some models, a paragraph each."""
+    return _remarks([f"model {model.model}: {remark}" for model in models for remark in model.remarks], INDENT)
+
+
+def relative_orientation_lines(model: RelativeOrientation) -> list[str]:
+    """Return the points and the orientation parameters of one model."""
+    place = "" if model.row is None else f", row {model.row}, column {model.column}"
+    return [
+        "",
+        f"{' ' * INDENT}Model {model.model}:  photo {model.left} (left) and photo {model.right} (right){place}",
+        "",
+        *_parallaxes(model),
+        "",
+        *_relative_parameters(model),
+        *_remarks(model.remarks, 2 * INDENT),
+    ]
+
+
+def _parallaxes(model: RelativeOrientation) -> list[str]:
+    verdicts = [
+        _DOWN if weight < 1.0 else "" if front else "behind a photo: not in the model"
+        for weight, front in zip(model.weight_factor.tolist(), model.in_front.tolist(), strict=True)
+    ]
+    return table_lines(
+        [
+            Column("Point", model.points, align="left"),
+            Column("left X", fixed(model.left_xy[:, 0], 4), "mm"),
+            Column("left Y", fixed(model.left_xy[:, 1], 4), "mm"),
+            Column("right X", fixed(model.right_xy[:, 0], 4), "mm"),
+            Column("right Y", fixed(model.right_xy[:, 1], 4), "mm"),
+            Column("py", fixed(model.parallax, 5), "mm"),
+            Column("spy", fixed(model.parallax_deviation, 5), "mm"),
+            Column("", verdicts, align="left"),
+        ],
+        indent=2 * INDENT,
+    )
+
+
+def _relative_parameters(model: RelativeOrientation) -> list[str]:
+    base = zip("xyz", model.base * _MM, model.base_deviation * _MM, strict=True)
+    angles = zip(_ANGLES, np.degrees(model.angles), np.degrees(model.angle_deviation), strict=True)
+    return table_lines(
+        [
+            Column("", ["value", "sd"], align="left"),
+            *(Column(f"b{axis}", [one_fixed(value, 4), _deviation(sd, 4)], "mm") for axis, value, sd in base),
+            *(Column(name, [one_fixed(value, 5), _deviation(sd, 5)], "degrees") for name, value, sd in angles),
+        ],
+        indent=2 * INDENT,
+    )
+
+
+def similarity_overview(steps: Sequence[SimilarityStep]) -> list[str]:
+    """Return one line a bridging or connection."""
+    largest = [step.max_residual * _MM for step in steps]
+    return table_lines(
+        [
+            Column("From", [step.source for step in steps], align="left"),
+            Column("To", [step.target for step in steps], align="left"),
+            Column("Photo in both", [step.common_photo or "-" for step in steps], align="left"),
+            Column("npts", [str(len(step.points)) for step in steps]),
+            Column("its", [str(step.iterations) for step in steps]),
+            Column("seuw", fixed([step.s0 for step in steps], 3)),
+            Column("mres", fixed(largest, decimals_for(np.array(largest) / 10.0, at_least=4)), "mm"),
+            Column("", [_down_weighted(step) for step in steps], align="left"),
+        ]
+    )
+
+
+def similarity_remarks(steps: Sequence[SimilarityStep]) -> list[str]:
+    """Return what there is to say of some bridgings or connections, a paragraph each."""
+    return _remarks([f"{step.source} to {step.target}: {text}" for step in steps for text in step.remarks], INDENT)
+
+
+def similarity_lines(step: SimilarityStep, ground_unit: str) -> list[str]:
+    """Return the points and the transformation parameters of one similarity."""
+    photo = f", photo {step.common_photo} in both" if step.common_photo else ""
+    figures = f"pnt {len(step.points)}  its {step.iterations}  s0 {one_fixed(step.s0, 3)}"
+    source, target = (
+        text.format(name) for text, name in zip(_SYSTEMS[step.step], (step.source, step.target), strict=True)
+    )
+    factor, unit = (1.0, ground_unit) if step.step == "absolute" else (_MM, "mm")
+    return [
+        "",
+        f"{' ' * INDENT}{source} to {target}{photo}:  {figures}",
+        "",
+        *_residuals(step, factor, unit),
+        "",
+        *_similarity_parameters(step, factor, unit, f"{ground_unit}/m" if step.step == "absolute" else ""),
+        *_remarks(step.remarks, 2 * INDENT),
+    ]
+
+
+def _residuals(step: SimilarityStep, factor: float, unit: str) -> list[str]:
+    residuals = factor * step.residuals
+    decimals = decimals_for(np.abs(residuals).max(initial=0.0, where=np.isfinite(residuals)) / 10.0)
+    down = np.any(step.weight_factor < 1.0, axis=1).tolist()
+    return table_lines(
+        [
+            Column("Point", step.points, align="left"),
+            *(Column(axis, fixed(factor * step.coordinates[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            *(Column(f"s{axis}", fixed(residuals[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            Column("", [_DOWN if flag else "" for flag in down], align="left"),
+        ],
+        indent=2 * INDENT,
+    )
+
+
+def _similarity_parameters(step: SimilarityStep, factor: float, unit: str, scale_unit: str) -> list[str]:
+    scale = decimals_for(step.scale_deviation)
+    deviations = factor * step.shift_deviation
+    shift = decimals_for(deviations)
+    shifts = zip("XYZ", factor * step.shift, deviations, strict=True)
+    angles = zip(_ANGLES, np.degrees(step.angles), np.degrees(step.angle_deviation), strict=True)
+    return table_lines(
+        [
+            Column("", ["value", "sd"], align="left"),
+            Column("scale", [one_fixed(step.scale, scale), _deviation(step.scale_deviation, scale)], scale_unit),
+            *(
+                Column(f"shift {axis}", [one_fixed(value, shift), _deviation(sd, shift)], unit)
+                for axis, value, sd in shifts
+            ),
+            *(Column(name, [one_fixed(value, 5), _deviation(sd, 5)], "degrees") for name, value, sd in angles),
+        ],
+        indent=2 * INDENT,
+    )
+
+
+def model_coordinate_lines(found: ModelCoordinates, ground_unit: str) -> list[str]:
+    """Return the model coordinate list: centres and points of every system."""
+    return [line for system in found.systems for line in _system_lines(system, found, ground_unit)]
+
+
+def _system_lines(system: PartialBlock, found: ModelCoordinates, ground_unit: str) -> list[str]:
+    on_ground = found.stage == "absolute"
+    factor, unit = (1.0, ground_unit) if on_ground else (_MM, "mm")
+    kinds = ["photo"] * len(system.photos) + ["point"] * len(system.points)
+    names = [found.photos[row] for row in system.photos] + [found.points[row] for row in system.points]
+    xyz = factor * np.vstack([system.centres, system.coordinates])
+    sd = factor * np.vstack([np.full((len(system.photos), 3), np.nan), system.deviations])
+    decimals = decimals_for(np.nanmedian(sd) if np.isfinite(sd).any() else [])
+    return [
+        "",
+        f"{' ' * INDENT}{'Ground' if on_ground else f'System of model {system.name}'}:",
+        "",
+        *table_lines(
+            [
+                Column("", kinds, align="left"),
+                Column("Name", names, align="left"),
+                *(Column(axis, fixed(xyz[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+                *(Column(f"s{axis}", fixed(sd[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            ],
+            indent=2 * INDENT,
+        ),
+    ]
+
+
+def failure_lines(failures: Sequence[NotOriented]) -> list[str]:
+    """Return one paragraph for each model or joint that failed."""
+    return [
+        line
+        for failure in failures
+        for line in paragraph(
+            f"{failure.name}{f' and {failure.other}' if failure.other else ''}: {failure.reason}", hanging=INDENT
+        )
+    ]
+
+
+def _remarks(remarks: Sequence[str], indent: int) -> list[str]:
+    lines = [line for remark in remarks for line in paragraph(remark, indent=indent, hanging=INDENT)]
+    return ["", *lines] if lines else []
+
+
+def _deviation(value: float, decimals: int) -> str:
+    return "-" if not value > 0.0 else f"({one_fixed(value, decimals)})"
+
+
+def _down_weighted(step: RelativeOrientation | SimilarityStep) -> str:
+    coordinates = tuple(range(1, step.weight_factor.ndim))
+    count = np.count_nonzero(np.any(step.weight_factor < 1.0, axis=coordinates))
+    return f"{count} {_DOWN}" if count else ""
+
 
 TITLE = "PRELIMINARY VALUES"
 

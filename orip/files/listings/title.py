@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from orip.files.listings.identification import RUN_LABEL
+from orip.files.identification import RUN_LABEL
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
-from orip.records.results.result_tests import Status
+from orip.records.result_tests import Status
 from orip.version import __version__
 
 if TYPE_CHECKING:
-    from orip.records.results.solution import Solution
+    from orip.records.solution import Solution
 
 STATUS_REMARK: dict[Status, str] = {
     "converged": "",

@@ -12,8 +12,8 @@ from msgspec import Struct, field
 from orip.arrays import BoolArray, FloatArray
 from orip.files.text.decimal_numbers import parse_photo_error
 from orip.files.text.lines import FieldReader
-from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
-from orip.records.observations.measurement import (
+from orip.records.control import PHOTO_ERRORS, PIXEL_ERRORS
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -25,7 +25,7 @@ from orip.records.observations.measurement import (
     TicksRecord,
     TransformationKind,
 )
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 BlockKind = Literal["TEMPLATE", "PHOTO", "POINTS", "FIDUCIALS", "TICKS"]
 

@@ -14,8 +14,8 @@ from orip.files.log.blocks import ACTIONS, BLOCK_KINDS
 from orip.files.text.atomic import replace_text, reporting_failure, require_no_link
 from orip.files.text.lines import TextLine, existing_text, field_lines, field_name_fault, read_lines
 from orip.files.text.shown import Parsed, shown_token
-from orip.records.observations.measurement import EditRecord, TransformationKind
-from orip.records.project.photo import Stage
+from orip.records.measurement import EditRecord, TransformationKind
+from orip.records.photo import Stage
 
 # What one command measures is a chapter at the end of the file: a comment, and below it one block for each photo or
 # template. With every measurement the file is replaced as a whole, so that whoever reads it, or finds it after the

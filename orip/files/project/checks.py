@@ -11,10 +11,10 @@ from orip.files.project.source import Located, NamePlace, ProjectSource
 from orip.files.project.tables import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.definition import ANTENNA_PARAMETERS, StereoModel
 from orip.records.names import name_fault, record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.project.definition import ANTENNA_PARAMETERS, StereoModel
-from orip.records.project.photo import Photo, Template
+from orip.records.photo import Photo, Template
 
 LineOf = Callable[[KeyPath], int]
 _Item = TypeVar("_Item")

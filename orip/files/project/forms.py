@@ -52,7 +52,7 @@ class Form(Struct, frozen=True):
 
 
 class Number(Form, frozen=True):
-    """A number; limits as those of `orip.records.project.fields.Field`."""
+    """A number; limits as those of `orip.records.fields.Field`."""
 
     is_whole: bool = False
     above: float | None = None

@@ -11,12 +11,11 @@ from msgspec import Struct
 from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
 from orip.files.project.records import RECORD_SECTIONS, SINGLE_SECTIONS, project_document, project_text, record_text
-from orip.files.project.toml_lines import KeyPath, TomlLines
+from orip.files.project.toml_lines import KeyPath, TomlLines, toml_document
 from orip.files.project.toml_text import toml_assignment
 from orip.files.text.lines import split_line
-from orip.files.text.toml import toml_document
+from orip.records.definition import ProjectDefinition
 from orip.records.names import record_key
-from orip.records.project.definition import ProjectDefinition
 
 
 class _Block(Struct, frozen=True):

@@ -15,12 +15,11 @@ from orip.files.project import record_checks
 from orip.files.project.records import project_definition
 from orip.files.project.source import ProjectSource, project_source
 from orip.files.project.tables import Fault
-from orip.files.project.toml_lines import KeyPath, TomlLines, syntax_complaint
+from orip.files.project.toml_lines import KeyPath, NestingError, TomlLines, syntax_complaint, toml_document
 from orip.files.text.lines import decode_lines, read_bytes
 from orip.files.text.shown import Parsed, printable
-from orip.files.text.toml import NestingError, toml_document
+from orip.records.definition import ProjectDefinition, plan_stages
 from orip.records.names import record_key
-from orip.records.project.definition import ProjectDefinition, plan_stages
 
 
 class RecordLines(Mapping[tuple[str, str], int]):

@@ -10,10 +10,10 @@ from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import Fault, ProjectTable, instead, nearest_word
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
+from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera, Mark
+from orip.records.definition import BundleDefinition
 from orip.records.names import look_alikes, name_fault, record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera, Mark
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 
 _RADIAL_FORMS = ("distortion_isp", "distortion_curve")
 """What may stand in place of A1, A3, A5, A7, A9 of the key `distortion`, which holds P1, P2, B1, B2 then."""

@@ -8,8 +8,8 @@ from typing import Any, TypeAlias, TypeVar, cast, get_args
 
 from msgspec import Struct
 
-from orip.records.project.definition import Precision
-from orip.records.project.fields import Part, RecordField, fields_by_key, fields_of
+from orip.records.definition import Precision
+from orip.records.fields import Part, RecordField, fields_by_key, fields_of
 
 TomlTable: TypeAlias = dict[str, Any]
 """A table as the TOML reader gives it; keys without a value are missing."""

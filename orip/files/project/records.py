@@ -11,10 +11,10 @@ from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import ProjectTable
 from orip.files.project.toml_text import toml_table
+from orip.records.camera import Camera, with_shared_lenses, without_lens, without_radial_distortion
+from orip.records.definition import BundleDefinition, ProjectDefinition, ReportDetails, StereoModel
 from orip.records.names import record_key
-from orip.records.project.camera import Camera, with_shared_lenses, without_lens, without_radial_distortion
-from orip.records.project.definition import BundleDefinition, ProjectDefinition, ReportDetails, StereoModel
-from orip.records.project.photo import Template
+from orip.records.photo import Template
 from orip.structs import replace
 
 

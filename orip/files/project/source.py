@@ -12,9 +12,9 @@ from orip.files.project.record_values import record_of
 from orip.files.project.tables import SECTIONS, CheckTable, Fault, ProjectTable, table_faults, table_of, unknown_key
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.project.camera import Camera
-from orip.records.project.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
-from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.camera import Camera
+from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
+from orip.records.photo import Photo, Template, Temtick
 
 Record = TypeVar("Record")
 

@@ -26,9 +26,9 @@ from orip.files.project.forms import (
 )
 from orip.files.text.decimal_numbers import UNIT_IN_WORDS, parse_photo_error
 from orip.files.text.shown import shown_token
-from orip.records.observations.control import PHOTO_ERRORS, PIXEL_ERRORS
-from orip.records.project.definition import Precision
-from orip.records.project.fields import Field, Part, RecordField, fields_by_key, without_none
+from orip.records.control import PHOTO_ERRORS, PIXEL_ERRORS
+from orip.records.definition import Precision
+from orip.records.fields import Field, Part, RecordField, fields_by_key, without_none
 
 # All follow from the fields of structures: those of the records, and of the tables that are no records. Each key
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in

@@ -11,9 +11,9 @@ from typing import Any
 from orip.files.project.forms import Choice, Form, ListOf, Table, Text
 from orip.files.project.record_values import TomlTable
 from orip.files.project.tables import keys_of, table_of, unknown_key
+from orip.files.project.toml_lines import toml_document
 from orip.files.text.shown import printable, shown_token
-from orip.files.text.toml import toml_document
-from orip.records.project.definition import RECORD_TYPES
+from orip.records.definition import RECORD_TYPES
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _WIDEST = 100

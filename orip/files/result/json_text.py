@@ -11,13 +11,13 @@ from typing import Literal
 
 import numpy as np
 
-from orip.files.result.identification import SCHEMA
+from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupTest, VarianceComponent
-from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
-from orip.records.results.stations import station_residuals
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.result_tests import GroupTest, VarianceComponent
+from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.records.solution_stations import station_residuals
 
 RESIDUALS_FILE = "residuals.csv"
 

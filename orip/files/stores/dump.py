@@ -14,9 +14,9 @@ from msgspec import Struct, field
 from orip.errors import Complaint, InputError
 from orip.files.stores.contents import exterior
 from orip.files.stores.digest import META, run_of, set_run
-from orip.files.stores.explain import explained
 from orip.files.stores.identity import DUMP_VERSION, create, kind_of, summed_tables
 from orip.files.stores.store import Store, stored_fault
+from orip.files.stores.store_files import explained
 from orip.files.stores.table import StoreColumn, StoreTable
 from orip.files.stores.transaction import connected, reading, writing
 from orip.files.text.shown import printable

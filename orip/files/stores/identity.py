@@ -13,8 +13,8 @@ from orip.files.stores import digest as provenance
 from orip.files.stores.checksum import CHECKSUM, ContentSums, Sum
 from orip.files.stores.contents import cameras, exterior, observations, photos, solution_tables, templates, temticks
 from orip.files.stores.digest import META
-from orip.files.stores.explain import opened
 from orip.files.stores.store import Store, damage
+from orip.files.stores.store_files import opened
 from orip.files.stores.table import StoreTable
 from orip.files.text.own_files import make_folder, rename
 from orip.files.text.regular_file import kind_of_no_file

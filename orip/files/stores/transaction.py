@@ -12,11 +12,10 @@ from pathlib import Path
 from msgspec import Struct
 
 from orip.errors import OripError, UsageError
-from orip.files.stores.explain import explained, opened
 from orip.files.stores.identity import content_sums, create, is_present, kind_of
 from orip.files.stores.joint_commit import commit_jointly, has_undo, put_back_killed, remove_orphaned_pact
 from orip.files.stores.store import Store
-from orip.files.stores.store_files import remove_orphans, require_own_store
+from orip.files.stores.store_files import explained, opened, remove_orphans, require_own_store
 from orip.files.text.own_files import remove_file
 from orip.files.text.regular_file import file_of
 from orip.structs import replace

@@ -15,8 +15,8 @@ from orip.errors import Complaint, InputError
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.regular_file import NoRegularFileError, regular_bytes
 from orip.files.text.shown import Parsed, printable, shown_token
+from orip.records.control import ErrorLimits
 from orip.records.names import COMMENT_MARKS, name_fault
-from orip.records.observations.control import ErrorLimits
 
 _FIELD = re.compile(r"\S+")
 _ZERO = b"\0"

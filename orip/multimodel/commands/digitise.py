@@ -11,8 +11,7 @@ import typer
 
 from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.completion import cameras, photos, points, templates
-from orip.cli.late_groups import add_group
-from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, command
+from orip.cli.options import LINK_VARIABLE, BundleArgument, BundleOption, Invocation, add_group, command
 from orip.errors import UsageError
 
 if TYPE_CHECKING:
@@ -313,7 +312,7 @@ def ground_command(
     Example: orip digitise ground --model 1-1 --first 5000 --link tcp://127.0.0.1:4788
     """
     from orip.multimodel.commands.output import tell_ground
-    from orip.multimodel.digitising.ground import GroundChoice, digitise_ground
+    from orip.multimodel.digitising.new_points import GroundChoice, digitise_ground
 
     setup = instrument.setup(invocation, LOG)
     choice = GroundChoice(model, target, tuple(names or ()), listed, first, error)

@@ -12,12 +12,12 @@ from msgspec.structs import asdict
 from orip.cli.terminal import Terminal, warning_rows
 
 if TYPE_CHECKING:
-    from orip.multimodel.digitising.ground import GroundDigitised
+    from orip.multimodel.digitising.new_points import GroundDigitised
     from orip.multimodel.digitising.setup import Digitised
     from orip.multimodel.link.messages import ProfilePoint
     from orip.multimodel.project_link import WhereMark
     from orip.multimodel.state import Driven, Position
-    from orip.records.results.interior import MarkAdjustment
+    from orip.records.interior import MarkAdjustment
 
 
 def driven_line(driven: Driven) -> str:

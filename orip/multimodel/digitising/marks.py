@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.errors import InputError, OrientationError, ProjectWarning, UsageError
 from orip.files.log.writing import measurement_line, photo_header, template_header
 from orip.geometry.plane import PlaneTransformation
-from orip.interior.driving_orientation import DrivingOrientation, drive_photo, drive_template
+from orip.interior.in_force import DrivingOrientation, drive_photo, drive_template
 from orip.interior.orientation import (
     OrientedMarks,
     given_coordinates_of_photo,
@@ -25,18 +25,18 @@ from orip.multimodel.digitising.session import DriveTarget, Entry, Outcome, Sess
 from orip.multimodel.digitising.setup import Digitised, DigitisingSetup
 from orip.multimodel.digitising.wanted import MarkChoice, WantedMarks, marks_to_visit
 from orip.multimodel.link.client import ProcessorFault
-from orip.multimodel.loaded_table import load_again
+from orip.multimodel.project_link import load_again
 from orip.multimodel.state import Position
-from orip.records.names import record_key
-from orip.records.observations.measurement import (
+from orip.records.camera import Mark
+from orip.records.interior import MarkAdjustment
+from orip.records.measurement import (
     MeasuredMarks,
     PhotoOrientation,
     TemplateOrientation,
     TransformationKind,
 )
-from orip.records.project.camera import Mark
-from orip.records.project.photo import Photo, Stage, Template
-from orip.records.results.interior import MarkAdjustment
+from orip.records.names import record_key
+from orip.records.photo import Photo, Stage, Template
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
 
 

@@ -21,9 +21,9 @@ from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import DriveCode
+from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import name_fault, record_key
-from orip.records.observations.measurement import FiducialsRecord, TicksRecord
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.workflow.observations.films import MountedFilms
 
 PAUSE_S = 0.05

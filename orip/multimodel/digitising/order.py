@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 # New points are digitised model by model, in each model point by point; those that are measured again point by point,
 # in all their photos before the next point. A point that no photo has yet is measured stereoscopically in the two

@@ -16,7 +16,7 @@ from orip.multimodel.digitising.wanted import BundlePoints, PointChoice, bundle_
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.state import Position, Side
 from orip.records.drive_table import DriveCode
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 Viewing = Literal["mono", "stereo"]
 

@@ -20,10 +20,10 @@ from orip.multimodel.digitising.order import next_name
 from orip.multimodel.digitising.session import Entry, Session
 from orip.multimodel.digitising.setup import Digitised, DigitisingSetup
 from orip.multimodel.state import Position
+from orip.records.camera import Camera, Mark
+from orip.records.measurement import MeasuredMarks
 from orip.records.names import name_fault, near_names, record_key
-from orip.records.observations.measurement import MeasuredMarks
-from orip.records.project.camera import Camera, Mark
-from orip.records.project.photo import Stage, Temtick
+from orip.records.photo import Stage, Temtick
 from orip.structs import replace
 
 FEWEST_FIDUCIALS = 4

@@ -14,7 +14,7 @@ from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import STAGES, DriveCode
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 Outcome = Literal["digitised", "skipped", "kept"]
 """Skipped: nothing is measured there, and what was measured before is gone. Kept: nothing has changed."""

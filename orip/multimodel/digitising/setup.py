@@ -28,11 +28,11 @@ from orip.multimodel.digitising.operator import (
 from orip.multimodel.digitising.session import Ending, Entry, Rehearsal, Session
 from orip.multimodel.link.client import ProcessorFault, host_link
 from orip.multimodel.state import Position
+from orip.records.interior import MarkAdjustment
 from orip.records.names import record_key
-from orip.records.results.interior import MarkAdjustment
 from orip.workflow.observations.films import MountedFilms, films_of, mounted_films, plate_of_log, position
+from orip.workflow.project.outputs import remove_leftovers_of_kills
 from orip.workflow.project.state import Part
-from orip.workflow.project.text_output import remove_leftovers_of_kills
 
 _SAME_PLACE = 0.5e-4
 """Plate units: half the last digit of a log."""

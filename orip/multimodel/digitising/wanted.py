@@ -17,10 +17,10 @@ from orip.geometry.plane import PlaneTransformation
 from orip.multimodel.digitising.order import DigitisedBlock, PhotoPair
 from orip.multimodel.digitising.session import DriveTarget
 from orip.multimodel.state import Position
+from orip.records.camera import Mark
+from orip.records.definition import BundleDefinition, StereoModel
+from orip.records.measurement import MeasuredMarks
 from orip.records.names import name_fault, near_names, record_key
-from orip.records.observations.measurement import MeasuredMarks
-from orip.records.project.camera import Mark
-from orip.records.project.definition import BundleDefinition, StereoModel
 from orip.workflow.observations.films import MountedFilms, plate_of_log, position
 from orip.workflow.observations.listed import Places
 from orip.workflow.project.bundle_state import BundleState

@@ -36,7 +36,7 @@ from orip.multimodel.link.messages import (
 from orip.multimodel.readout import ObjectReadout, PhotoReadout
 from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
 from orip.records.drive_table import DriveCode, Triple
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 
 FIRST_PAUSE_S = 0.2
 """Before the second attempt to get through; each further pause is twice as long."""

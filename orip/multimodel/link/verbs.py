@@ -31,7 +31,7 @@ from orip.multimodel.link.station import Station, bare_stages
 from orip.multimodel.readout import profile as drive_profile
 from orip.multimodel.state import GUIDES, SIDES, Driven, ProcessorState, Side, Status
 from orip.records.drive_table import STAGES, DriveCode, DriveFault
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.structs import replace
 
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from orip.multimodel.photo_loop import DrivenPhoto
 from orip.multimodel.plan_view import PlanView
 from orip.multimodel.state import SIDES, Side
 from orip.records.drive_table import STAGES, Triple
-from orip.records.project.photo import Stage
+from orip.records.photo import Stage
 from orip.web.page_server import Document, RequestError
 
 FRESH_S = 0.04

@@ -18,7 +18,7 @@ from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, UnknownName, Unknowns, number_unknowns
 from orip.online.sequential.hyper_rows import ObservationRows
 from orip.records.block import Block
-from orip.records.observations.observation_kinds import (
+from orip.records.observation_kinds import (
     ADDITIONAL_PARAMETER,
     ANTENNA_PARAMETER,
     CONSTANT_DISTANCE,

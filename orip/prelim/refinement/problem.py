@@ -13,7 +13,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.least_squares import LARGEST_TURN
 from orip.prelim.rays import CAMERA_CORRECTIONS, ImageRays
-from orip.records.project.camera import Camera
+from orip.records.camera import Camera
 from orip.structs import replace
 
 # An interior orientation that is to be estimated may be off by per cent. Photos that are adjusted without correcting it

@@ -17,7 +17,7 @@ from orip.prelim.rays import ImageRays, PhotoIndex, photo_index
 from orip.prelim.relative.adjustment import Pairs, parallaxes
 from orip.prelim.relative.solution import PairSolution, solve
 from orip.prelim.relative.start import POINTS_NEEDED
-from orip.records.results.preliminary import NotOriented, PartialBlock, RelativeOrientation
+from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted, first_names
 
 

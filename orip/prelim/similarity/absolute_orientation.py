@@ -15,7 +15,7 @@ from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, Names, similarity_step
 from orip.prelim.similarity.partial_blocks import steady_deviations, transformed
 from orip.prelim.similarity.start import adjusted_from_all_sides, start_from_triples
-from orip.records.results.preliminary import NotOriented, PartialBlock
+from orip.records.preliminary import NotOriented, PartialBlock
 from orip.structs import replace
 from orip.wording import agreeing, counted
 

@@ -54,7 +54,7 @@ NUMBERS_FOUND = 25
 
 
 class SimilarityAdjustment(Struct, frozen=True):
-    """What an adjustment found; parameters as in `orip.records.results.preliminary.SimilarityStep`.
+    """What an adjustment found; parameters as in `orip.records.preliminary.SimilarityStep`.
 
     Parameters
     ----------

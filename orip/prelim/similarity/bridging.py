@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from orip.prelim.similarity.joining import POINTS_WITHOUT_PHOTO, Joined, Names, join
 from orip.prelim.similarity.partial_blocks import assembled
-from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace
 
 _BACK = -0.5

@@ -19,7 +19,7 @@ from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Names
 from orip.prelim.similarity.start import TRIPLES, start_from_triples
-from orip.records.results.preliminary import ControlReading, PartialBlock
+from orip.records.preliminary import ControlReading, PartialBlock
 from orip.structs import replace
 from orip.units import METRES_PER_FOOT
 

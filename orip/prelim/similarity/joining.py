@@ -28,7 +28,7 @@ from orip.prelim.similarity.adjustment import (
 )
 from orip.prelim.similarity.partial_blocks import STEADY, CommonPlaces, common_places, in_common, transformed
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, start_from_triples
-from orip.records.results.preliminary import NotOriented, PartialBlock, SimilarityStep
+from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
 from orip.structs import replace
 from orip.wording import counted
 

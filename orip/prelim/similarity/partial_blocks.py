@@ -15,7 +15,7 @@ from orip.prelim.rays import in_both
 from orip.prelim.sampling import median, medians
 from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, best_start, most_points
-from orip.records.results.preliminary import PartialBlock
+from orip.records.preliminary import PartialBlock
 from orip.structs import replace
 
 STEADY = 0.3

@@ -8,8 +8,8 @@ from orip.bundle.assemble import BlockInput
 from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.files.text.decimal_numbers import tables_in_folder
 from orip.records.coded_names import coded
+from orip.records.control import Control
 from orip.records.names import record_key
-from orip.records.observations.control import Control
 from orip.wording import first_names
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.texts import raise_complaints

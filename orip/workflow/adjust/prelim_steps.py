@@ -18,9 +18,9 @@ from orip.prelim.routes import ListedModels, bridge_rows, connect_rows, in_drivi
 from orip.prelim.similarity.bridging import JoinedSystems, bridge, connect
 from orip.prelim.similarity.joining import Joined
 from orip.records.block import Block
+from orip.records.definition import StereoModel
 from orip.records.names import record_key
-from orip.records.project.definition import StereoModel
-from orip.records.results.preliminary import (
+from orip.records.preliminary import (
     ModelCoordinates,
     NotOriented,
     PartialBlock,

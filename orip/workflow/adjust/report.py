@@ -15,8 +15,8 @@ from msgspec import Struct
 from orip.errors import OripError, UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.progress import stage
-from orip.records.results.result_tests import GateResult
-from orip.records.results.solution import Solution
+from orip.records.result_tests import GateResult
+from orip.records.solution import Solution
 from orip.report.client import certificate_page, client_page
 from orip.report.page import report_page
 from orip.report.report_input import ReportInput
@@ -24,9 +24,8 @@ from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.named_output import first_bytes, require_replaceable
+from orip.workflow.project.outputs import TextOutput, first_bytes, require_replaceable
 from orip.workflow.project.state import Part, ProjectState
-from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import Digests, is_measurement_file
 
 REPORTED_FROM: tuple[Part, ...] = ("definitions", "replay")

@@ -1,29 +1,49 @@
-"""`orip results`: cameras, photos, points, theodolites or residuals of the last adjustment."""
+"""`orip results` and `orip check`: the last adjustment in tables, its covariance matrix, and gates checked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
+from orip.bundle.methods import Method
+from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results.reliability import reliability_of
-from orip.errors import UsageError
+from orip.bundle.snooping.search import SnoopingSettings
+from orip.bundle.solve import SolvedBlock
+from orip.errors import InputError, ProjectWarning, UsageError
 from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import points_by_name, result_document
-from orip.files.result.residuals import residuals_csv_pieces, residuals_npz_pieces
-from orip.files.text.atomic import replace_in_pieces, reporting_failure
+from orip.files.result.residuals import (
+    CovarianceMatrix,
+    csv_bytes,
+    npz_bytes,
+    residuals_csv_pieces,
+    residuals_npz_pieces,
+)
+from orip.files.text.atomic import replace_bytes, replace_in_pieces, reporting_failure
 from orip.files.text.table import table_lines
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import coded
 from orip.records.names import record_key
-from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
+from orip.records.observation_kinds import unit_of_unknown
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.result_tests import GateResult, Status
+from orip.records.solution import Estimates, Reliability, Residuals, Solution
 from orip.structs import replace
+from orip.workflow.adjust.gates import check_solution, project_gates
+from orip.workflow.adjust.solve import ADJUSTED_FROM, run_of_solution, solve_with_equations
+from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.named_output import first_bytes, require_replaceable
+from orip.workflow.project.outputs import first_bytes, require_replaceable
+from orip.workflow.project.state import Part
+from orip.workflow.steps import solve_step
 
 What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
 
@@ -153,3 +173,188 @@ def _plain(value: Any) -> str | float | None:
     if isinstance(value, str):
         return value
     return float(value) if np.isfinite(value) else None
+
+
+# Stores hold standard deviations and some correlations, not normal equations: the adjustment is computed again, by the
+# method by which it was made, which its run id tells.
+
+
+MOST_FIGURES = 10_000
+"""A matrix of so many figures takes 800 MB."""
+
+_MATRIX_FORMATS = {".npz": npz_bytes, ".csv": csv_bytes}
+
+
+class _Record(NamedTuple):
+    """A camera, photo or point with the names, values and units of its figures."""
+
+    kind: str
+    name: str
+    row: int
+    kinds: tuple[str, ...]
+    values: tuple[float, ...]
+    figures: Callable[[SolvedBlock, int], Figures]
+
+
+def covariance_matrix(bundle: BundleState, names: Sequence[str]) -> CovarianceMatrix:
+    """Return the covariances of cameras, photos and points; figures that are constant are left out.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With `ADJUSTED_FROM` and solutions.
+    names : sequence of str
+        Cameras, photos and points; empty: all.
+
+    Raises
+    ------
+    InputError
+        If the bundle has not been adjusted, or what it was adjusted from has changed since.
+    UsageError
+        If a name is not in the solution, or the matrix would be too large.
+    """
+    stored = bundle.adjusted
+    records = _chosen_records(list(_records(stored)), names)
+    _, solved = solve_with_equations(bundle, method=_method(bundle, stored))
+    found = [record.figures(solved, record.row) for record in records]
+    matrix = covariance(solved, found, found)
+    labels = [f"{record.kind} {record.name}.{kind}" for record in records for kind in record.kinds]
+    units = [unit_of_unknown(kind, stored.ground_unit) for record in records for kind in record.kinds]
+    values = np.array([value for record in records for value in record.values])
+    kept = np.flatnonzero(~(np.diag(matrix) == 0.0))
+    return CovarianceMatrix(
+        [labels[row] for row in kept], [units[row] for row in kept], values[kept], matrix[np.ix_(kept, kept)],
+        stored.sigma0, stored.run,
+    )  # fmt: skip
+
+
+def write_covariance(project: ProjectFolder, matrix: CovarianceMatrix, output: Path, *, force: bool = False) -> None:
+    """Write a matrix in the format that the file's name says; with `force` also in the place of another file.
+
+    Raises
+    ------
+    UsageError
+        If it ends in neither .npz nor .csv, or another file would be replaced.
+    OripError
+        If it cannot be written.
+    """
+    with reporting_failure(output, "choose another file with --output"):
+        data = _MATRIX_FORMATS[output.suffix.lower()](matrix)
+        require_replaceable(project, output, force=force, begins=data)
+        replace_bytes(output, data)
+
+
+def require_format(output: Path | None) -> Path:
+    """Return the file to write; raise UsageError if there is none, or it ends in neither .npz nor .csv."""
+    if output is None or output.suffix.lower() not in _MATRIX_FORMATS:
+        message = (
+            "name the file of the covariance matrix: --output covariance.npz for NumPy, or --output covariance.csv"
+        )
+        raise UsageError(message)
+    return output
+
+
+def _records(solution: Solution) -> Iterator[_Record]:
+    for row, name in enumerate(solution.cameras.names):
+        own = [parameter for parameter in solution.additional if parameter.camera == name]
+        kinds = (*CAMERA_PARAMETERS, *(parameter.name for parameter in own))
+        values = (*solution.cameras.values[row].tolist(), *(parameter.value for parameter in own))
+        yield _Record("camera", name, row, kinds, values, camera_figures)
+    for row, name in enumerate(solution.photos.names):
+        yield _Record("photo", name, row, PHOTO_PARAMETERS, tuple(solution.photos.values[row].tolist()), photo_figures)
+    for row, name in enumerate(solution.points.names):
+        yield _Record("point", name, row, ("X", "Y", "Z"), tuple(solution.points.values[row].tolist()), point_figures)
+
+
+def _chosen_records(records: list[_Record], names: Sequence[str]) -> list[_Record]:
+    if names:
+        wanted = {*names, *map(record_key, names)}
+        # names of records ignore case, those of points do not
+        records = [r for r in records if (r.name if r.kind == "point" else record_key(r.name)) in wanted]
+        known = {key for record in records for key in (record.name, record_key(record.name))}
+        if missing := [name for name in names if name not in known and record_key(name) not in known]:
+            message = f"the solution has no camera, photo or point {', '.join(missing)}"
+            raise UsageError(message)
+    count = sum(len(record.kinds) for record in records)
+    if count > MOST_FIGURES:
+        message = (
+            f"a matrix of {count} figures is too large, {MOST_FIGURES} are possible; name cameras, photos or points"
+        )
+        raise UsageError(message)
+    return records
+
+
+def _method(bundle: BundleState, stored: Solution) -> Method:
+    """Return the method by which a stored solution was made: with it the run has the same id."""
+    snoopings = (None, SnoopingSettings("apriori", None), SnoopingSettings("posteriori", None))
+    for snooping, prune, components in itertools.product(snoopings, (False, True), (False, True)):
+        method = Method(snooping, prune, components)
+        if run_of_solution(bundle, stored, method) == stored.run:
+            return method
+    message = (
+        f"the covariances of bundle {bundle.name} cannot be computed: its project has changed since it was adjusted, "
+        "or it was adjusted with --alpha; run 'orip solve', and then this command"
+    )
+    raise InputError.single(message)
+
+
+CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
+"""What `check` needs of the stores."""
+
+
+class CheckOutcome(Struct, frozen=True):
+    """What the gates say of the last adjustment of a bundle.
+
+    Parameters
+    ----------
+    bundle, run : str
+    status : Status
+    results : tuple of GateResult
+        Those of orip.toml first, each gate once.
+    warnings : tuple of ProjectWarning
+    """
+
+    bundle: str
+    run: str
+    status: Status
+    results: tuple[GateResult, ...]
+    warnings: tuple[ProjectWarning, ...]
+
+    @property
+    def solved(self) -> bool:
+        """Tell whether the adjustment came to an end by itself."""
+        return self.status in {"converged", "doubtful"}
+
+    @property
+    def failed(self) -> int:
+        """Return how many gates failed."""
+        return sum(not result.passed for result in self.results)
+
+
+def check(bundle: BundleState, expressions: Sequence[str]) -> CheckOutcome:
+    """Check gates against the last solution of a bundle.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With `CHECKED`.
+    expressions : sequence of str
+        ``name operator number``; those of orip.toml are checked too.
+
+    Raises
+    ------
+    InputError
+        If the bundle has not been adjusted, or a gate of orip.toml is malformed.
+    UsageError
+        If an expression is malformed, or there is no gate at all.
+    """
+    gates = project_gates(bundle.project, expressions)
+    if not gates:
+        message = "there is no gate to check; give one, such as 'sigma0<=1.5', or write [check] gates in orip.toml"
+        raise UsageError(message)
+    solution, step = bundle.adjusted, solve_step(bundle)
+    warnings: tuple[ProjectWarning, ...] = ()
+    if step.state == "out of date":
+        text = f"the last adjustment is out of date: {step.text}"
+        warnings = (ProjectWarning("out-of-date", f"bundle {bundle.name}", text),)
+    return CheckOutcome(bundle.name, solution.run, solution.status, check_solution(solution, gates), warnings)

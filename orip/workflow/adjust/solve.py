@@ -14,21 +14,20 @@ from orip.prelim.ground import absolute_in_project
 from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.results.preliminary import PreliminaryValues
-from orip.records.results.result_tests import Gate, GateResult
-from orip.records.results.solution import InteriorSummary, Solution
+from orip.records.preliminary import PreliminaryValues
+from orip.records.result_tests import Gate, GateResult
+from orip.records.solution import InteriorSummary, Solution
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
 from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.adjust.gathering import block_input
+from orip.workflow.adjust.prelim import listed_values, preliminary_output
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.outputs import solution_outputs, superseded_outputs
-from orip.workflow.project.preliminary_outputs import listed_values, preliminary_output
+from orip.workflow.project.outputs import TextOutput, solution_outputs, superseded_outputs
 from orip.workflow.project.run_id import run_id
 from orip.workflow.project.state import Part, StoredParts
-from orip.workflow.project.text_output import TextOutput
 from orip.workflow.project.texts import Digests
 
 ADJUSTED_FROM: tuple[Part, ...] = ("definitions", "marks", "observations")

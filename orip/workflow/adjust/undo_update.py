@@ -15,12 +15,12 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.regular_file import text_digest
 from orip.records.names import record_key
-from orip.records.results.stations import BeforeUpdate, RecordBefore, TextBefore
+from orip.records.solution_stations import BeforeUpdate, RecordBefore, TextBefore
 from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.outputs import EditedText, digest_of_text
 from orip.workflow.project.state import Part, ProjectState, StoredParts
-from orip.workflow.project.text_output import EditedText, digest_of_text
 
 UNDONE_FROM: tuple[Part, ...] = ("definitions",)
 """What undoing needs of the stores."""

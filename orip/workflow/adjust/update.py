@@ -12,12 +12,12 @@ from msgspec import Struct
 from orip.errors import InputError, NotSolvableError, ProjectWarning, UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, lens_key
+from orip.records.definition import ANTENNA_KEYS, ANTENNA_PARAMETERS
 from orip.records.names import record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, lens_key
-from orip.records.project.definition import ANTENNA_KEYS, ANTENNA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Estimates, Solution
-from orip.records.results.stations import BeforeUpdate, RecordBefore
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Estimates, Solution
+from orip.records.solution_stations import BeforeUpdate, RecordBefore
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,
@@ -30,12 +30,12 @@ from orip.solving.updated_values import (
 )
 from orip.structs import replace
 from orip.wording import first_names
+from orip.workflow.adjust.prelim import read_preliminary_text
 from orip.workflow.adjust.undo_update import before_update_file, record_before, text_before
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.preliminary_outputs import read_preliminary_text
 from orip.workflow.project.state import Part, StoredParts
 from orip.workflow.project.texts import control_digests
 

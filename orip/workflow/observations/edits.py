@@ -19,17 +19,17 @@ from orip.files.text.lines import field_name_fault, read_lines
 from orip.files.text.regular_file import file_of
 from orip.files.text.shown import Parsed, shown_token
 from orip.interior.replay import Replayed, replay
+from orip.records.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.records.names import record_key
-from orip.records.observations.measurement import EditRecord, LogRecord, Measured, TextPlace
 from orip.structs import replace
 from orip.workflow.observations.listed import LeftAlone, left_alone
 from orip.workflow.observations.measure import MEASURED_ON_TOP, replay_log
 from orip.workflow.observations.todo import Named, chosen_names, edited_owner
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.outputs import EditedText
 from orip.workflow.project.run_id import digest_of_observations, digest_of_records
 from orip.workflow.project.state import ProjectState
-from orip.workflow.project.text_output import EditedText
 from orip.workflow.project.texts import EDITS_FILE, MeasurementLog, raise_complaints
 from orip.workflow.steps import measurement_inputs
 

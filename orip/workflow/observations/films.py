@@ -22,10 +22,10 @@ from orip.interior.definitions import Definitions
 from orip.interior.image_coordinates import scan_transformation
 from orip.interior.in_force import Interior, stored_to_log
 from orip.interior.replay import replay
+from orip.records.definition import BundleDefinition, plan_stages
+from orip.records.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
 from orip.records.names import near_names, record_key
-from orip.records.observations.measurement import LogRecord, Measured, MeasuredMarks, PhotoRecord, TemplateRecord
-from orip.records.project.definition import BundleDefinition, plan_stages
-from orip.records.project.photo import Photo, Scan, Stage, Template
+from orip.records.photo import Photo, Scan, Stage, Template
 from orip.structs import replace
 from orip.workflow.observations.measure import with_digitised
 from orip.workflow.project.folder import ProjectFolder

@@ -16,11 +16,11 @@ from orip.bundle.results.reliability import reliability
 from orip.errors import InputError, ProjectWarning, UsageError
 from orip.interior.in_force import stored_to_log
 from orip.interior.mounting import frame_corners
+from orip.records.interior import ListedObservation, Pair, StereoPartner
+from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import near_names, record_key
-from orip.records.observations.measurement import Measured, PhotoObservations
-from orip.records.observations.repeated import measurement_name, observed_before
-from orip.records.results.interior import ListedObservation, Pair, StereoPartner
-from orip.records.results.solution import Solution
+from orip.records.observation_kinds import measurement_name, observed_before
+from orip.records.solution import Solution
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.state import Part
 from orip.workflow.project.texts import raise_complaints

@@ -15,8 +15,8 @@ from orip.interior.replay import Replayed, replay
 from orip.mistakes.camera_values import raise_if_impossible
 from orip.mistakes.checks import measurement_warnings
 from orip.progress import stage
+from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.observations.measurement import Measured
 from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.definitions import StoredDefinitions, measured_stores

@@ -14,10 +14,10 @@ from orip.files.listings.observations import todo_text
 from orip.files.text.regular_file import natural_key
 from orip.interior.definitions import Definitions
 from orip.interior.replay import replay
+from orip.records.interior import ListedObservation, Pair, PointToMeasure, WhyAgain
+from orip.records.measurement import EditRecord, LogRecord, Measured, PhotoObservations
 from orip.records.names import near_names, record_key
-from orip.records.observations.measurement import EditRecord, LogRecord, Measured, PhotoObservations
-from orip.records.project.photo import Photo, Template
-from orip.records.results.interior import ListedObservation, Pair, PointToMeasure, WhyAgain
+from orip.records.photo import Photo, Template
 from orip.workflow.observations.listed import (
     NOWHERE,
     Places,
@@ -28,8 +28,7 @@ from orip.workflow.observations.listed import (
 )
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.named_output import require_replaceable
-from orip.workflow.project.text_output import TextOutput
+from orip.workflow.project.outputs import TextOutput, require_replaceable
 from orip.workflow.project.texts import is_measurement_file, raise_complaints
 
 ALL = "*"

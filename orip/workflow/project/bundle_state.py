@@ -12,9 +12,9 @@ from msgspec import Struct
 from orip.errors import InputError
 from orip.files.stores.digest import record_digest
 from orip.interior.definitions import Definitions
+from orip.records.definition import BundleDefinition
+from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
-from orip.records.observations.measurement import PhotoObservations, no_observations
-from orip.records.project.definition import BundleDefinition
 from orip.workflow.project.folder import ProjectFolder, open_project
 from orip.workflow.project.run_id import digest_of_columns, digest_of_digests, digest_of_records
 from orip.workflow.project.state import Part, ProjectState, read_state
@@ -22,7 +22,7 @@ from orip.workflow.project.texts import Digests
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
-    from orip.records.results.solution import Solution
+    from orip.records.solution import Solution
 
 
 class BundleState(Struct, frozen=True, dict=True):

@@ -13,11 +13,11 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest, run_of
 from orip.files.stores.transaction import Stores
 from orip.interior.definitions import Definitions
+from orip.records.camera import Camera, lens_key, with_shared_lenses
+from orip.records.definition import BundleDefinition
+from orip.records.measurement import Measured, no_observations
 from orip.records.names import record_key
-from orip.records.observations.measurement import Measured, no_observations
-from orip.records.project.camera import Camera, lens_key, with_shared_lenses
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo, Template, Temtick
+from orip.records.photo import Photo, Template, Temtick
 from orip.structs import replace
 from orip.wording import first_names
 from orip.workflow.project.folder import ProjectFolder

@@ -14,12 +14,12 @@ from orip.files.stores.contents import exterior
 from orip.files.stores.digest import record_digest
 from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
+from orip.records.definition import ProjectDefinition
 from orip.records.names import record_key
-from orip.records.project.definition import ProjectDefinition
 from orip.structs import replace
 
 if TYPE_CHECKING:
-    from orip.records.results.solution import Solution
+    from orip.records.solution import Solution
 
 PROJECT_FILE = "orip.toml"
 

@@ -10,7 +10,7 @@ from typing import Literal
 from msgspec import Struct
 
 from orip.files.stores.digest import record_digest
-from orip.records.observations.measurement import PhotoObservations
+from orip.records.measurement import PhotoObservations
 from orip.version import __version__
 
 _LENGTH = 12

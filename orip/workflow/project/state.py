@@ -19,8 +19,8 @@ from orip.files.stores.contents.solution_tables import SolutionHead, read_head
 from orip.files.stores.digest import read_inputs
 from orip.files.stores.transaction import Stores, reading
 from orip.interior.definitions import Definitions
+from orip.records.measurement import Measured
 from orip.records.names import record_key
-from orip.records.observations.measurement import Measured
 from orip.structs import replace
 from orip.workflow.project.definitions import (
     MeasuredDigests,
@@ -38,7 +38,7 @@ from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_proj
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
-    from orip.records.results.solution import Solution
+    from orip.records.solution import Solution
 
 Part = Literal["definitions", "marks", "observations", "digests", "replay", "heads", "solutions"]
 """What of the stores is read:

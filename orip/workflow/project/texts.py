@@ -22,8 +22,8 @@ from orip.files.control.text import CONTROL_EXTENSIONS, read_control
 from orip.files.project.file_names import is_pattern
 from orip.files.text.regular_file import file_digest, natural_key
 from orip.files.text.shown import Parsed
-from orip.records.observations.control import IN_PROJECT, Control, PreliminaryPoint, Station
-from orip.records.observations.measurement import LogRecord
+from orip.records.control import IN_PROJECT, Control, PreliminaryPoint, Station
+from orip.records.measurement import LogRecord
 from orip.structs import replace
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder, open_project
 

@@ -14,9 +14,9 @@ from orip.files.project.reader import parse_project
 from orip.files.project.record_values import TomlTable
 from orip.files.project.records import project_document, project_text
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
+from orip.records.camera import Camera
+from orip.records.definition import ProjectDefinition
 from orip.records.names import record_key
-from orip.records.project.camera import Camera
-from orip.records.project.definition import ProjectDefinition
 from orip.structs import replace
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import ProjectFolder

@@ -12,8 +12,8 @@ from orip.errors import InputError, UsageError
 from orip.files.project.record_values import TomlTable
 from orip.files.project.toml_text import with_assignments
 from orip.files.text.shown import shown_token
+from orip.records.camera import RADIAL_PARAMETERS
 from orip.records.names import name_fault, record_key
-from orip.records.project.camera import RADIAL_PARAMETERS
 from orip.structs import replace
 from orip.wording import listed_names
 from orip.workflow.records.changes import Renaming

@@ -13,9 +13,8 @@ from orip.files.stores.transaction import Stores
 from orip.files.text.atomic import replace_bytes
 from orip.files.text.regular_file import file_of, regular_bytes
 from orip.records.coded_names import coded
-from orip.records.names import record_key
-from orip.records.observations.control import Control
-from orip.records.observations.measurement import (
+from orip.records.control import Control
+from orip.records.measurement import (
     EditRecord,
     FiducialsRecord,
     LogRecord,
@@ -26,7 +25,8 @@ from orip.records.observations.measurement import (
     TemplateRecord,
     TicksRecord,
 )
-from orip.records.results.solution import Solution
+from orip.records.names import record_key
+from orip.records.solution import Solution
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions

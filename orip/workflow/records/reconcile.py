@@ -13,9 +13,9 @@ from msgspec.structs import asdict
 from orip.errors import Complaint, InputError
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
+from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
 from orip.records.names import record_key
-from orip.records.project.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions

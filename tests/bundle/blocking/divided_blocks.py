@@ -8,8 +8,8 @@ from aerial_blocks import aerial_block
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
-from orip.records.observations.control import ControlDistance, Station
-from orip.records.project.definition import Antenna
+from orip.records.control import ControlDistance, Station
+from orip.records.definition import Antenna
 from orip.structs import replace
 
 _POINTS_A_PHOTO = 40

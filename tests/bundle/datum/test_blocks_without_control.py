@@ -10,8 +10,8 @@ from support.synthetic_block import SyntheticBlock
 
 from orip.bundle.antennas import with_orientations_of_stations
 from orip.records.block import Block
-from orip.records.observations.control import ControlDistance, ControlElement, Station
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.control import ControlDistance, ControlElement, Station
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.solving.solve import solve
 from orip.structs import replace
 

@@ -8,8 +8,8 @@ from bundle.free_networks import MADE, SUBSET, datum_points, dense_free_cofactor
 from bundle.solving import noisy, redefined, rows, solution, solved, started_off
 
 from orip.errors import InputError
-from orip.records.observations.control import ControlDistance
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.control import ControlDistance
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 

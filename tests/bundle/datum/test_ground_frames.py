@@ -21,9 +21,9 @@ from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import solve_block
 from orip.errors import InputError
 from orip.records.block import Block
-from orip.records.observations.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.solution import Solution
+from orip.records.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Solution
 from orip.structs import replace
 
 pytestmark = pytest.mark.slow

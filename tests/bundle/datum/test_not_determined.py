@@ -16,7 +16,7 @@ from support.synthetic_block import synthetic_block
 from orip.bundle.datum import information_on_movements, movements_of_block
 from orip.bundle.ground_system import not_determined
 from orip.records.block import Block
-from orip.records.observations.control import ControlPoint
+from orip.records.control import ControlPoint
 from orip.structs import replace
 
 BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"

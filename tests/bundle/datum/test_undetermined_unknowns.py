@@ -12,7 +12,7 @@ import pytest
 import orip
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 BLOCKS = Path(__file__).parents[1] / "undetermined_blocks"

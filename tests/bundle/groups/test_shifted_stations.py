@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlElement, ControlPoint
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
-from orip.records.results.solution import Solution
+from orip.records.camera import Camera
+from orip.records.control import ControlElement, ControlPoint
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
+from orip.records.solution import Solution
 from orip.structs import replace
 
 SHIFT = np.array([0.04, -0.03, 0.25])

@@ -10,8 +10,8 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.solve import solve_block
 from orip.errors import NotSolvableError
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 HELD = [

@@ -10,7 +10,7 @@ from support.synthetic_block import synthetic_block
 
 from orip.bundle.solve import solve_block
 from orip.errors import InputError
-from orip.records.observations.control import ControlDistance
+from orip.records.control import ControlDistance
 from orip.structs import replace
 
 MADE = aerial_block("distances", 6)

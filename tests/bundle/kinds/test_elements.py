@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 from orip.errors import InputError
-from orip.records.observations.control import ControlElement
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.control import ControlElement
+from orip.records.photo import PHOTO_PARAMETERS
 from orip.structs import replace
 
 MADE = aerial_block("elements", 6)

@@ -7,7 +7,7 @@ from bundle.aerial_block import aerial_block
 
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.problem import pose_problem
-from orip.records.observations.observation_kinds import OBSERVATION_KINDS, unit_of_observation
+from orip.records.observation_kinds import OBSERVATION_KINDS, unit_of_observation
 
 
 def test_every_kind_with_equations_is_in_the_table_and_the_other_way_round() -> None:

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.observations.control import NOT_GIVEN, Station
-from orip.records.project.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
+from orip.records.control import NOT_GIVEN, Station
+from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, LEVER_ARM, SHIFT, Antenna
 from orip.structs import replace
 
 

@@ -7,7 +7,7 @@ import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.problem import pose_problem, starting_state
-from orip.records.observations.control import ControlPoint
+from orip.records.control import ControlPoint
 from orip.structs import replace
 
 LIMIT, NOISE_MM = 5.0, 0.005

@@ -18,7 +18,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angles_from_rotation
-from orip.records.observations.control import Control
+from orip.records.control import Control
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 

@@ -12,10 +12,10 @@ from orip.bundle.results.rigs import RIG_PARAMETERS, rig_estimates
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.observations.control import ControlPoint, Station
-from orip.records.project.camera import Camera
-from orip.records.project.definition import BundleDefinition, Precision
-from orip.records.project.photo import Photo
+from orip.records.camera import Camera
+from orip.records.control import ControlPoint, Station
+from orip.records.definition import BundleDefinition, Precision
+from orip.records.photo import Photo
 from orip.report.photos import rig_table
 from orip.structs import replace
 

@@ -292,7 +292,7 @@ def test_a_text_that_cannot_be_written(project: Path, monkeypatch: pytest.Monkey
             raise OSError(28, "No space left on device")
         replace_in_pieces(path, pieces)
 
-    monkeypatch.setattr("orip.workflow.project.text_output.replace_in_pieces", full)
+    monkeypatch.setattr("orip.workflow.project.outputs.replace_in_pieces", full)
     sentence = "MAIN.PRE cannot be written: No space left on device; the file is unchanged"
     refused(orip(project, "update", "points"), 1, sentence)
 

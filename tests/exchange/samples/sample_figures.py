@@ -10,12 +10,12 @@ from exchange.imported import reprojected
 from exchange.test_micmac import beside_pairs, verified
 from exchange.test_vision import ideal_residuals
 
-from orip.exchange.conversion.lenses.table import image_of_directions
+from orip.exchange.conversion.lens_table import image_of_directions
 from orip.exchange.conversion.poses import orip_poses
 from orip.geometry.rotation import angles_from_rotation
+from orip.records.control import Station
+from orip.records.epochs import Epochs
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
-from orip.records.observations.control import Station
-from orip.records.observations.epochs import Epochs
 from orip.stations.imported import read_epochs
 
 Figures = Mapping[str, float]

@@ -28,8 +28,8 @@ from orip.exchange.opensfm.control_marks import read_control_list
 from orip.exchange.photomodeler import read_photomodeler
 from orip.exchange.sources.text import Faults
 from orip.files.control.stations_text import read_stations, stations_text
+from orip.records.control import Station
 from orip.records.exchanged import ExchangedProject
-from orip.records.observations.control import Station
 from orip.stations.imported import read_epochs
 
 SCEAUX_9 = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from reference.published_data import REFERENCE_DATA
 
-from orip.records.observations.epochs import Epochs
+from orip.records.epochs import Epochs
 from orip.stations.imported import read_epochs
 from orip.stations.interpolation import without_contradicting_velocities
 

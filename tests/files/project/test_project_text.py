@@ -14,8 +14,8 @@ from orip.files.project.merge import merged_project_text
 from orip.files.project.reader import parse_project
 from orip.files.project.records import project_document, project_text
 from orip.files.project.toml_text import toml_key, toml_value
-from orip.records.project.definition import ProjectDefinition
-from orip.records.project.photo import Photo
+from orip.records.definition import ProjectDefinition
+from orip.records.photo import Photo
 from orip.structs import replace
 
 

@@ -16,9 +16,9 @@ from workflow.small_projects import REPOSITORY
 
 from orip.files.project.reader import parse_project, read_project
 from orip.files.project.records import project_document, project_text
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
-from orip.records.project.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
-from orip.records.project.photo import Photo, Scan, Template, Temtick
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
+from orip.records.definition import BundleDefinition, Precision, ProjectDefinition, StereoModel
+from orip.records.photo import Photo, Scan, Template, Temtick
 
 PROJECT = '[project]\nname = "Z"\n'  # lines 1 and 2
 OTHER = '[[camera]]\nname = "U"\n'  # two lines

@@ -10,20 +10,20 @@ from msgspec.structs import astuple
 from orip.files.project.file_names import file_name_fault
 from orip.files.stores.contents import cameras, exterior, observations, photos, solutions, templates, temticks
 from orip.files.stores.contents.definitions import StoredRecord
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Projection, Sensor
 from orip.records.coded_names import CodedNames
-from orip.records.names import name_fault, record_key
-from orip.records.observations.control import PointKind
-from orip.records.observations.measurement import (
+from orip.records.control import PointKind
+from orip.records.definition import BundleDefinition, Precision, StereoModel
+from orip.records.measurement import (
     MeasuredMarks,
     PhotoObservations,
     PhotoOrientation,
     TemplateOrientation,
 )
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark, Projection, Sensor
-from orip.records.project.definition import BundleDefinition, Precision, StereoModel
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
-from orip.records.results.result_tests import GroupKind, GroupTest
-from orip.records.results.solution import (
+from orip.records.names import name_fault, record_key
+from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
+from orip.records.result_tests import GroupKind, GroupTest
+from orip.records.solution import (
     Blunder,
     CheckPoint,
     Correlation,

@@ -15,8 +15,8 @@ from orip.errors import InputError, LockedError
 from orip.files.stores.contents import temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import reading, writing
-from orip.records.project.camera import Mark
-from orip.records.project.photo import Temtick
+from orip.records.camera import Mark
+from orip.records.photo import Temtick
 
 MANY = 13
 """Two connections."""

@@ -19,8 +19,8 @@ from orip.files.stores.dump import dump
 from orip.files.stores.packed_columns import packed_column
 from orip.files.stores.table import StoreColumn
 from orip.files.stores.transaction import connected, reading, writing
-from orip.records.observations.measurement import PhotoObservations
-from orip.records.project.photo import Temtick
+from orip.records.measurement import PhotoObservations
+from orip.records.photo import Temtick
 
 
 def observed(count: int) -> PhotoObservations:

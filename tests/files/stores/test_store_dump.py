@@ -21,9 +21,9 @@ from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.dump import dump, load
 from orip.files.stores.identity import DUMP_VERSION
 from orip.files.stores.transaction import reading, writing
-from orip.records.project.camera import Camera, Mark
-from orip.records.project.photo import Temtick
-from orip.records.results.solution import Residuals
+from orip.records.camera import Camera, Mark
+from orip.records.photo import Temtick
+from orip.records.solution import Residuals
 
 KINDS = ["C.CAM", "T.TIK", "Z.PHO", "Z.TEM", "Z.EXT", "MAIN.EXO"]
 

@@ -19,11 +19,11 @@ from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import bundles
 from orip.files.stores.digest import record_digest, same_record
 from orip.files.stores.transaction import reading, writing
+from orip.records.camera import Camera, Mark
+from orip.records.definition import BundleDefinition
+from orip.records.measurement import MeasuredMarks, PhotoObservations
 from orip.records.names import record_key
-from orip.records.observations.measurement import MeasuredMarks, PhotoObservations
-from orip.records.project.camera import Camera, Mark
-from orip.records.project.definition import BundleDefinition
-from orip.records.project.photo import Photo, Temtick
+from orip.records.photo import Photo, Temtick
 from orip.structs import replace
 from orip.workflow.project.run_id import digest_of_columns, digest_of_observations
 

@@ -19,7 +19,7 @@ from orip.files.stores.contents import cameras, photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.identity import SCHEMA_VERSION, is_older_store
 from orip.files.stores.transaction import reading, remove_empty, writing
-from orip.records.project.photo import Photo, Temtick
+from orip.records.photo import Photo, Temtick
 
 
 @pytest.fixture
@@ -313,7 +313,7 @@ from pathlib import Path
 from orip.files.stores.contents import photos, temticks
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.transaction import writing
-from orip.records.project.photo import Photo, Temtick
+from orip.records.photo import Photo, Temtick
 
 tik, pho, pause = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
 generation = int(sys.argv[4])

@@ -19,7 +19,7 @@ from mistakes.planted.published import published_block
 from msgspec import Struct
 
 import orip
-from orip.bundle.results.misfits import suspect_rows
+from orip.bundle.results.reliability import suspect_rows
 from orip.bundle.solve import solve_block
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.solving.starting_values import started_block

@@ -23,7 +23,7 @@ from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import start_from_triples
-from orip.records.results.preliminary import RelativeOrientation
+from orip.records.preliminary import RelativeOrientation
 from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
 from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.growing.growing_block import GrowingBlock, residual_lengths
+from orip.prelim.growing_block import GrowingBlock, residual_lengths
 from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.refinement import refinement
 from orip.prelim.refinement.problem import no_corrections

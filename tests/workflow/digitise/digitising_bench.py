@@ -6,9 +6,8 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from orip.errors import LinkError
-from orip.multimodel.digitising.ground import GroundChoice, digitise_ground
 from orip.multimodel.digitising.marks import digitise_photos, digitise_template
-from orip.multimodel.digitising.new_points import NewPointsChoice, digitise_new_points
+from orip.multimodel.digitising.new_points import GroundChoice, NewPointsChoice, digitise_ground, digitise_new_points
 from orip.multimodel.digitising.operator import Script, Simulation, places_of, script_requests
 from orip.multimodel.digitising.points import digitise_points
 from orip.multimodel.digitising.record_marks import digitise_fiducials, digitise_ticks

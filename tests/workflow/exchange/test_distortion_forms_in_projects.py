@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.structs import replace
 from orip.workflow.records.reconcile import with_polynomial
 

@@ -11,7 +11,7 @@ from exchange.imported import read_well, reprojected
 
 from orip.exchange.formats import format_named
 from orip.exchange.project.exported import EXPORTED_FROM
-from orip.records.observations.observation_kinds import PHOTO_POINT
+from orip.records.observation_kinds import PHOTO_POINT
 from orip.workflow.project.bundle_state import read_bundle
 
 

@@ -22,10 +22,10 @@ from orip.files.control.text import parse_distances, parse_points
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.text.shown import Parsed
+from orip.records.control import ControlDistance, ControlPoint, Station, StationReference
+from orip.records.definition import ProjectDefinition
 from orip.records.exchanged import ExchangedProject, PoseReading
-from orip.records.observations.control import ControlDistance, ControlPoint, Station, StationReference
-from orip.records.observations.measurement import PointsRecord
-from orip.records.project.definition import ProjectDefinition
+from orip.records.measurement import PointsRecord
 from orip.structs import replace
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")

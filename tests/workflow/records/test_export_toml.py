@@ -18,7 +18,7 @@ from orip.files.stores.contents import cameras
 from orip.files.stores.digest import record_digest
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading
-from orip.records.project.definition import ProjectDefinition
+from orip.records.definition import ProjectDefinition
 from orip.workflow.project.definitions import StoredDefinitions, read_definitions
 from orip.workflow.project.folder import open_project
 from orip.workflow.records.edits import RecordName

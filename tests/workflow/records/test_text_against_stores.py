@@ -14,8 +14,8 @@ from workflow.small_projects import contents, first_project, replace_in
 from orip.errors import InputError
 from orip.files.stores.contents import cameras, exterior, photos
 from orip.files.stores.transaction import reading, writing
-from orip.records.project.camera import Camera
-from orip.records.project.photo import Photo
+from orip.records.camera import Camera
+from orip.records.photo import Photo
 from orip.structs import replace
 
 LENGTHENED = "c = 35.2"

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
 from orip.files.stores.table import list_table, real, text
-from orip.records.project.camera import CAMERA_PARAMETERS, Camera, Mark
+from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark
 
 CAMERA = definition_table("camera", Camera)
 FIDUCIAL = record_list("fiducial", "camera", Mark)

@@ -12,8 +12,8 @@ from orip.errors import Complaint, InputError
 from orip.files.stores.contents.record_columns import checks_of, columns_of, list_of, list_rows, row_of, values_of
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, position, record_name, text
+from orip.records.fields import fields_of
 from orip.records.names import case_twins, record_key
-from orip.records.project.fields import fields_of
 
 
 class NamedRecord(Protocol):

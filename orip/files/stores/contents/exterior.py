@@ -10,7 +10,7 @@ from orip.files.stores.contents.definitions import DefinitionTables, StoredRecor
 from orip.files.stores.store import Store, damage
 from orip.files.stores.table import list_table, text
 from orip.files.text.shown import shown_token
-from orip.records.project.definition import BundleDefinition, StereoModel
+from orip.records.definition import BundleDefinition, StereoModel
 
 BUNDLE = definition_table("bundle", BundleDefinition)
 DATUM_POINT = list_table("datum_point", "bundle", (text("point"),))

@@ -11,13 +11,13 @@ from orip.files.stores.contents.definitions import refuse_case_twins
 from orip.files.stores.digest import record_digest
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreTable, flag, list_table, real, text
-from orip.records.names import record_key
-from orip.records.observations.measurement import (
+from orip.records.measurement import (
     MeasuredMarks,
     PhotoOrientation,
     TemplateOrientation,
     TransformationKind,
 )
+from orip.records.names import record_key
 
 Orientation = TypeVar("Orientation", bound=PhotoOrientation | TemplateOrientation)
 

@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.files.stores.packed_parts import WIDTH, interleaved, unpacked_parts, whole_numbers
 from orip.files.stores.store import Store, damage
 from orip.files.stores.table import StoreTable, flag, integer, position, real, record_name, text
-from orip.records.observations.measurement import PhotoObservations
+from orip.records.measurement import PhotoObservations
 
 # The number makes it a table of one row: a store holds the observations of one bundle.
 BUNDLE = StoreTable("observed_bundle", (integer("number", "number = 1"), record_name("name")), key=("number",))
@@ -117,7 +117,7 @@ def write(store: Store, observations: PhotoObservations) -> None:
     """Replace all photo observations."""
     import numpy as np
 
-    from orip.records.observations.repeated import observed_before
+    from orip.records.observation_kinds import observed_before
 
     store.delete(BUNDLE)
     store.insert(BUNDLE, [(1, observations.bundle)])

@@ -8,8 +8,8 @@ from orip.files.stores.contents.definitions import DefinitionTables, StoredRecor
 from orip.files.stores.contents.marks import TRANSFORMATION, OrientationTables, measured_marks_table
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, record_name, text
-from orip.records.observations.measurement import PhotoOrientation
-from orip.records.project.photo import PHOTO_PARAMETERS, Photo
+from orip.records.measurement import PhotoOrientation
+from orip.records.photo import PHOTO_PARAMETERS, Photo
 
 PHOTO = definition_table("photo", Photo)
 CONSTANT = list_table("constant_parameter", "photo", (text("parameter", PHOTO_PARAMETERS),), "parameter")

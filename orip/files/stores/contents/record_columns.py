@@ -11,7 +11,7 @@ from msgspec import Struct, StructMeta
 
 from orip.files.stores.store import Row
 from orip.files.stores.table import Null, StoreColumn, all_or_none, integer, real, record_name, text
-from orip.records.project.fields import RecordField, fields_by_column, fields_of, without_none
+from orip.records.fields import RecordField, fields_by_column, fields_of, without_none
 
 
 def columns_of(record: type) -> tuple[StoreColumn, ...]:

@@ -9,10 +9,10 @@ from msgspec import Struct
 
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
-from orip.records.observations.control import PointKind
-from orip.records.project.camera import CAMERA_PARAMETERS, Projection
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupKind, Status, VarianceGroupKind
+from orip.records.camera import CAMERA_PARAMETERS, Projection
+from orip.records.control import PointKind
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.result_tests import GroupKind, Status, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 

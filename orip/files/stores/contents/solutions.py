@@ -25,11 +25,11 @@ from orip.files.stores.digest import same_record
 from orip.files.stores.packed_columns import ColumnValues
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
+from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import CodedNames, repeated
-from orip.records.project.camera import CAMERA_PARAMETERS
-from orip.records.project.photo import PHOTO_PARAMETERS
-from orip.records.results.result_tests import GroupTest, VarianceComponent
-from orip.records.results.solution import (
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.result_tests import GroupTest, VarianceComponent
+from orip.records.solution import (
     AdditionalEstimate,
     AntennaEstimate,
     Blunder,

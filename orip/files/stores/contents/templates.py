@@ -9,8 +9,8 @@ from orip.files.stores.contents.definitions import DefinitionTables, StoredRecor
 from orip.files.stores.contents.marks import TRANSFORMATION, OrientationTables, measured_marks_table
 from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable, list_table, record_name, text
-from orip.records.observations.measurement import TemplateOrientation
-from orip.records.project.photo import Stage, Template
+from orip.records.measurement import TemplateOrientation
+from orip.records.photo import Stage, Template
 
 TEMPLATE = definition_table("template", Template)
 TEMPLATE_PHOTO = list_table("template_photo", "template", (record_name("photo"),), "photo")

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store
-from orip.records.project.camera import Mark
-from orip.records.project.photo import Temtick
+from orip.records.camera import Mark
+from orip.records.photo import Temtick
 
 TEMTICK = definition_table("temtick", Temtick)
 TICK = record_list("tick", "temtick", Mark)

@@ -1,1 +1,0 @@
-"""Variance components: the a-priori errors of groups of observations, estimated from their residuals."""

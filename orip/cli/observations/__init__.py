@@ -1,1 +1,0 @@
-"""Commands for what is measured: reading the measurement log, listing observations and editing them."""

@@ -1,1 +1,0 @@
-"""Commands that list and edit the records of the stores: cameras, tick marks, photos, templates, bundles, models."""

@@ -1,1 +1,0 @@
-"""Blocks Exchange XML of Bentley ContextCapture and iTwin Capture."""
