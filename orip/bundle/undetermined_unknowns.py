@@ -71,8 +71,9 @@ def with_undetermined_held(
     -------
     Adjustment
         `found` itself where everything is determined, in free networks (all of whose unknowns are placed by their
-        datum), and where the adjustment did not converge, before or with these unknowns held. `max_iterations` is
-        the number of all iterations.
+        datum), and where the adjustment did not converge, before or with these unknowns held, or ended at another
+        minimum with them: far points held where they started may lead it astray. `max_iterations` is the number of
+        all iterations.
     """
     removed = found.normals.removed
     if problem.datum is not None or not removed.any() or found.reason is not TerminationReason.CONVERGED:
@@ -93,7 +94,7 @@ def with_undetermined_held(
         stop_asked,
     )
     iterations = (*found.iterations, *(_continued(record, before, count) for record in again.iterations))
-    if again.reason is not TerminationReason.CONVERGED:
+    if again.reason is not TerminationReason.CONVERGED or again.robust_cost > found.robust_cost + _CONTRADICTING:
         return replace(found, iterations=iterations)
     return replace(again, normals=_with_removed_unknowns(again.normals, of_angles.normals), iterations=iterations)
 

@@ -113,6 +113,7 @@ GIVES_NONE = {
     "orip.bundle.points.rival_places._ControlThere.at": "linearise_with_partials of control points, over their errors",
     "orip.bundle.points.rival_places._adjusted": "places of points",
     "orip.bundle.groups.held_cameras.held_cameras": "sums of linearise_with_partials of photo points",
+    "orip.bundle.variance_components._design_in_parts": "rows of the design matrix, as they are",
     "orip.bundle.results.covariance._joined": "partials of several records, side by side",
     "orip.bundle.results.covariance.camera_figures": "unit matrices: camera parameters are shown as they are estimated",
     "orip.bundle.results.covariance.covariance": "covariances",

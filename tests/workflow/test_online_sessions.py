@@ -343,10 +343,12 @@ def test_control_that_is_written_to_its_file_during_a_session_orients_it(tmp_pat
     session = OnlineSession(folder, None)
     for point in points:
         _measure(session, folder, point)
-    assert "0 photos oriented" in _reply(session, folder, do="show")["summary"]
+    assert "local system, no control yet" in _reply(session, folder, do="show")["summary"]
     control.write_text(text, encoding="utf-8")
     assert not list(session.appended())
-    assert "6 photos oriented" in _reply(session, folder, do="show")["summary"]
+    summary = _reply(session, folder, do="show")["summary"]
+    assert "6 photos oriented" in summary
+    assert "local system" not in summary
 
 
 @pytest.mark.parametrize(
