@@ -21,25 +21,26 @@ import tempfile
 import time
 from pathlib import Path
 
+from against_peers import ONE_THREAD, run
+
 HERE = Path(__file__).parent
-_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
 def whole_command(case: str, peer: str) -> dict[str, float]:
     """Return the figures of a case."""
-    environment = os.environ | _ONE_THREAD
+    environment = os.environ | ONE_THREAD
     with tempfile.TemporaryDirectory() as name:
         folder, problem, model = Path(name), str(Path(name) / "problem.npz"), Path(name) / "model"
         model.mkdir()
         subprocess.run([sys.executable, str(HERE / "peer_problem.py"), case, problem], check=True, env=environment)
         colmap = [peer, str(HERE / "pycolmap_peer.py"), problem]
-        _printed([*colmap, "--write", str(model), "--iterations", "3"], environment)
+        run(*colmap, "--write", str(model), "--iterations", "3")
         before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         command = [sys.executable, "-m", "orip", "-q", "adjust", str(model), str(folder / "adjusted")]
         subprocess.run(command, check=True, env=environment)
         wall, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
         result = json.loads((folder / "adjusted" / "result.json").read_text(encoding="utf-8"))
-        figures = json.loads(_printed([*colmap, "--model", str(model)], environment).splitlines()[-1])
+        figures = run(*colmap, "--model", str(model))
     return {
         "cpu": after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime,
         "wall": wall,
@@ -48,10 +49,6 @@ def whole_command(case: str, peer: str) -> dict[str, float]:
         "pycolmap": figures["minimum"],
         "cost": figures["cost"],
     }
-
-
-def _printed(command: list[str], environment: dict[str, str]) -> str:
-    return subprocess.run(command, check=True, env=environment, stdout=subprocess.PIPE, text=True).stdout
 
 
 if __name__ == "__main__":

@@ -142,7 +142,7 @@ def variance_equations(solved: SolvedBlock, groups: Sequence[GroupRows], limit: 
 
 
 def _estimated_pairs(solved: SolvedBlock, groups: Sequence[GroupRows], probed: IntArray) -> FloatArray:
-    """Return the elements of H (g, g) in the rows and columns of some groups, but for the diagonal; others are 0.
+    """Return the elements of H (g, g) in the rows and columns of some groups, except for the diagonal; others are 0.
 
     Between two groups R is -A_i Q A_j^T, and H_ij the sum of its squares. With random signs s for the observations of
     group j that is the expectation of the square sum of A_i Q A_j^T s (Hutchinson 1990, *A stochastic estimator of the

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -32,6 +32,10 @@ _FEWEST_ALIKE = 3
 
 _TOLERANCE = 4.0
 """Standard errors within which a coordinate is the one that was meant."""
+
+_LIKE_STRIP = 0.5
+"""Part of the shift of a strip that a station's own difference may differ from it: stations that have lost their weight
+one by one have bent the block a little."""
 
 _EXCHANGED = 0.05
 """Part of the distance of two positions that each may be from where the other photo is, if they are exchanged."""
@@ -77,6 +81,8 @@ def contradicting_positions(solution: Solution) -> list[ProjectWarning]:
         return []
     if alike := _off_alike(wrong, solution.ground_unit):
         return [alike]
+    shifts = _shifts_of_strips(solution)
+    wrong = [position for position in wrong if not any(_follows(position, shift) for shift in shifts)]
     pairs = [pair for pair in combinations(wrong, 2) if _are_exchanged(*pair)]
     exchanged = [position.photo for pair in pairs for position in pair]
     return [
@@ -134,6 +140,22 @@ def _off_alike(wrong: Sequence[_Position], ground_unit: str) -> ProjectWarning |
             "strips = its name in [[antenna]] of orip.toml"
         )
     return ProjectWarning(CODE, counted_names("exposure station", [position.photo for position in wrong]), text)
+
+
+def _shifts_of_strips(solution: Solution) -> list[dict[str, float]]:
+    """Return by what strips whose stations are doubted as a group are off, by axis."""
+    of_strips: dict[str, dict[str, float]] = {}
+    doubted = {group.of for group in solution.groups if group.kind == "station" and group.doubted}
+    for group in solution.groups:
+        if group.kind == "station" and group.of in doubted and np.isfinite(group.shift):
+            of_strips.setdefault(group.of, {})[group.component] = group.shift
+    return list(of_strips.values())
+
+
+def _follows(position: _Position, shift: Mapping[str, float]) -> bool:
+    """Tell whether a position is off as its strip is, of which that is said: not by a slip of its own."""
+    of_strip = np.array([shift.get(component[0], 0.0) for component in position.components])
+    return bool(np.linalg.norm(position.off - of_strip) <= _LIKE_STRIP * np.linalg.norm(of_strip))
 
 
 def _are_exchanged(one: _Position, other: _Position) -> bool:

@@ -18,7 +18,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
 from orip.mistakes.camera_values import other_principal_distance, with_unknown
 from orip.mistakes.free_network import free_network
-from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Fit, Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.names import record_key
@@ -151,9 +151,6 @@ def _text(solved: SolvedBlock, block: Block, camera: int) -> str:
 # A flat block fits with nearly any principal distance, only higher or lower: heights of stations, a little relief or
 # other photos show it, and tests of groups then accuse the camera or, as often, the stations.
 
-_DECIDED = 10.0
-"""Difference of costs (half square sums) at which one of two readings is certain: a ratio of likelihoods of 22 000."""
-
 _OTHER_LENS = 0.05
 """Difference of principal distances, as a part of these, that is another lens and not another calibration."""
 
@@ -196,7 +193,7 @@ def _is_other_lens(
     if not (tried.converged and is_good(fit_of_adjustment(tried))):
         return False
     weighing = solved.weighing
-    if not weighing.cost(solved.equations) - weighing.cost(tried.equations) > _DECIDED:
+    if not weighing.cost(solved.equations) - weighing.cost(tried.equations) > DECIDED:
         return False
     place = [photo.name for photo in tried.block.photos].index(photos[0])
     given = solved.state.cameras[row, 0]

@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # `orip measure` looks for signs of mistakes, and adjusts not
 # of the two, both or neither; those that fit only one decide, by the sign test (McNemar, 1947). It assumes nothing
 # about the size or the distribution of residuals that are far too large.
 
+DECIDED = 10.0
+"""Difference of costs (half square sums) at which one of two readings is certain: a ratio of likelihoods of 22 000."""
+
 _FITS = 3.0
 """Standard errors within which an observation fits, by the better of the two adjustments."""
 
@@ -179,6 +182,9 @@ def misfit(fit: Fit, scale: float) -> float:
     return float(np.mean(fit.standard > _FITS * scale))
 
 
+_ITERATIONS_OF_A_TRIAL = 20
+"""A block that is right with one thing changed needs no more; those that are still wrong go on and on."""
+
 _MOST_PHOTO_POINTS = 20_000
 """Most photo points: in larger blocks further adjustments would take longer than a user wants to wait."""
 
@@ -263,7 +269,8 @@ def _solved(block: Block, enp_stop: float) -> SolvedBlock:
 
     # whether a mistake explains the misfit is seen long before the last observation has the right weight
     settings = iteration_settings(block.definition)
-    settings = replace(settings, enp_stop=min(enp_stop, settings.enp_stop), most_attempts=0)
+    most = min(settings.max_iterations, _ITERATIONS_OF_A_TRIAL)
+    settings = replace(settings, enp_stop=min(enp_stop, settings.enp_stop), max_iterations=most, most_attempts=0)
     return solve_block(block, lambda _: None, lambda: False, settings)
 
 

@@ -18,7 +18,7 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import group_findings
 from orip.errors import ProjectWarning
 from orip.mistakes.ground_systems import control_heights
-from orip.mistakes.hypothesis import Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.solution import Solution
 from orip.structs import replace
@@ -45,9 +45,6 @@ _FEWEST = 3
 
 _SHARED = 3
 """Points that photos from above and from below have to share: of a solid object they share none."""
-
-_DECIDED = 10.0
-"""Difference of costs (half square sums) at which one of two readings is certain: a ratio of likelihoods of 22 000."""
 
 _FARTHEST_CEILING = 50.0
 """Metres up to which a ceiling may be photographed from below; farther away nothing is."""
@@ -98,7 +95,7 @@ class _Trials(Struct, frozen=True):
         names = [photo.name for photo, mine in zip(self.solved.block.photos, up, strict=True) if mine]
         if down.any():
             # of a thin sheet near by both sides may be photographed
-            least = -_DECIDED if self._distance() > _FARTHEST_CEILING else _DECIDED
+            least = -DECIDED if self._distance() > _FARTHEST_CEILING else DECIDED
             if not self._share_points(up, down) or not self._gain(_mirrored(self.readjuster.block, names)) > least:
                 return []
             it = agreeing(len(names), "it is a mirror image", "they are mirror images")
@@ -109,11 +106,11 @@ class _Trials(Struct, frozen=True):
             )
             return [ProjectWarning(LOOKING_UP, counted_names("photo", names), text)]
         gain = self._gain(_mirrored(self.readjuster.block, names))
-        if gain < -_DECIDED:
+        if gain < -DECIDED:
             return []
-        if gain < _DECIDED and not self._distance() > _FARTHEST_CEILING:
+        if gain < DECIDED and not self._distance() > _FARTHEST_CEILING:
             return []
-        better = "better" if gain > _DECIDED else "as well"
+        better = "better" if gain > DECIDED else "as well"
         text = (
             "pixel rows seem to count upwards (they count down from the upper edge), or X and Y of the control are "
             "exchanged (north, east in place of X = east, Y = north), or film was scanned from its back: as given, the "
@@ -140,7 +137,7 @@ class _Trials(Struct, frozen=True):
                 names = [photo.name for photo, mine in zip(block.photos, reduced, strict=True) if mine]
                 if not 1.0 / _SIMILAR < ratio < _SIMILAR:
                     continue
-                if not self._gain(_enlarged(self.readjuster.block, names, factor)) > -_DECIDED:
+                if not self._gain(_enlarged(self.readjuster.block, names, factor)) > -DECIDED:
                     continue
                 text = (
                     f"{agreeing(len(names), 'it seems', 'they seem')} to be measured at a lower resolution: measure "
@@ -158,7 +155,7 @@ class _Trials(Struct, frozen=True):
             return []
         found = [(self._gain(tried.block), tried) for tried in control_heights(self.readjuster.block)]
         gain, best = max(found, key=lambda each: each[0], default=(-np.inf, None))
-        if best is None or not gain > _DECIDED:
+        if best is None or not gain > DECIDED:
             return []
         adjusted = self.readjuster.adjust(best.block)
         if adjusted is None or not is_good(fit_of_adjustment(adjusted)):

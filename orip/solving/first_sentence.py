@@ -10,7 +10,6 @@ from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.mistakes.camera_values import OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
-from orip.mistakes.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.free_network import FREE_DATUM
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
@@ -49,7 +48,7 @@ _FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
 REPLACED = "given-values"
 """Code of the warning that the adjustment did not start from the given values."""
 
-_CONTROL_POINT, _STATION = "control point ", "exposure station "
+_CONTROL_POINT = "control point "
 
 
 def is_explained(found: ProjectWarning, warning: ProjectWarning) -> bool:
@@ -121,16 +120,6 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         else found
         for found in solution.diagnosis
     )
-
-
-def without_members(found: Sequence[ProjectWarning], solution: Solution) -> list[ProjectWarning]:
-    """Return the warnings without those about several single positions where all stations of a strip are off alike.
-
-    A shift of a strip shows in its stations one by one, in as many as lose their weight.
-    """
-    is_group = any(each.code == CONTRADICTION and "exposure stations" in each.where for each in solution.diagnosis)
-    members = [one for one in found if one.code == CONTRADICTING_POSITION and one.where.startswith(_STATION)]
-    return [one for one in found if not (is_group and len(members) > 1 and one in members)]
 
 
 def without_consequences(found: Sequence[ProjectWarning], gathered: Sequence[ProjectWarning]) -> list[ProjectWarning]:

@@ -31,7 +31,6 @@ from orip.solving.first_sentence import (
     is_explained,
     judged,
     without_consequences,
-    without_members,
 )
 from orip.solving.starting_values import (
     StartedBlock,
@@ -131,7 +130,7 @@ def solve(
             causes += explain_failure(_readjuster(gathered), adjuster.not_oriented)
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
-    mistaken = without_members(_with_mistakes_of_the_block(mistaken, adjuster, adjusted), solution)
+    mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
     mistaken, taken = (without_consequences(found, gathered.warnings) for found in (mistaken, taken))
     causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
     if any(warning.code in (*OF_STATIONS, CONTRADICTING_POSITION) for warning in (*causes, *mistaken)):

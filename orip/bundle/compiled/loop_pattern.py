@@ -22,7 +22,7 @@ _OF_A_GROUP = 8.0
 """Time of clearing an element of a group's matrix and adding it to the reduced system, over that of eliminating a point
 from it."""
 
-_HOPELESS = 2.0
+_GIVEN_UP = 2.0
 """Where half of the row as one group takes so many times as long as in groups, no larger part of it is tried."""
 
 
@@ -147,7 +147,7 @@ def _begins_group(place: IntArray, photo: IntArray, points: IntArray) -> BoolArr
         begins[_within(first[saves] + 1, end[saves], size)] = False
         least[first] = np.where(saves, joined, apart)
         is_open[middle] = False
-        is_open[first] = may_join & (joined <= _HOPELESS * apart)
+        is_open[first] = may_join & (joined <= _GIVEN_UP * apart)
         pairs = pairs[is_open[pairs // every]]
     return begins
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orip.errors import Complaint
-from orip.files.text.decimal_numbers import LARGEST_NUMBER
+from orip.files.text.decimal_numbers import LARGEST_NUMBER, ORDINARY_NUMBER
 from orip.files.text.lines import FieldReader, read_lines, split_line
 from orip.files.text.shown import Parsed
 from orip.records.control import PreliminaryPoint
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from orip.arrays import FloatArray
 
 
-_NUMBER = r"([+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+)"
-_PLAIN = re.compile(rf"[ \t]*+(?![!#])([!-~]++)[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]++{_NUMBER}[ \t]*+")
+_PLAIN = re.compile(r"[ \t]*+(?![!#])([!-~]++)" + 3 * rf"[ \t]++({ORDINARY_NUMBER})" + r"[ \t]*+")
 """A line that is a name and three ordinary numbers, as nearly all are; the others are read field by field."""
 
 

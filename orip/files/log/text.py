@@ -24,7 +24,7 @@ from orip.files.log.blocks import (
     read_measurement,
 )
 from orip.files.log.writing import points_header
-from orip.files.text.decimal_numbers import LARGEST_NUMBER, is_number
+from orip.files.text.decimal_numbers import LARGEST_NUMBER, ORDINARY_NUMBER, is_number
 from orip.files.text.lines import FieldReader, read_sound_bytes, split_line
 from orip.files.text.shown import Parsed, shown_token
 from orip.number_text import shortest_texts
@@ -46,7 +46,7 @@ LINES_AT_A_TIME = 1000
 
 _NOT_NAMES = tuple(sorted(word.encode("ascii") for word in KEYWORDS | RESERVED_NAMES))
 _NOT_PLAIN = b"|".join(map(re.escape, _NOT_NAMES))
-_NUMBER = rb"[+-]?+(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?+\d++)?+"
+_NUMBER = ORDINARY_NUMBER.encode("ascii")
 _LINE = (
     rb"[ \t]*+(?![!#]|(?i:" + _NOT_PLAIN + rb")[ \t])[!-~]++[ \t]++" + _NUMBER + rb"[ \t]++" + _NUMBER + rb"[ \t]*+\n"
 )

@@ -54,7 +54,7 @@ class Start(Struct, frozen=True):
 
 
 def starting_texts(start: Start) -> Mapping[str, str]:
-    """Return the texts of a new project by file name; they are complete but for what has to be measured."""
+    """Return the texts of a new project by file name; they are complete except for what has to be measured."""
     parts = [_PROJECT, _CAMERA[start.kind], _PHOTOS[start.kind], _BUNDLE + _DATUM.get(start.kind, "")]
     texts = {"orip.toml": "\n".join(_filled(part, start) for part in parts if _filled(part, start))}
     texts[f"{start.name}.PNT"] = _filled(_POINTS, start)

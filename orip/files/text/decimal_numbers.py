@@ -22,6 +22,8 @@ UNIT_IN_WORDS = "is not how a unit is written"
 _MILLIMETRES = {"mm": 1.0, "cm": 10.0}
 """Of the units of lengths that people write after a photo error; all others are micrometres."""
 _LONGEST_GUESS = 40
+ORDINARY_NUMBER = r"[+-]?+(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][+-]?+[0-9]++)?+"
+"""Pattern of a number that `float` reads as it is, for formats that read many plain lines at a time."""
 LARGEST_NUMBER = 1e30
 """Nothing measured is larger, and the fourth power of a larger number would overflow."""
 

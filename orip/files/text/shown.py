@@ -31,7 +31,7 @@ def has_hidden(text: str) -> bool:
 
 
 def visible(text: str, kept: str = "") -> str:
-    """Return a text with hidden characters written as escapes, but for those that are kept."""
+    """Return a text with hidden characters written as escapes, except for those that are kept."""
     if text.isprintable() or not has_hidden(text):
         return text
     return "".join(_escaped(one) if _is_hidden(one) and one not in kept else one for one in text)

@@ -120,6 +120,7 @@ def test_an_operator_with_commands_beside_orip_digitise(tmp_path):
                 assert orip(folder, "drive", "foot", "right", *link_to(port)).code == 0
                 hear(f"digitised  fiducial {mark} of C35")
             assert "'orip drive foot right'" in said
+            hear("waiting    fiducial 5 of C35")
             assert orip(folder, "drive", "key", "ENTER", *link_to(port)).code == 0
             rest = session.communicate(timeout=60)[1]
         finally:
