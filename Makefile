@@ -39,6 +39,7 @@ help:
 	@echo 'make browser-test  test the pages in Chromium (which has to be installed)'
 	@echo 'make check     style, types, layers and documentation: ruff, mypy, import-linter, sphinx'
 	@echo 'make docs      build the documentation; make docs-links looks at its links to elsewhere, too; make man: orip(1)'
+	@echo 'make docker    build a container with orip, and run a sample project in it (needs docker)'
 	@echo 'make bench     compare the speed with that of pycolmap and SciPy, which it installs in .venv-bench (some minutes)'
 	@echo 'make clean     remove all that make and the tools have made, .venv too'
 
@@ -133,6 +134,12 @@ man: $(READY)
 docs-links: $(READY)
 	$(build_docs) linkcheck docs $(DOCS)-links
 
+# what a container prints of a sample that it runs ends with where the report is
+.PHONY: docker
+docker:
+	docker build --tag orip .
+	docker run --rm --entrypoint sh orip -c 'orip init --sample small_frame_block cliff && orip -C cliff run'
+
 BENCH_PHOTOS := 50 500
 # also: solve:20000 (half an hour), large; BAL is left out where its data are not
 BENCH_CASES := penta rings BAL aerial-bal penta-bal rings-bal Zurich threads:500 threads:2000 threads:penta-bal \
@@ -198,10 +205,13 @@ $(RUNS):
 	fi; \
 	rm -f $(RUNS) $(READY); \
 	$(BIN)/python -c "$$print_packages"; \
+	echo '  1 of 3: the tools to build with'; \
 	$(pip_install) -r $(VENV)/build-packages || { $(not_installed); }; \
+	echo '  2 of 3: compiling three extensions in C, while packages are fetched'; \
 	$(pip_install) -r $(VENV)/run-packages & packages=$$!; \
 	trap 'kill $$packages 2>/dev/null || :' EXIT; trap 'exit 130' HUP INT TERM; \
 	$(pip_install) --no-build-isolation --no-deps -e . || { $(not_installed); }; \
+	echo "  3 of 3: waiting for the packages: $$(sed 's/[<>=].*//' $(VENV)/run-packages | tr '\n' ' ')"; \
 	wait $$packages || { $(not_installed); }; \
 	$(state) >$(RUNS); \
 	rm -f $(UNFINISHED); \

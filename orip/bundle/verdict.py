@@ -140,7 +140,7 @@ def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
 def _weaknesses(solution: Solution) -> str:
     if solution.diagnosis:
         return f"Converged; {counted(len(solution.diagnosis), 'note')} on what is weak"
-    return "Converged, nothing conspicuous"
+    return "Converged; all observations fit, and all unknowns are determined"
 
 
 def _undetermined(solution: Solution) -> str:

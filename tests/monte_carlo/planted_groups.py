@@ -69,7 +69,7 @@ class Outcome(Struct, frozen=True):
 
     @property
     def is_silent(self) -> bool:
-        return "nothing conspicuous" in self.verdict or "what is weak" in self.verdict
+        return "all observations fit" in self.verdict or "what is weak" in self.verdict
 
 
 class _Truth(NamedTuple):

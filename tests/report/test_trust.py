@@ -85,7 +85,7 @@ def test_the_gravest_comes_first() -> None:
         "caution", "Converged, with doubts: 1 blunder found and left out",
     )  # fmt: skip
     assert headline(replace(QUIET, sigma0=14.3))[0] == "caution"
-    assert headline(QUIET) == ("good", "Converged, nothing conspicuous")
+    assert headline(QUIET) == ("good", "Converged; all observations fit, and all unknowns are determined")
 
 
 def test_sigma0_is_put_in_words() -> None:

@@ -1,0 +1,38 @@
+"""The container and the conda package have what pyproject.toml says."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from workflow.small_projects import REPOSITORY
+
+PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def recipe() -> dict[str, Any]:
+    yaml = pytest.importorskip("yaml", reason="PyYAML comes with dask")
+    return yaml.safe_load((REPOSITORY / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
+
+
+def test_the_conda_package_needs_what_the_wheel_needs() -> None:
+    needed = [requirement.replace(" ", "") for requirement in recipe()["requirements"]["run"]]
+    assert needed == [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
+
+
+def test_the_conda_package_is_of_this_version_and_has_its_command() -> None:
+    assert recipe()["context"]["version"] == PROJECT["version"]
+    (entry,) = recipe()["build"]["python"]["entry_points"]
+    assert entry == f"orip = {PROJECT['scripts']['orip']}"
+
+
+def test_what_the_container_copies_is_let_through_and_there() -> None:
+    let_through = {line[1:] for line in (REPOSITORY / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    copied = set()
+    for line in (REPOSITORY / "Dockerfile").read_text().splitlines():
+        if line.startswith("COPY ") and "--from" not in line:
+            copied |= set(line.split()[1:-1])
+    assert copied == let_through
+    assert all((REPOSITORY / name).exists() for name in copied)
+    assert {"orip", "pyproject.toml", "setup.py", PROJECT["readme"], *PROJECT["license-files"]} <= copied
