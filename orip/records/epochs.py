@@ -103,7 +103,8 @@ def epochs(shown: str, line: IntArray, **known: object) -> Epochs:
     return Epochs(shown=shown, line=line, **{**values, **known})  # type: ignore[arg-type]
 
 
-_START = datetime(1980, 1, 6)
+GPS_START = datetime(1980, 1, 6)
+"""Beginning of GPS time."""
 
 _LEAP_DATES = (
     (1981, 7), (1982, 7), (1983, 7), (1985, 7), (1988, 1), (1990, 1), (1991, 1), (1992, 7), (1993, 7), (1994, 7),
@@ -132,7 +133,7 @@ def seconds_of_date(date: str, clock: str, system: str = "GPST") -> float:
     year, month, day = (int(part) for part in date.replace("-", "/").replace(":", "/").split("/"))
     hour, minute, second = clock.split(":")
     moment = datetime(year, month, day, int(hour), int(minute)) - (_JST if system == "JST" else timedelta())
-    seconds = (moment - _START).total_seconds() + float(second)
+    seconds = (moment - GPS_START).total_seconds() + float(second)
     if not (seconds >= 0.0 and 0.0 <= float(second) < 61.0):
         message = "no time of the GPS era"
         raise ValueError(message)

@@ -332,3 +332,32 @@ class OnlineDemo(Part, frozen=True):
     command: Literal["online"]
     summary: str
     suspects: list[str]
+
+
+class DoubtedEpochs(Part, frozen=True):
+    """Successive epochs that are not to be trusted: seconds since 1980-01-06, GPS time, and why."""
+
+    begin: float
+    end: float
+    epochs: int
+    why: str
+
+
+class Gnss(Part, frozen=True):
+    """Positions of a receiver: m, m², geocentric; place, covariance and closure of one that stands, else null."""
+
+    command: Literal["gnss"]
+    file: str
+    dry_run: bool
+    way: Literal["static", "kinematic", "epochs"]
+    engine: str
+    base: list[float]
+    epochs: int
+    epochs_in_common: int
+    fixed: int
+    floating: int
+    place: list[float] | None
+    covariance: list[list[float]] | None
+    closure: list[float] | None
+    doubted: list[DoubtedEpochs]
+    warnings: list[Warned]

@@ -42,7 +42,10 @@ def first(verdict: GroupVerdict) -> set[str]:
 
 def test_clean_groups_do_not_contradict_one_another() -> None:
     solution = solution_of(grouped_block("none", 1).block)
-    assert solution.verdict in {"Converged; all observations fit, and all unknowns are determined", "Converged; 1 note on what is weak"}
+    assert solution.verdict in {
+        "Converged; all observations fit, and all unknowns are determined",
+        "Converged; 1 note on what is weak",
+    }
     assert not any(group.doubted for group in solution.groups)
     assert {group.kind for group in solution.groups} == {"photo", "control", "element", "distance", "check"}
 
