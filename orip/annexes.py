@@ -21,6 +21,7 @@ COMMANDS: Mapping[str, str] = {
     "digitise": "orip.multimodel.commands.digitise",
     "stations": "orip.stations.commands",
     "gnss": "orip.stations.gnss_command",
+    "imu": "orip.stations.imu_command",
     "archive": "orip.archive.commands",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""

@@ -11,13 +11,14 @@ from orip.schemas import measuring, preliminary, project, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
-    "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status", "camera-plot",
-    "check", "compare", "control-edit", "control-list", "covariance", "digitise", "digitise-ground", "drive-download",
-    "drive-emulate", "drive-panel", "drive-profile", "drive-table", "drive-to", "drive-watch", "drive-where", "error",
-    "export", "export-toml", "formats", "gnss", "import", "init", "measure", "model-coordinates", "observation-edit",
-    "observations", "online-demo", "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records",
-    "relative", "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
-    "stations-import", "status", "todo", "todo-next", "update", "update-undone",
+    "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
+    "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "digitise",
+    "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
+    "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "gnss", "import",
+    "imu", "init", "measure", "model-coordinates", "observation-edit", "observations", "online-demo",
+    "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records", "relative", "report",
+    "result", "result-part", "results", "sample-written", "samples", "similarities", "stations-import",
+    "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
 
@@ -78,6 +79,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "formats": DocumentType(project.Formats, ("import", "export")),
     "import": DocumentType(project.Import, ("import",)),
     "gnss": DocumentType(measuring.Gnss, ("gnss",)),
+    "imu": DocumentType(measuring.Imu, ("imu",)),
     "init": DocumentType(project.Init, ("init",)),
     "measure": DocumentType(measuring.Measure, ("measure",)),
     "model-coordinates": DocumentType(preliminary.ModelCoordinates, ("prelim show",)),

@@ -361,3 +361,30 @@ class Gnss(Part, frozen=True):
     closure: list[float] | None
     doubted: list[DoubtedEpochs]
     warnings: list[Warned]
+
+
+class NoiseFactors(Part, frozen=True):
+    """By which the standard deviations given of unit, positions and velocities were multiplied."""
+
+    unit: float
+    position: float
+    velocity: float
+
+
+class Imu(Part, frozen=True):
+    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up."""
+
+    command: Literal["imu"]
+    files: list[str]
+    dry_run: bool
+    time_system: str
+    begin: float
+    end: float
+    positions: int
+    residual_rms: list[float]
+    factors: NoiseFactors
+    place_sd: list[float]
+    angle_sd: list[float]
+    gyro_bias: list[float]
+    accelerometer_bias: list[float]
+    warnings: list[Warned]

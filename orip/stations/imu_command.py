@@ -1,0 +1,221 @@
+"""`orip imu`: a smoothed trajectory with attitudes from inertial data and positions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
+import typer
+
+from orip.cli.options import DryRunOption, Invocation, command
+from orip.cli.terminal import warning_rows
+from orip.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from orip.arrays import FloatArray
+    from orip.stations.inertial.files import ImuForm
+    from orip.stations.inertial.processing import ImuFiles, ImuResult
+    from orip.stations.inertial.samples import ImuNoise
+
+
+class FormOptions(NamedTuple):
+    """How the file of the unit is to be read."""
+
+    columns: Annotated[
+        str | None, typer.Option("--columns", metavar="NAMES", help="Of time,fx,fy,fz,wx,wy,wz in order; -: not used.")
+    ] = None
+    force_unit: Annotated[str, typer.Option("--force-unit", metavar="UNIT", help="m/s2 or g.")] = "m/s2"
+    rate_unit: Annotated[str, typer.Option("--rate-unit", metavar="UNIT", help="rad/s or deg/s.")] = "rad/s"
+    mount: Annotated[
+        str, typer.Option("--mount", metavar="R,P,Y", help="Roll, pitch, yaw of the unit on the body, degrees.")
+    ] = "0,0,0"
+    time: Annotated[
+        str | None, typer.Option("--time", metavar="SYSTEM", help="gps, week, unix-gps, unix-utc; else what fits.")
+    ] = None
+    shift: Annotated[float, typer.Option("--shift", metavar="SECONDS", help="Added to the times of the samples.")] = 0.0
+
+
+class ModelOptions(NamedTuple):
+    """What is known of unit and antenna."""
+
+    lever_arm: Annotated[
+        str, typer.Option("--lever-arm", metavar="F,R,D", help="Unit to antenna: forward, right, down, m.")
+    ] = "0,0,0"
+    noise: Annotated[
+        str,
+        typer.Option(
+            "--noise", metavar="GRADE", help="mems, tactical, navigation, or six numbers: see orip imu --help."
+        ),
+    ] = "mems"
+    as_given: Annotated[bool, typer.Option("--as-given", help="Do not estimate the noise from the data.")] = False
+    rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Of the trajectory.", min=1.0, max=500.0)] = 50.0
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "imu")
+    def imu_command(
+        invocation: Invocation,
+        imu: Annotated[Path, typer.Argument(metavar="IMU", help="Samples of the unit: a table, also .gz.")],
+        positions: Annotated[Path, typer.Argument(metavar="GNSS", help="Positions: a solution of RTKLIB (.pos).")],
+        form: FormOptions,
+        model: ModelOptions,
+        output: Annotated[
+            Path | None, typer.Option("--output", "-o", metavar="FILE", help="Instead of IMU.sbet.")
+        ] = None,
+        dry_run: DryRunOption = False,
+    ) -> None:
+        """Smooth a trajectory with attitudes from inertial data and positions; write SBET and SMRMSG.
+
+        The body has its axes forward, to the right, down. The attitude at the beginning follows from what both have
+        observed, without a magnetometer. Six numbers of --noise: gyroscope rad/s/sqrt(Hz), accelerometer
+        m/s2/sqrt(Hz), random walks of their biases, first biases (rad/s, m/s2).
+
+        Example: orip imu imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
+        """
+        from orip.files.text.atomic import replace_bytes, reporting_failure
+        from orip.stations.inertial.processing import ImuFiles, process_imu
+
+        folder = invocation.folder
+        files = ImuFiles(
+            folder / imu, folder / positions, _form(form), _noise(model.noise),
+            _three("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
+        )  # fmt: skip
+        target = folder / (output or Path(f"{imu.name.split('.')[0] or imu.name}.sbet"))
+        deviations = target.with_suffix(".smrmsg")
+        for path in (target, deviations):
+            _require_own(path, files)
+        result = process_imu(files)
+        if not dry_run:
+            for path, data in ((deviations, result.smrmsg), (target, result.sbet)):
+                with reporting_failure(path.name, "name another file with --output"):
+                    replace_bytes(path, data)
+        _tell(invocation, result, target, dry_run=dry_run)
+
+
+def _form(options: FormOptions) -> ImuForm:
+    from orip.stations.inertial.files import COLUMNS, FORCE_UNITS, RATE_UNITS, ImuForm
+
+    names = () if options.columns is None else tuple(word.strip() for word in options.columns.split(","))
+    if names and (set(names) - {*COLUMNS, "-"} or any(names.count(name) != 1 for name in COLUMNS)):
+        message = f"--columns {options.columns}: write each of {','.join(COLUMNS)} once, and - for what is not used"
+        raise UsageError(message)
+    for option, unit, known in (
+        ("--force-unit", options.force_unit, FORCE_UNITS), ("--rate-unit", options.rate_unit, RATE_UNITS),
+    ):  # fmt: skip
+        if unit not in known:
+            message = f"{option} {unit}: write one of {', '.join(known)}"
+            raise UsageError(message)
+    mount = _three("--mount", options.mount, 360.0)
+    return ImuForm(names, options.force_unit, options.rate_unit, mount, options.shift)
+
+
+def _three(option: str, text: str, most: float) -> tuple[float, float, float]:
+    numbers = _numbers(text)
+    if len(numbers) != 3 or not np.all(np.abs(numbers) <= most):
+        message = f"{option} {text}: write three numbers from {-most:g} to {most:g}, such as 0.1,0,-0.3"
+        raise UsageError(message)
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _numbers(text: str) -> list[float]:
+    from orip.files.text.decimal_numbers import is_number, parse_number
+
+    return [parse_number(part) if is_number(part) else np.nan for part in text.split(",")]
+
+
+def _noise(text: str) -> ImuNoise:
+    from orip.stations.inertial.processing import NOISES
+    from orip.stations.inertial.samples import ImuNoise
+
+    if text in NOISES:
+        return NOISES[text]
+    numbers = _numbers(text)
+    if len(numbers) != 6 or not np.all(np.array(numbers) > 0.0):
+        message = f"--noise {text}: write one of {', '.join(NOISES)}, or six numbers above 0 (orip imu --help)"
+        raise UsageError(message)
+    return ImuNoise(*numbers)
+
+
+def _time(word: str | None) -> str:
+    known = ("gps", "week", "unix-gps", "unix-utc")
+    if word is not None and word not in known:
+        message = f"--time {word}: write one of {', '.join(known)}"
+        raise UsageError(message)
+    return word or ""
+
+
+def _require_own(target: Path, files: ImuFiles) -> None:
+    """Refuse to replace what is read, or what is no trajectory: whole records of 17 or 10 numbers."""
+    from orip.files.text.atomic import reporting_failure, require_no_link
+
+    with reporting_failure(target.name, "name another file with --output"):
+        require_no_link(target)
+        if not target.exists():
+            return
+        size = 8 * (17 if target.suffix != ".smrmsg" else 10)
+        is_read = any(path.exists() and target.samefile(path) for path in (files.imu, files.positions))
+        if is_read or not target.is_file() or target.stat().st_size % size or target.suffix not in {".sbet", ".smrmsg"}:
+            message = f"{target.name} is there and is no trajectory; name another file, NAME.sbet, with --output"
+            raise UsageError(message)
+
+
+def _tell(invocation: Invocation, result: ImuResult, target: Path, *, dry_run: bool) -> None:
+    terminal = invocation.terminal
+    terminal.warn(result.warnings)
+    if terminal.json:
+        terminal.document("imu", _document(result, target, dry_run=dry_run))
+        return
+    for label, text in _lines(result):
+        terminal.point(label, text)
+    names = f"{target.name}, {target.with_suffix('.smrmsg').name}"
+    terminal.point("would write" if dry_run else "wrote", names)
+    if not dry_run:
+        own = f"orip stations import {target.name} --deviations {target.with_suffix('.smrmsg').name} --events FILE"
+        terminal.point("next", own)
+
+
+def _lines(result: ImuResult) -> Iterator[tuple[str, str]]:
+    states = result.trajectory
+    seconds = float(result.time[-1] - result.time[0])
+    yield "imu", f"{seconds:.1f} s, {len(states.residual)} positions, times of the samples: {result.time_system}"
+    course = np.degrees(states.alignment.deviation)
+    yield "aligned", f"by velocity changes of {states.alignment.change:.1f} m/s; course to about {course:.1f} degrees"
+    rms = 1000.0 * np.sqrt(np.mean(states.residual**2, axis=0))
+    yield "residuals", f"{rms[0]:.0f}, {rms[1]:.0f}, {rms[2]:.0f} mm RMS of the positions (east, north, up)"
+    factors = states.factors
+    others = f"of positions {factors.position:.2f}, of velocities {factors.velocity:.2f}"
+    yield "noise", f"of the unit {factors.unit:.2f} times what was given, {others}"
+    yield "sd", f"{_ranges(1000.0 * result.place_deviation, 1)} mm (east, north, up; median and largest)"
+    angles = np.degrees(result.angle_deviation)
+    yield "", f"{_ranges(angles, 4)} degrees (roll, pitch, heading; median and largest)"
+
+
+def _ranges(values: FloatArray, decimals: int) -> str:
+    middle, largest = np.median(values, axis=0), values.max(axis=0)
+    return ", ".join(f"{one:.{decimals}f} to {other:.{decimals}f}" for one, other in zip(middle, largest, strict=True))
+
+
+def _document(result: ImuResult, target: Path, *, dry_run: bool) -> dict[str, object]:
+    states = result.trajectory
+    factors = states.factors
+    return {
+        "command": "imu",
+        "files": [target.name, target.with_suffix(".smrmsg").name],
+        "dry_run": dry_run,
+        "time_system": result.time_system,
+        "begin": float(result.time[0]),
+        "end": float(result.time[-1]),
+        "positions": len(states.residual),
+        "residual_rms": np.sqrt(np.mean(states.residual**2, axis=0)).tolist(),
+        "factors": {"unit": factors.unit, "position": factors.position, "velocity": factors.velocity},
+        "place_sd": np.median(result.place_deviation, axis=0).tolist(),
+        "angle_sd": np.median(result.angle_deviation, axis=0).tolist(),
+        "gyro_bias": states.gyro_bias[-1].tolist(),
+        "accelerometer_bias": states.accelerometer_bias[-1].tolist(),
+        "warnings": warning_rows(result.warnings),
+    }

@@ -1,0 +1,120 @@
+"""Attitude at the beginning, without a magnetometer: from accelerations that both the unit and the receiver observed.
+
+Velocity changes of the receiver, less those of gravity, are the integrated specific forces of the unit, turned by the
+attitude sought; the attitudes in between follow from the gyroscopes. Gravity gives the level, manoeuvres give the
+course: one rotation by least squares over all of them (Wahba's problem; Wu and Pan 2013, Velocity/position integration
+formula, IEEE Transactions on Aerospace and Electronic Systems 49).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from msgspec import Struct
+from scipy.spatial.transform import Rotation
+
+from orip.arrays import FloatArray
+from orip.stations.inertial.samples import Fixes, ImuSamples, LocalGravity
+
+_STANDING_SPEED = 0.3
+_STANDING_S = 5.0
+_ENOUGH = 8.0
+"""m/s: root of the sum of squares of horizontal velocity changes that give a course to a degree or so."""
+
+_LONGEST_S = 120.0
+_MEMS_RATE = 1e-3
+"""rad/s: a mean rate above is the bias of a small unit, not the rotation of the Earth."""
+
+
+class Alignment(Struct, frozen=True):
+    """The attitude at a time.
+
+    Parameters
+    ----------
+    time : float
+    rotation : array (3, 3)
+        Body to local frame.
+    gyro_bias : array (3,)
+        rad/s, from standing; else zero.
+    change : float
+        Root of the sum of squares of the horizontal velocity changes that gave the course, m/s.
+    deviation : float
+        Of the course, radians.
+    """
+
+    time: float
+    rotation: FloatArray
+    gyro_bias: FloatArray
+    change: float
+    deviation: float
+
+
+def align(imu: ImuSamples, fixes: Fixes, gravity: LocalGravity) -> Alignment:
+    """Return the attitude at the first fix."""
+    velocity = velocities_of(fixes)
+    speed = np.linalg.norm(velocity[:, :2], axis=1)
+    moving = int(np.argmax(speed > _STANDING_SPEED)) if (speed > _STANDING_SPEED).any() else len(speed)
+    bias = _standing_bias(imu, fixes.time[0], fixes.time[max(moving - 1, 0)])
+    first = max(moving - 3, 0)
+    turned = np.eye(3)
+    change_b, change_n, squares = [], [], 0.0
+    used_until = first
+    for at in range(first, len(fixes.time) - 1):
+        begin, end = float(fixes.time[at]), float(fixes.time[at + 1])
+        integral, turned = _integrated(imu, begin, end, bias, turned)
+        if not np.isfinite(velocity[[at, at + 1]]).all():
+            continue
+        difference = velocity[at + 1] - velocity[at]
+        change_b.append(integral)
+        change_n.append(difference - gravity.at(fixes.place[at]) * (end - begin))
+        squares += float(difference[:2] @ difference[:2])
+        used_until = at + 1
+        if squares > _ENOUGH**2 or end - fixes.time[first] > _LONGEST_S:
+            break
+    rotation, deviation = _fitted(np.array(change_b), np.array(change_n), squares)
+    back = _turned_between(imu, float(fixes.time[0]), float(fixes.time[first]), bias)
+    assert used_until > first
+    return Alignment(float(fixes.time[0]), rotation @ back.T, bias, float(np.sqrt(squares)), deviation)
+
+
+def velocities_of(fixes: Fixes) -> FloatArray:
+    """Return velocities (m, 3): those given, else of neighbouring positions."""
+    if len(fixes.time) < 3:
+        return fixes.velocity
+    derived = np.gradient(fixes.place, fixes.time, axis=0)
+    return np.where(np.isfinite(fixes.velocity), fixes.velocity, derived)
+
+
+def _standing_bias(imu: ImuSamples, begin: float, end: float) -> FloatArray:
+    within = (imu.time >= begin) & (imu.time < end - 1.0)
+    if end - begin < _STANDING_S or not within.any():
+        return np.zeros(3)
+    mean: FloatArray = imu.rate[within].mean(axis=0)
+    return mean if float(np.abs(mean).max()) > _MEMS_RATE else np.zeros(3)
+
+
+def _integrated(
+    imu: ImuSamples, begin: float, end: float, bias: FloatArray, turned: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the integrated force along the axes of the beginning, and how the body stands to them at the end."""
+    force, rate, duration = imu.pieces(begin, end)
+    integral = np.zeros(3)
+    for part, turn, step in zip(force, rate - bias, duration, strict=True):
+        half = Rotation.from_rotvec(turn * step / 2.0).as_matrix()
+        integral = integral + turned @ half @ part * step
+        turned = turned @ half @ half
+    return integral, turned
+
+
+def _turned_between(imu: ImuSamples, begin: float, end: float, bias: FloatArray) -> FloatArray:
+    if end <= begin:
+        return np.eye(3)
+    return _integrated(imu, begin, end, bias, np.eye(3))[1]
+
+
+def _fitted(body: FloatArray, frame: FloatArray, squares: float) -> tuple[FloatArray, float]:
+    """Return the rotation of vectors (k, 3) to vectors (k, 3) by least squares, and the deviation of the course."""
+    left, _, right = np.linalg.svd(frame.T @ body)
+    rotation: FloatArray = left @ np.diag([1.0, 1.0, np.linalg.det(left) * np.linalg.det(right)]) @ right
+    residual = frame - body @ rotation.T
+    noise = float(np.sqrt(np.mean(residual[:, :2] ** 2))) if len(residual) else np.inf
+    return rotation, noise / max(np.sqrt(squares), 1e-12)
