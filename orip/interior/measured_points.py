@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import compress
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,8 @@ class MeasuredPoints:
         Bundles in which the mean of all measurements of a point in a photo counts; in others the last one does.
     repeated : set of str
         Bundles in which every measurement of a point in a photo is an observation of its own.
+    sources : mapping of str to str
+        Bundles that have the points of another one, and that one.
     """
 
     def __init__(
@@ -112,9 +115,12 @@ class MeasuredPoints:
         stored: Mapping[str, PhotoObservations],
         averaged: frozenset[str] = frozenset(),
         repeated: frozenset[str] = frozenset(),
+        sources: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self._averaged, self._repeated = averaged, repeated
-        self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
+        self._averaged, self._repeated, self._sources = averaged, repeated, sources
+        self._bundles = {
+            bundle: _points_by_photo(observations) for bundle, observations in stored.items() if bundle not in sources
+        }
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
@@ -188,11 +194,17 @@ class MeasuredPoints:
         self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
     ) -> dict[str, PhotoObservations]:
         """Return the points of the defined bundles and photos in stored coordinates, photos in their given order."""
-        return {
+        found = {
             key: _observations(bundles[key], by_photo, photos, to_stored, pixel_sizes, key in self._averaged)
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
+        shared = {
+            key: replace(found[source], bundle=bundles[key])
+            for key, source in self._sources.items()
+            if key in bundles and source in found
+        }
+        return {**found, **shared}
 
 
 def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> PointsOfPhoto:

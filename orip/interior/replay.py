@@ -110,8 +110,9 @@ class _Replay:
         self.templates = FilmMountings(start.templates)
         self.photos = FilmMountings(start.photos)
         self.points = MeasuredPoints(
-            start.observations, definitions.averaged_bundles, definitions.bundles_with_repetitions
-        )
+            start.observations, definitions.averaged_bundles, definitions.bundles_with_repetitions,
+            definitions.sources_of_points,
+        )  # fmt: skip
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
         self.findings = Findings()
@@ -324,9 +325,14 @@ class _Replay:
         return unknown_record("photo", name, (photo.name for photo in self.definitions.photos.values()))
 
     def _bundle(self, name: str) -> str:
-        bundle = self.definitions.bundles.get(record_key(name))
+        key = record_key(name)
+        bundle = self.definitions.bundles.get(key)
         if bundle is None:
             raise OrientationError(unknown_record("bundle", name, self.definitions.bundles.values()))
+        if key in self.definitions.sources_of_points:
+            source = self.definitions.settings[key].points_of
+            message = f"bundle {bundle} has the photo points of {source}: write {source} here, or remove its points_of"
+            raise OrientationError(message)
         return bundle
 
     def _bundle_and_photo(self, bundle: str, photo: str, place: TextPlace) -> tuple[str, Photo]:
