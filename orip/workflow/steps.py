@@ -108,6 +108,9 @@ def inputs_now(bundle: BundleState) -> Digests:
 
 def _of_head(command: str, head: SolutionHead) -> Step:
     found = f"{head.status.replace('_', ' ')}, sigma0 {head.sigma0:.4f}"
+    if head.status == "doubtful":
+        words = head.verdict.removeprefix("Converged, ").removeprefix("but ").removeprefix("with doubts: ")
+        found = f"{found}: {words}"
     if head.status == "stopped":
         return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
     if head.status in ("not_converged", "not_determined"):
