@@ -128,7 +128,7 @@ def _register_compare(app: typer.Typer) -> None:
 
         Differences are listed largest first, measured by what is allowed; angles are compared on the circle.
 
-        Examples: orip compare before/result.json . --tolerance 0.001; orip compare MAIN B2 --sigma 1
+        Example: orip compare before/result.json . --tolerance 0.001, or orip compare MAIN B2 --sigma 1
         """
         from orip.solving.differences import Tolerance
         from orip.workflow.adjust.compare import compare

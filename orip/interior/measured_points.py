@@ -107,7 +107,7 @@ class MeasuredPoints:
     repeated : set of str
         Bundles in which every measurement of a point in a photo is an observation of its own.
     sources : mapping of str to str
-        Bundles that have the points of another one, and that one.
+        Bundles that have the points of another one, and that one: what is measured or edited there is so in them.
     """
 
     def __init__(
@@ -117,10 +117,14 @@ class MeasuredPoints:
         repeated: frozenset[str] = frozenset(),
         sources: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        self._averaged, self._repeated, self._sources = averaged, repeated, sources
-        self._bundles = {
-            bundle: _points_by_photo(observations) for bundle, observations in stored.items() if bundle not in sources
-        }
+        self._averaged, self._repeated = averaged, repeated
+        self._sharing: dict[str, list[str]] = {}
+        for bundle, source in sources.items():
+            self._sharing.setdefault(source, []).append(bundle)
+        self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
+        for bundle, source in sources.items():
+            if bundle not in stored and source in stored:
+                self._bundles[bundle] = dict(self._bundles[source])
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
@@ -128,11 +132,16 @@ class MeasuredPoints:
 
         A new measurement takes the place of the one before, unless all of the bundle stay.
         """
+        self.remeasured += self._measure(bundle, photo, points)
+        for other in self._sharing.get(bundle, ()):
+            self._measure(other, photo, points)
+
+    def _measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> int:
         photos = self._bundles.setdefault(bundle, {})
         before = photos.get(photo, _NO_POINTS)
         stay = bundle in self._averaged | self._repeated
         photos[photo], again = before.repeated(points) if stay else before.measured_again(points)
-        self.remeasured += again
+        return again
 
     def differences(self, bundle: str, photo: str, points: PointsOfPhoto) -> list[tuple[str, FloatArray]]:
         """Return names of points that are there already, with new minus old coordinates (2,), of the same mounting."""
@@ -154,6 +163,11 @@ class MeasuredPoints:
         ValueError
             If a point would get the name of another one of its photo.
         """
+        for other in self._sharing.get(bundle, ()):
+            self._edit(other, record)
+        return self._edit(bundle, record)
+
+    def _edit(self, bundle: str, record: EditRecord) -> int:
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
         found = 0
@@ -194,17 +208,11 @@ class MeasuredPoints:
         self, bundles: Mapping[str, str], photos: Mapping[str, Photo], to_stored: ToStored, pixel_sizes: PixelSizes
     ) -> dict[str, PhotoObservations]:
         """Return the points of the defined bundles and photos in stored coordinates, photos in their given order."""
-        found = {
+        return {
             key: _observations(bundles[key], by_photo, photos, to_stored, pixel_sizes, key in self._averaged)
             for key, by_photo in self._bundles.items()
             if key in bundles
         }
-        shared = {
-            key: replace(found[source], bundle=bundles[key])
-            for key, source in self._sources.items()
-            if key in bundles and source in found
-        }
-        return {**found, **shared}
 
 
 def _renamed(points: PointsOfPhoto, name: str, new_name: str, photo: str) -> PointsOfPhoto:

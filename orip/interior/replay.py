@@ -325,14 +325,9 @@ class _Replay:
         return unknown_record("photo", name, (photo.name for photo in self.definitions.photos.values()))
 
     def _bundle(self, name: str) -> str:
-        key = record_key(name)
-        bundle = self.definitions.bundles.get(key)
+        bundle = self.definitions.bundles.get(record_key(name))
         if bundle is None:
             raise OrientationError(unknown_record("bundle", name, self.definitions.bundles.values()))
-        if key in self.definitions.sources_of_points:
-            source = self.definitions.settings[key].points_of
-            message = f"bundle {bundle} has the photo points of {source}: write {source} here, or remove its points_of"
-            raise OrientationError(message)
         return bundle
 
     def _bundle_and_photo(self, bundle: str, photo: str, place: TextPlace) -> tuple[str, Photo]:

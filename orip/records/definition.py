@@ -217,7 +217,7 @@ class BundleDefinition(Struct, frozen=True):
         Before the Danish method: exceptionally large residuals lose weight, and it waits until the block has settled;
         or all weights are 1, and it begins at iteration `start_down_weight`, as in ORIPROGRAM.
     points_of : str or None
-        Bundle whose photo points this one has; None: its own.
+        Bundle whose photo points this one has besides its own.
     control_files : str or None
         Base name of its control files; None: that of the project.
     cameras : tuple of (str, str)

@@ -266,7 +266,10 @@ def check_shared(source: ProjectSource, references: References) -> Iterator[Faul
             place, of = (*bundle.place, "points_of"), f"points_of of {where}"
             yield from ((place, text) for text in references.check("bundle", bundle.record.points_of, of))
             other = bundles.get(record_key(bundle.record.points_of))
-            yield from ((place, text) for text in _points_of(bundle.record, other, of))
+            if other is not None and other.points_of is not None:
+                is_itself = record_key(other.name) == record_key(bundle.record.name)
+                remedy = "name another bundle, or remove it" if is_itself else f"name '{shown_token(other.points_of)}'"
+                yield place, f"{of}: '{shown_token(other.name)}' has no photo points of its own; {remedy}"
         yield from _cameras_in_place(bundle, references, f"cameras of {where}")
 
 
@@ -285,17 +288,6 @@ def _cameras_in_place(bundle: Located[BundleDefinition], references: References,
                 "in whose photos points were measured; give it the same"
             )
             yield place, message
-
-
-def _points_of(bundle: BundleDefinition, other: BundleDefinition | None, of: str) -> Iterator[str]:
-    if other is None:
-        return
-    shown = shown_token(other.name)
-    if other.points_of is not None:
-        remedy = f"name '{shown_token(other.points_of)}'" if record_key(other.name) != record_key(bundle.name) else ""
-        yield f"{of}: '{shown}' has no photo points of its own; {remedy or 'name another bundle, or remove it'}"
-    elif other.repeated_points != bundle.repeated_points:
-        yield f"{of}: '{shown}' has repeated_points = \"{other.repeated_points}\"; write the same here"
 
 
 _EVERY = ""
