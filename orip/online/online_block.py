@@ -71,8 +71,8 @@ class OnlineBlock:
         self.measurements, self.local = Measurements(inputs), local
         self.values = CurrentValues()
         self.equations: SequentialBlock[ObservationKey] = SequentialBlock()
-        self._columns = ReducedColumns()
-        self._corrections = PhotoCorrections(self._columns)
+        self.columns = ReducedColumns()
+        self._corrections = PhotoCorrections(self.columns)
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
@@ -225,9 +225,9 @@ class OnlineBlock:
         known = self.values.is_placed(part)
         if not known.all():
             part = part_of_block(part, np.ones(len(part.photos), dtype=bool), known)
-        before = len(self._columns.names)
-        rows = linearised(part, starting_state(part), self._tied_rows(part), self._columns)
-        self.equations.append(len(self._columns.names) - before)
+        before = len(self.columns.names)
+        rows = linearised(part, starting_state(part), self._tied_rows(part), self.columns)
+        self.equations.append(len(self.columns.names) - before)
         if self._control_weight != 1.0:
             rows = {
                 key: row.weighted(self._control_weight) if key.kind == "control" else row for key, row in rows.items()
