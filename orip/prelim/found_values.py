@@ -244,8 +244,8 @@ def _photo(measured: MeasuredBlock, best: Outcome | None, grown: GrowingBlock, p
 
 def _why_not_oriented(measured: MeasuredBlock, grown: GrowingBlock, photo: int) -> str:
     """Say why a photo is not oriented: what its control points lack for a resection, and what it shares with others."""
-    rays, control = measured.rays.of(measured.rays.photo == photo), measured.full_control()
-    known = rays.of(np.isfinite(control[rays.point]).all(axis=1))
+    rays, control = measured.rays.of(np.flatnonzero(measured.rays.photo == photo)), measured.full_control()
+    known = rays.of(np.flatnonzero(np.isfinite(control[rays.point]).all(axis=1)))
     shortage = why_not_oriented(measured.rays, measured.index, measured.common, grown, photo)
     if len(known.point) < LEAST_RESECTION:
         return shortage
