@@ -95,7 +95,9 @@ class OnlineBlock:
         rays = zip(measured.photos, measured.points, strict=True)
         disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
         given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
-        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
+        again = OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
+        again.left_out.update(key for key in excluded if key.kind != "photo")
+        return again
 
     @property
     def sigma0(self) -> float | None:

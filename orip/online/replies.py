@@ -209,6 +209,9 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
     match request.do:
         case "measure":
             return reply_of(session, session.measure(request.photo, request.point, request.xy))
+        case "exclude" | "include" if request.observation:
+            answer = session.decide(request.observation, is_excluded=request.do == "exclude")
+            return {"observation": request.observation, **reply_of(session, answer)}
         case "exclude":
             return reply_of(session, session.exclude(request.photo, request.point))
         case "include":
