@@ -92,9 +92,8 @@ class OnlineBlock:
     def begun_again(self, excluded: Collection[ObservationKey], local: LocalSystem | None = None) -> OnlineBlock:
         """Return a block of the same measurements without any values, on the ground or not; some are excluded."""
         measured, inputs = self.measurements.observations, self.project.inputs if local is None else local.inputs
-        rays = zip(measured.photos, measured.points, strict=True)
-        disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
-        given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
+        out = [key in excluded for key in map(self.key, measured.photos, measured.points)]
+        given = {record_key(measured.bundle): replace(measured, disregarded=np.array(out, dtype=bool))}
         again = OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
         again.left_out.update(key for key in excluded if key.kind != "photo")
         return again
