@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
+from orip.adjustment.weight_changes import MOST_ROUNDS, LinearAdjustment, weights_of_lower_cost
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
@@ -136,6 +136,7 @@ def exchanges_to_try(
     layout: Layout,
     limit: float,
     among: BoolArray,
+    rounds: int = MOST_ROUNDS,
 ) -> tuple[Exchange, ...]:
     """Return exchanges that lower the robust cost of a converged solution, or may lower it, the most promising first.
 
@@ -151,6 +152,8 @@ def exchanges_to_try(
         Standard residual up to which an observation has full weight.
     among : array (n,) of bool
         Observations that may be exchanged.
+    rounds : int
+        Most times that changes of weights begin again from the lowest end.
     """
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
@@ -164,7 +167,7 @@ def exchanges_to_try(
     square_sum = float(weighted @ np.where(equations.active, equations.residual, 0.0) - right @ correction)
     weight = weights[rows]
     start = LinearAdjustment(cofactor, residual, weight, square_sum)
-    ends = weights_of_lower_cost(start, limit)
+    ends = weights_of_lower_cost(start, limit, rounds)
     return tuple(_exchange(weight, end, rows, equations, normals) for end in ends)
 
 

@@ -8,6 +8,7 @@ and Woodbury).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from operator import itemgetter
 from typing import NamedTuple
 
@@ -26,7 +27,9 @@ _MOST_FOUND = 8
 
 _ALTERNATIVES = 4
 _LONGEST = 12
-_ROUNDS = 10
+
+MOST_ROUNDS = 10
+"""Times that changes begin again from the lowest end."""
 _COMMON = (0.1, 0.2, 0.4)
 """Coefficients of correlation above which adjusted observations turn the same photo."""
 
@@ -177,7 +180,7 @@ class _End(NamedTuple):
     weight: FloatArray
 
 
-def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatArray]:
+def weights_of_lower_cost(start: LinearAdjustment, limit: float, rounds: int = MOST_ROUNDS) -> list[FloatArray]:
     """Return the weights (c,) of lowest cost that changes of one weight after the other lead to, the lowest first.
 
     They begin with any one observation, and again from the lowest end as long as the cost falls. Ends that began at
@@ -188,13 +191,15 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatAr
     start : LinearAdjustment
     limit : float
         Standard residual up to which an observation has full weight.
+    rounds : int
+        Most times that changes begin again.
     """
     at_start = float(_begun(start, 1).costs(limit)[0])
     first = _ends(start, limit)
-    best, least = _lowest_from(start, first, at_start, limit)
+    best, least = _lowest_from(start, first, at_start, limit, rounds)
     elsewhere = _after_convex_weights(start, limit)
     at_first = float(_begun(elsewhere, 1).costs(limit)[0])
-    other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit)
+    other, cost = _lowest_from(elsewhere, _ends(elsewhere, limit), at_first, limit, rounds)
     best = other if cost < least else best
     doubtful = at_start + _DOUBT * limit**2
     likely = [end.weight for end in first if end.cost < doubtful]
@@ -207,11 +212,11 @@ def weights_of_lower_cost(start: LinearAdjustment, limit: float) -> list[FloatAr
 
 
 def _lowest_from(
-    start: LinearAdjustment, ends: list[_End], least: float, limit: float
+    start: LinearAdjustment, ends: list[_End], least: float, limit: float, rounds: int
 ) -> tuple[LinearAdjustment, float]:
     """Return where rounds of changes lead to as long as the cost falls, and the cost there."""
     best = start
-    for _ in range(_ROUNDS):
+    for _ in range(rounds):
         if not ends or ends[0].cost > least - _LEAST_GAIN * limit**2:
             break
         least, best = ends[0].cost, best.with_weights(ends[0].weight)
@@ -311,14 +316,25 @@ def _first_changes(start: LinearAdjustment, limit: float) -> tuple[_Ways, IntArr
     number, place = np.nonzero(np.take_along_axis(gains, others, axis=1) < 0.0)
     rows = others[number, place]
     exchanged = taken_back.chosen(number).changed(rows, weights[number, rows])
-    begun, held = _joined(ways, exchanged), [first, nearest[number]]
-    for together in _alike(start, nearest):
-        way = alone
-        for row in together:
-            way = way.changed(np.array([row]), np.ones(1))
-        begun = _joined(begun, way)
-        held.append(together[:1])
-    return begun, np.concatenate(held)
+    lots = _alike(start, nearest)
+    held = [first, nearest[number], *(lot[:1] for lot in lots)]
+    return _joined([ways, exchanged, *_taken_back_together(alone, lots)]), np.concatenate(held)
+
+
+def _taken_back_together(alone: _Ways, lots: list[IntArray]) -> list[_Ways]:
+    """Return the ways that begin with lots of observations taken back, in the order of the lots."""
+    if not lots:
+        return []
+    sizes = np.array([len(lot) for lot in lots])
+    found, places = [], []
+    for size in np.unique(sizes).tolist():
+        of_size = np.flatnonzero(sizes == size)
+        rows, ways = np.array([lots[n] for n in of_size.tolist()]), alone.chosen(np.zeros_like(of_size))
+        for place in range(size):
+            ways = ways.changed(rows[:, place], np.ones(len(rows)))
+        found.append(ways)
+        places.append(of_size)
+    return [_joined(found).chosen(np.argsort(np.concatenate(places)))]
 
 
 def _alike(start: LinearAdjustment, nearest: IntArray) -> list[IntArray]:
@@ -342,27 +358,23 @@ def _alike(start: LinearAdjustment, nearest: IntArray) -> list[IntArray]:
     return [*distinct.values(), *pairs]
 
 
-def _joined(ways: _Ways, others: _Ways) -> _Ways:
-    """Return two lots of ways as one, whatever the numbers of changes they have made."""
-    factor, effect = _padded(ways, len(others.factor))
-    others_factor, others_effect = _padded(others, len(ways.factor))
+def _joined(lots: Sequence[_Ways]) -> _Ways:
+    """Return several lots of ways as one, whatever the numbers of changes they have made."""
+    changes = max(len(ways.factor) for ways in lots)
+    padded = [_padded(ways, changes) for ways in lots]
     return _Ways(
-        ways.cofactor,
-        np.vstack([ways.residual, others.residual]),
-        np.vstack([ways.leverage, others.leverage]),
-        np.vstack([ways.weight, others.weight]),
-        np.concatenate([ways.square_sum, others.square_sum]),
-        tuple(map(_one_below_the_other, factor, others_factor)),
-        tuple(map(_one_below_the_other, effect, others_effect)),
+        lots[0].cofactor,
+        np.vstack([ways.residual for ways in lots]),
+        np.vstack([ways.leverage for ways in lots]),
+        np.vstack([ways.weight for ways in lots]),
+        np.concatenate([ways.square_sum for ways in lots]),
+        tuple(np.concatenate([factor[n] for factor, _ in padded]) for n in range(changes)),
+        tuple(np.concatenate([effect[n] for _, effect in padded]) for n in range(changes)),
     )
 
 
 def _padded(ways: _Ways, changes: int) -> tuple[tuple[FloatArray, ...], tuple[FloatArray, ...]]:
-    """Return factors and effects of so many changes at least: those that are missing change nothing."""
-    missing = max(0, changes - len(ways.factor))
+    """Return factors and effects of so many changes: those that are missing change nothing."""
+    missing = changes - len(ways.factor)
     nothing = np.zeros(len(ways.square_sum))
     return (*ways.factor, *[nothing] * missing), (*ways.effect, *[np.zeros_like(ways.residual)] * missing)
-
-
-def _one_below_the_other(above: FloatArray, below: FloatArray) -> FloatArray:
-    return np.concatenate([above, below])

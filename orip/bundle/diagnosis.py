@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orip.adjustment.convergence import TerminationReason
-from orip.arrays import IntArray
+from orip.arrays import FloatArray, IntArray
 from orip.bundle.antenna_diagnosis import antenna_diagnosis, cause_of_antenna
 from orip.bundle.calibration import calibration_diagnosis, digits_lost
 from orip.bundle.ground_system import control_count, control_on_a_line, not_determined
@@ -19,6 +19,7 @@ from orip.bundle.results.reliability import lost_control, lost_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.undetermined_unknowns import LOOSE
 from orip.bundle.unknowns import CONSTANT
+from orip.bundle.verdict import TWO_PLACES
 from orip.errors import ProjectWarning
 from orip.progress import stage
 from orip.records.block import Block
@@ -297,8 +298,8 @@ def _behind(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
 
 def _at_one_of_two_places(solved: SolvedBlock) -> Iterator[Diagnosis]:
-    """Name the points of tracks of which as many rays meet elsewhere: the lower cost is no proof of one ray more."""
-    if not solved.weighing.of_tracks or not solved.converged:
+    """Name the points of which as many rays meet elsewhere: the lower cost is no proof of one ray more."""
+    if not solved.converged:
         return
     problem, factors = solved.problem, solved.weight_factors
     places = problem.rival_places(solved.state, solved.equations, factors, solved.weighing.final_limit)
@@ -306,7 +307,7 @@ def _at_one_of_two_places(solved: SolvedBlock) -> Iterator[Diagnosis]:
     elsewhere = [
         place.columns[0]
         for place in places
-        if np.sum(place.weights[place.rows < rays] >= 1.0) >= np.sum(factors[place.rows[place.rows < rays]] >= 1.0)
+        if _rays_that_fit(place.weights[place.rows < rays]) >= _rays_that_fit(factors[place.rows[place.rows < rays]])
     ]
     rows = np.flatnonzero(np.isin(problem.unknowns.points[:, 0], elsewhere))
     if not len(rows):
@@ -314,7 +315,12 @@ def _at_one_of_two_places(solved: SolvedBlock) -> Iterator[Diagnosis]:
     names = [solved.block.point_names[row] for row in rows]
     where = f"{agreeing(len(names), 'point')} {first_names(names, 2 * _NAMED_POINTS)}"
     text = "as many rays meet in another place, hardly worse: which of them are right cannot be told"
-    yield Diagnosis("two-places", where, text, "measure in another photo, or leave the point out")
+    yield Diagnosis(TWO_PLACES, where, text, "measure in another photo, or leave the point out")
+
+
+def _rays_that_fit(weights: FloatArray) -> int:
+    """Return how many rays have full weight in both of their coordinates; one often fits by chance."""
+    return int(np.count_nonzero((weights >= 1.0).reshape(-1, 2).all(axis=1)))
 
 
 def _as_a_whole(solved: SolvedBlock) -> Iterator[Diagnosis]:

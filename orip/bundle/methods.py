@@ -14,7 +14,7 @@ from orip.bundle.groups.words import group_diagnosis
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
-from orip.bundle.verdict import headline, sigma0_test
+from orip.bundle.verdict import TWO_PLACES, headline, sigma0_test
 from orip.records.block import Block
 from orip.records.result_tests import NOT_DETERMINED, VarianceComponent
 from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
@@ -131,6 +131,8 @@ def _judged(solved: SolvedBlock, solution: Solution, advice: Sequence[Diagnosis]
     status = solution.status
     if status in ("converged", "doubtful") and any(diagnosis.code in NOT_DETERMINED for diagnosis in found):
         status = "not_determined"
+    elif status == "converged" and any(diagnosis.code == TWO_PLACES for diagnosis in found):
+        status = "doubtful"
     judged = replace(solution, status=status, groups=groups.groups, diagnosis=(*contradictions, *advice, *found))
     _, verdict = headline(judged, 0, sigma0_test(judged))
     return replace(judged, verdict=verdict)

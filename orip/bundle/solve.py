@@ -23,7 +23,11 @@ from orip.errors import NotSolvableError
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.definition import BundleDefinition
+from orip.structs import replace
 from orip.threads import limited_threads
+
+_CREEPING_STEPS, _NEAR = 10, 2.0
+"""Damped steps in a row with corrections below a hundredth of their standard deviations (ENP)."""
 
 
 class SolvedBlock(Adjustment[BlockState], frozen=True):
@@ -123,20 +127,64 @@ def solve_problem(
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
     with limited_threads(None):
-        with stage("adjusting"):
-            adjustment = adjust(problem, start, settings, on_iteration, stop_asked)
-            adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
-        solved = _with_precision(problem, adjustment)
-        held, tried = np.empty(0, dtype=np.int64), solved
-        while len(loose := _loose(problem, tried, held)):
-            held = np.append(held, loose)
-            with stage("adjusting"):
-                again = with_calibration_held(problem, start, solved, held, settings, on_iteration, stop_asked)
-            if not np.isfinite(again.iterations[-1].enp):
-                break
-            tried = _with_precision(problem, again)
-            solved = tried if agrees_with_held(tried, solved) else solved
+        creeping = _Creeping(on_iteration, stop_asked)
+        solved = _solved(problem, start, settings, on_iteration, stop_asked, creeping)
+        if creeping.has_stopped and not solved.converged:
+            solved = _solved(problem, start, settings, on_iteration, stop_asked)
         return solved
+
+
+class _Creeping:
+    """Stops iterations that follow a curved valley by small damped steps, one after the other.
+
+    A parameter of a camera that hardly anything determines moves so: C of vertical photos over level ground goes to
+    four times its value in eighty iterations, and is held at its start in the end. That is looked at sooner.
+    """
+
+    def __init__(self, on_iteration: Callable[[IterationRecord], None], stop_asked: Callable[[], bool]) -> None:
+        self._told, self._asked = on_iteration, stop_asked
+        self._steps = 0
+        self.has_stopped = False
+
+    def on_iteration(self, record: IterationRecord) -> None:
+        """Take note of an iteration."""
+        self._steps = self._steps + 1 if record.step_limited and record.enp >= _NEAR else 0
+        self._told(record)
+
+    def stop_asked(self) -> bool:
+        """Return whether to stop, as it creeps or somebody asks for it."""
+        if self._asked():
+            return True
+        self.has_stopped = self._steps >= _CREEPING_STEPS
+        return self.has_stopped
+
+
+def _solved(
+    problem: BlockProblem,
+    start: BlockState,
+    settings: IterationSettings,
+    on_iteration: Callable[[IterationRecord], None],
+    stop_asked: Callable[[], bool],
+    creeping: _Creeping | None = None,
+) -> SolvedBlock:
+    """Adjust, then with what is not determined held at its start, and with parameters of cameras that are loose."""
+    with stage("adjusting"):
+        first = (on_iteration, stop_asked) if creeping is None else (creeping.on_iteration, creeping.stop_asked)
+        adjustment = adjust(problem, start, settings, *first)
+        if creeping is not None and creeping.has_stopped:
+            adjustment = replace(adjustment, reason=TerminationReason.MAX_ITERATIONS)
+        adjustment = with_undetermined_held(problem, start, adjustment, settings, on_iteration, stop_asked)
+    solved = _with_precision(problem, adjustment)
+    held, tried = np.empty(0, dtype=np.int64), solved
+    while len(loose := _loose(problem, tried, held)):
+        held = np.append(held, loose)
+        with stage("adjusting"):
+            again = with_calibration_held(problem, start, solved, held, settings, on_iteration, stop_asked)
+        if not np.isfinite(again.iterations[-1].enp):
+            break
+        tried = _with_precision(problem, again)
+        solved = tried if agrees_with_held(tried, solved) else solved
+    return solved
 
 
 def _loose(problem: BlockProblem, solved: SolvedBlock, held: IntArray) -> IntArray:

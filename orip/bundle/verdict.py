@@ -21,6 +21,9 @@ Level = Literal["good", "caution", "bad"]
 MISTAKE = "mistake"
 """Code of the diagnoses of what was probably mistaken; a warning says what."""
 
+TWO_PLACES = "two-places"
+"""Code of the diagnosis of points of which as many rays meet elsewhere."""
+
 CONFIDENCE = 0.95
 _FAR_ABOVE = 2.0
 """sigma0 above which the a-priori errors are more than just optimistic; the diagnosis has the same limit."""
@@ -109,7 +112,8 @@ def headline(solution: Solution, failed: int, test: GlobalTest | Untested) -> tu
     far_above = isinstance(test, GlobalTest) and solution.sigma0 > max(test.upper, _FAR_ABOVE)
     mistakes = [found for found in solution.diagnosis if found.code == MISTAKE]
     if solution.singular:
-        also = [found.text for found in (*contradicting, *mistakes)] + ([_FAR_ABOVE_TEXT] if far_above else [])
+        also = [found.text for found in (*contradicting, *mistakes)] + [_FAR_ABOVE_TEXT] * far_above
+        also += _ambiguous_points(solution)
         unfit = f", and {also[0]}" if also else ""
         return "bad", f"Converged, but {_undetermined(solution)} could not be determined{unfit}"
     if failed:
@@ -133,8 +137,15 @@ def _doubts(solution: Solution, mistakes: Sequence[Diagnosis]) -> str:
         found = counted(len({blunder.order for blunder in solution.blunders}), "blunder")
         return f"with doubts: {found} found and left out"
     if solution.status == "doubtful":
-        return "with doubts: observations do not fit" + (f"; {mistakes[0].text}" if mistakes else "")
+        also = [found.text for found in mistakes[:1]] + _ambiguous_points(solution)
+        return "; ".join(["with doubts: observations do not fit", *also])
     return f"but {mistakes[0].text}" if mistakes else ""
+
+
+def _ambiguous_points(solution: Solution) -> list[str]:
+    """Return a sentence on the points of which as many rays meet elsewhere, if there are any."""
+    ambiguous = [found.where for found in solution.diagnosis if found.code == TWO_PLACES]
+    return [f"{where} may be at another place, where as many rays meet" for where in ambiguous]
 
 
 def _weaknesses(solution: Solution) -> str:

@@ -91,7 +91,7 @@ def gate_rows(results: tuple[GateResult, ...]) -> list[dict[str, object]]:
     ]
 
 
-A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, or a project folder with one.")]
+A = Annotated[Path, typer.Argument(metavar="A", help="A result.json, a project folder with one, or a bundle.")]
 B = Annotated[Path, typer.Argument(metavar="B", help="The one to compare it with.")]
 ToleranceOption = Annotated[
     float, typer.Option("--tolerance", min=0.0, help="Allowed difference, in each figure's own unit.")
@@ -128,7 +128,7 @@ def _register_compare(app: typer.Typer) -> None:
 
         Differences are listed largest first, measured by what is allowed; angles are compared on the circle.
 
-        Example: orip compare before/result.json . --tolerance 0.001
+        Example: orip compare before/result.json . --tolerance 0.001, or orip compare MAIN B2 --sigma 1
         """
         from orip.solving.differences import Tolerance
         from orip.workflow.adjust.compare import compare

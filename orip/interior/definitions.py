@@ -41,6 +41,11 @@ class Definitions(Struct, frozen=True):
         """Return the bundles in which every measurement of a point in a photo is an observation of its own."""
         return frozenset(key for key, bundle in self.settings.items() if bundle.repeated_points == "both")
 
+    @property
+    def sources_of_points(self) -> Mapping[str, str]:
+        """Return the bundles that have the photo points of another one, with that one."""
+        return {key: record_key(bundle.points_of) for key, bundle in self.settings.items() if bundle.points_of}
+
     def camera_of(self, photo: Photo) -> Camera:
         """Return the camera of a photo.
 
@@ -72,6 +77,17 @@ class Definitions(Struct, frozen=True):
             If there are none of that name.
         """
         return _referred_to(self.temticks, "temtick", template.temtick, f"template {template.name}")
+
+    def with_cameras_of(self, bundle: BundleDefinition) -> Definitions:
+        """Return the definitions with the cameras that photos have in a bundle."""
+        if not bundle.cameras:
+            return self
+        others = {record_key(camera): other for camera, other in bundle.cameras}
+        photos = {
+            key: replace(photo, camera=others.get(record_key(photo.camera), photo.camera))
+            for key, photo in self.photos.items()
+        }
+        return replace(self, photos=photos)
 
     def with_camera(self, camera: Camera) -> Definitions:
         """Return the definitions with one camera replaced."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import compress
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,8 @@ class MeasuredPoints:
         Bundles in which the mean of all measurements of a point in a photo counts; in others the last one does.
     repeated : set of str
         Bundles in which every measurement of a point in a photo is an observation of its own.
+    sources : mapping of str to str
+        Bundles that have the points of another one, and that one: what is measured or edited there is so in them.
     """
 
     def __init__(
@@ -112,9 +115,16 @@ class MeasuredPoints:
         stored: Mapping[str, PhotoObservations],
         averaged: frozenset[str] = frozenset(),
         repeated: frozenset[str] = frozenset(),
+        sources: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._averaged, self._repeated = averaged, repeated
+        self._sharing: dict[str, list[str]] = {}
+        for bundle, source in sources.items():
+            self._sharing.setdefault(source, []).append(bundle)
         self._bundles = {bundle: _points_by_photo(observations) for bundle, observations in stored.items()}
+        for bundle, source in sources.items():
+            if bundle not in stored and source in stored:
+                self._bundles[bundle] = dict(self._bundles[source])
         self.remeasured = 0
 
     def measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> None:
@@ -122,11 +132,16 @@ class MeasuredPoints:
 
         A new measurement takes the place of the one before, unless all of the bundle stay.
         """
+        self.remeasured += self._measure(bundle, photo, points)
+        for other in self._sharing.get(bundle, ()):
+            self._measure(other, photo, points)
+
+    def _measure(self, bundle: str, photo: str, points: PointsOfPhoto) -> int:
         photos = self._bundles.setdefault(bundle, {})
         before = photos.get(photo, _NO_POINTS)
         stay = bundle in self._averaged | self._repeated
         photos[photo], again = before.repeated(points) if stay else before.measured_again(points)
-        self.remeasured += again
+        return again
 
     def differences(self, bundle: str, photo: str, points: PointsOfPhoto) -> list[tuple[str, FloatArray]]:
         """Return names of points that are there already, with new minus old coordinates (2,), of the same mounting."""
@@ -148,6 +163,11 @@ class MeasuredPoints:
         ValueError
             If a point would get the name of another one of its photo.
         """
+        for other in self._sharing.get(bundle, ()):
+            self._edit(other, record)
+        return self._edit(bundle, record)
+
+    def _edit(self, bundle: str, record: EditRecord) -> int:
         photos = self._bundles.get(bundle, {})
         keys = list(photos) if record.owner == "*" else [record_key(record.owner)]
         found = 0

@@ -110,8 +110,9 @@ class _Replay:
         self.templates = FilmMountings(start.templates)
         self.photos = FilmMountings(start.photos)
         self.points = MeasuredPoints(
-            start.observations, definitions.averaged_bundles, definitions.bundles_with_repetitions
-        )
+            start.observations, definitions.averaged_bundles, definitions.bundles_with_repetitions,
+            definitions.sources_of_points,
+        )  # fmt: skip
         self.digitised_cameras: dict[str, Camera] = dict(start.cameras)
         self.digitised_temticks: dict[str, Temtick] = dict(start.temticks)
         self.findings = Findings()

@@ -58,6 +58,13 @@ _SIMILAR = 1.2
 _FEWEST_POINTS = 5
 """Points of a photo that all lie in one quarter by chance with a probability of a thousandth."""
 
+_SUSPECTED = 3.0
+"""Difference of costs at which heights in another unit are likelier than a lens that is far off: of all factors only
+that of feet and metres is tried, while C may be anything."""
+
+_OTHER_LENS = 0.2
+"""Part of C by which no lens is off."""
+
 _EDGE = 1.01
 """Tolerance at the edge of a reduced picture."""
 
@@ -155,12 +162,20 @@ class _Trials(Struct, frozen=True):
             return []
         found = [(self._gain(tried.block), tried) for tried in control_heights(self.readjuster.block)]
         gain, best = max(found, key=lambda each: each[0], default=(-np.inf, None))
-        if best is None or not gain > DECIDED:
+        if best is None or not gain > (_SUSPECTED if self._accuses_lens() else DECIDED):
             return []
         adjusted = self.readjuster.adjust(best.block)
         if adjusted is None or not is_good(fit_of_adjustment(adjusted)):
             return []
         return [replace(found, code=HEIGHT_UNIT) for found in best.findings(adjusted)]
+
+    def _accuses_lens(self) -> bool:
+        """Tell whether C is said to be off by more than any lens: heights in another unit have the same effect."""
+        given = {camera.name: camera.parameters[0] for camera in self.solved.block.cameras}
+        return any(
+            group.doubted and group.component == "C" and abs(group.shift) > _OTHER_LENS * given.get(group.worst, np.inf)
+            for group in self.solution.groups
+        )
 
     def _gain(self, block: Block) -> float:
         """Return by how much the cost is lower with another reading; minus infinity where it cannot be adjusted."""

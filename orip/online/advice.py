@@ -36,6 +36,9 @@ _CELLS = 3
 _COMMON = 2
 """Points that are common to two photos from which one tells where the other's points are expected."""
 
+_LEAST_GAIN = 0.05
+"""Bits below which a measurement tells nothing: rounded they are 0.0."""
+
 _INSIDE = 0.95
 """Part of the frame within which a point is expected to be measurable."""
 
@@ -58,7 +61,8 @@ def advice(block: OnlineBlock, photos: Collection[str], most: int) -> tuple[Cand
             found += [*rays, *_empty_parts(block, photo, rays)]
         else:
             found += _known_points(block, photo)
-    return tuple(sorted(found, key=lambda one: -one.gain)[:most])
+    worth = (one for one in found if one.gain is None or one.gain >= _LEAST_GAIN)
+    return tuple(sorted(worth, key=lambda one: -(one.gain or 0.0))[:most])
 
 
 def _further_rays(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
@@ -191,7 +195,7 @@ def _empty_parts(block: OnlineBlock, photo: str, rays: Collection[Candidate]) ->
         for y in range(_CELLS):
             if (x, y) not in taken:
                 place = _stored(block, photo, {"": corners[0] + size * (np.array([x, y]) + 0.5)})[""]
-                yield Candidate(photo, "", place, None, 0.0, "no point is measured in this part of the photo")
+                yield Candidate(photo, "", place, None, None, "no point is measured in this part of the photo")
 
 
 def _known_points(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
@@ -216,7 +220,7 @@ def _known_points(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
     inside = _is_inside(_camera(block, photo), xy)
     expected = {name: at for name, at, seen in zip(known, xy, inside, strict=True) if seen}
     for name, stored in _stored(block, photo, expected).items():
-        yield Candidate(photo, name, stored, None, 0.0, "a known point: the photo waits for these")
+        yield Candidate(photo, name, stored, None, None, "a known point: the photo waits for these")
 
 
 def _ellipse(covariance: FloatArray) -> tuple[float, float, float]:

@@ -49,8 +49,8 @@ class Candidate(Struct, frozen=True):
     ellipse : tuple or None
         Semi-axes (mm) of the standard ellipse of this position, and the direction of the larger one, degrees from the x
         axis of the photo; None: not known.
-    gain : float
-        Information about the block, bits.
+    gain : float or None
+        Information about the block, bits; None where it cannot be told yet: the photo or the point is not placed.
     why : str
     """
 
@@ -58,7 +58,7 @@ class Candidate(Struct, frozen=True):
     point: str
     xy: tuple[float, float]
     ellipse: tuple[float, float, float] | None
-    gain: float
+    gain: float | None
     why: str
 
 

@@ -136,7 +136,8 @@ def tell_next(invocation: Invocation, bundle: str | None) -> None:
         invocation.terminal.document("todo-next", document)
         return
     for one in advised:
-        invocation.terminal.data(f"{one['gain']:5.1f} bit  {one['text']}\n")
+        gain = " " * 9 if one["gain"] is None else f"{one['gain']:5.1f} bit"
+        invocation.terminal.data(f"{gain}  {one['text']}\n")
 
 
 def register(app: typer.Typer) -> None:

@@ -88,13 +88,7 @@ class Measuring:
         return self._advanced(key, sigma0)
 
     def include(self, photo: str, point: str) -> Answer:
-        """Take a photo point in that was left out or is suspect, by the operator's decision; it is tested again.
-
-        Raises
-        ------
-        KeyError
-            If it is not measured.
-        """
+        """Take a photo point in that was left out or is suspect; it is tested again. See `exclude`."""
         self.reconsider()
         key, sigma0 = self._measured(photo, point), self.block.sigma0
         self._attempts.note(self.block.project, key)
@@ -128,30 +122,33 @@ class Measuring:
         return None
 
     def exclude(self, photo: str, point: str) -> Answer:
-        """Leave a photo point out, by the operator's decision.
+        """Leave a photo point out, by the operator's decision; raises KeyError if it is not measured."""
+        return self.leave_out(self._measured(photo, point))
 
-        Raises
-        ------
-        KeyError
-            If it is not measured.
-        """
+    def leave_out(self, key: ObservationKey) -> Answer:
+        """Leave out what was measured or given, by the operator's decision."""
         self.reconsider()
-        key, before = self._measured(photo, point), self._before(self.block.sigma0)
+        before = self._before(self.block.sigma0)
         self._attempts.note(self.block.project, key)
-        self.block.take_out(key)
         self.suspects.pop(key, None)
         self.excluded.add(key)
-        self.block.left_out.add(key)
+        self.block.leave_out(key)
+        return self._answer(key, before)
+
+    def take_in(self, key: ObservationKey) -> Answer:
+        """Take in again what was given and is left out or suspect; it is tested."""
+        self.reconsider()
+        before, block = self._before(self.block.sigma0), self.block
+        self._attempts.note(block.project, key)
+        self.excluded.discard(key)
+        self._snooping.forgive([key])
+        new = block.include(block.rays_with_values([key.photo] * bool(key.photo), [key.point] * bool(key.point)))
+        block.settle([key.point] * bool(key.point))
+        self._snooping.snoop(self._snooping.concerned(key, new), key)
         return self._answer(key, before)
 
     def remove(self, photo: str, point: str) -> None:
-        """Delete what was measured of a point in a photo.
-
-        Raises
-        ------
-        KeyError
-            If it is not measured.
-        """
+        """Delete what was measured of a point in a photo; raises KeyError if nothing is."""
         self.reconsider()
         key = self._measured(photo, point)
         self._attempts.note(self.block.project, key)

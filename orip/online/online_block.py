@@ -71,8 +71,8 @@ class OnlineBlock:
         self.measurements, self.local = Measurements(inputs), local
         self.values = CurrentValues()
         self.equations: SequentialBlock[ObservationKey] = SequentialBlock()
-        self._columns = ReducedColumns()
-        self._corrections = PhotoCorrections(self._columns)
+        self.columns = ReducedColumns()
+        self._corrections = PhotoCorrections(self.columns)
         self._of_photo: dict[str, dict[ObservationKey, None]] = {}
         self._of_point: dict[str, dict[ObservationKey, None]] = {}
         self._control_weight = 1.0
@@ -92,10 +92,11 @@ class OnlineBlock:
     def begun_again(self, excluded: Collection[ObservationKey], local: LocalSystem | None = None) -> OnlineBlock:
         """Return a block of the same measurements without any values, on the ground or not; some are excluded."""
         measured, inputs = self.measurements.observations, self.project.inputs if local is None else local.inputs
-        rays = zip(measured.photos, measured.points, strict=True)
-        disregarded = np.array([self.key(photo, point) in excluded for photo, point in rays], dtype=bool)
-        given = {record_key(measured.bundle): replace(measured, disregarded=disregarded)}
-        return OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
+        out = [key in excluded for key in map(self.key, measured.photos, measured.points)]
+        given = {record_key(measured.bundle): replace(measured, disregarded=np.array(out, dtype=bool))}
+        again = OnlineBlock(replace(inputs, measured=replace(inputs.measured, observations=given)), local)
+        again.left_out.update(key for key in excluded if key.kind != "photo")
+        return again
 
     @property
     def sigma0(self) -> float | None:
@@ -225,9 +226,9 @@ class OnlineBlock:
         known = self.values.is_placed(part)
         if not known.all():
             part = part_of_block(part, np.ones(len(part.photos), dtype=bool), known)
-        before = len(self._columns.names)
-        rows = linearised(part, starting_state(part), self._tied_rows(part), self._columns)
-        self.equations.append(len(self._columns.names) - before)
+        before = len(self.columns.names)
+        rows = linearised(part, starting_state(part), self._tied_rows(part), self.columns)
+        self.equations.append(len(self.columns.names) - before)
         if self._control_weight != 1.0:
             rows = {
                 key: row.weighted(self._control_weight) if key.kind == "control" else row for key, row in rows.items()

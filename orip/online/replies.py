@@ -14,6 +14,7 @@ from orip.errors import OripError, UsageError
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import control_as_given
+from orip.online.deviations import photo_deviations, point_deviations
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Request, read_request
@@ -70,8 +71,9 @@ def photos_of(measuring: Measuring) -> list[Shown]:
     """Return all photos in which something is measured: elements in project units and degrees, or what is missing."""
     with _at_solution(measuring) as block:
         orientations, _ = _shown_values(block)
+        oriented = {name: orientations[name] for name in block.measurements.photos if name in orientations}
+        deviations = {} if measuring.system else photo_deviations(block, oriented)
     values = block.values
-    oriented = {name: orientations[name] for name in block.measurements.photos if name in orientations}
     elements = {}
     if oriented:
         local = np.array(list(oriented.values()))
@@ -86,6 +88,7 @@ def photos_of(measuring: Measuring) -> list[Shown]:
             "included": len(block.included_of(photos=[name])),
             "waits": "" if name in oriented else values.photos_wait.get(name, ""),
             **(dict(zip(PHOTO_PARAMETERS, elements[name], strict=True)) if name in oriented else {}),
+            **({"sd": deviations[name]} if name in deviations else {}),
         }
         for name in block.measurements.photos
     ]
@@ -95,8 +98,9 @@ def points_of(measuring: Measuring) -> list[Shown]:
     """Return all points that are measured: coordinates in the project, or what is missing, and numbers of rays."""
     with _at_solution(measuring) as block:
         _, points = _shown_values(block)
+        placed = {name: found for name in block.measurements.points if (found := points.get(name)) is not None}
+        deviations = {} if measuring.system else point_deviations(block, placed)
     values = block.values
-    placed = {name: found for name in block.measurements.points if (found := points.get(name)) is not None}
     places = block.ground.to_project(np.array(list(placed.values())).reshape(-1, 3)).tolist()
     coordinates = dict(zip(placed, places, strict=True))
     return [
@@ -106,6 +110,7 @@ def points_of(measuring: Measuring) -> list[Shown]:
             "included": sum(key.kind == "photo" for key in block.included_of(points=[name])),
             "waits": "" if name in placed else values.points_wait.get(name, ""),
             **(dict(zip("XYZ", coordinates[name], strict=True)) if name in placed else {}),
+            **({"sd": deviations[name]} if name in deviations else {}),
         }
         for name in block.measurements.points
     ]
@@ -204,6 +209,9 @@ def _carried_out(session: OnlineSession, folder: Path, request: Request) -> Repl
     match request.do:
         case "measure":
             return reply_of(session, session.measure(request.photo, request.point, request.xy))
+        case "exclude" | "include" if request.observation:
+            answer = session.decide(request.observation, is_excluded=request.do == "exclude")
+            return {"observation": request.observation, **reply_of(session, answer)}
         case "exclude":
             return reply_of(session, session.exclude(request.photo, request.point))
         case "include":
@@ -264,9 +272,9 @@ def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:
             advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)
             return {"todo": [_candidate(session, one) for one in advised]}
         case "photos":
-            return {"photos": photos_of(measuring)}
+            return {"system": _system(measuring), "photos": photos_of(measuring)}
         case "points":
-            return {"points": points_of(measuring)}
+            return {"system": _system(measuring), "points": points_of(measuring)}
         case "cameras":
             return {"cameras": cameras_of(measuring)}
         case "residuals":
@@ -275,7 +283,12 @@ def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:
         case "statistics":
             return {"statistics": statistics_of(measuring)}
         case _:
-            return {"summary": summary(measuring)}
+            return {"summary": summary(measuring), "system": _system(measuring)}
+
+
+def _system(measuring: Measuring) -> str:
+    """Return what coordinates refer to: the ground, or a local system until there is control enough."""
+    return "local" if measuring.system else "ground"
 
 
 def reply_of(session: OnlineSession, answer: Answer) -> Reply:

@@ -30,6 +30,7 @@ _ALLOWED = {
     "show": frozenset({"what", "photo", "point"}),
     "solve": frozenset({"prune"}),
 }
+_OF_GIVEN = frozenset({"exclude", "include"})
 """The keys of a request beside `do`."""
 
 _LONGEST = 4096
@@ -48,6 +49,8 @@ class Request(Struct, frozen=True):
         Of `measure`: as in a measurement file, plate millimetres or pixels.
     what : Shown
         Of `show`.
+    observation : str
+        Of `exclude` and `include`, in place of a photo point: what was given, as answers call it.
     prune : bool
         Of `solve`: whether camera parameters that are not determinable or not significant are held.
     """
@@ -58,6 +61,7 @@ class Request(Struct, frozen=True):
     xy: tuple[float, float] = (0.0, 0.0)
     what: Shown = "summary"
     prune: bool = False
+    observation: str = ""
 
 
 def read_request(line: str) -> Request:
@@ -74,6 +78,8 @@ def read_request(line: str) -> Request:
         message = f'"do" is {_shown(do)}; it is one of {", ".join(get_args(Do))}'
         raise UsageError(message)
     allowed = _ALLOWED.get(str(do), frozenset())
+    if do in _OF_GIVEN and "observation" in given:
+        allowed = frozenset({"observation"})
     wrong = sorted(set(given) - allowed)
     if wrong:
         message = (
@@ -91,6 +97,8 @@ def read_request(line: str) -> Request:
         return Request("solve", prune=_flag(given, "prune"))
     if do not in _OF_POINT:
         return Request(cast(Do, do))
+    if "observation" in given:
+        return Request(cast(Do, do), observation=_name_of_observation(given))
     photo, point = (_name(given, key) for key in ("photo", "point"))
     xy = (_number(given, "x"), _number(given, "y")) if do == "measure" else (0.0, 0.0)
     return Request(cast(Do, do), photo, point, xy)
@@ -114,6 +122,14 @@ def _what(given: object) -> Shown:
         message = f'"what" is {_shown(given)}; it is one of {", ".join(get_args(Shown))}'
         raise UsageError(message)
     return cast(Shown, given)
+
+
+def _name_of_observation(given: dict[str, object]) -> str:
+    words = given["observation"]
+    if not isinstance(words, str) or not words.isprintable():
+        message = f'"observation" is {_shown(words)}; write what answers call it, such as "control point 7"'
+        raise UsageError(message)
+    return words
 
 
 def _name(given: dict[str, object], key: str) -> str:

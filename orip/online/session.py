@@ -14,7 +14,7 @@ from orip.errors import UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
 from orip.interior.in_force import stored_to_log
-from orip.online.answers import Answer
+from orip.online.answers import Answer, words_of
 from orip.online.first_photos import THOROUGH
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
@@ -198,6 +198,27 @@ class OnlineSession:
         self._edit("INCLUDE", name, point)
         return self._answered(name, point, partial(Measuring.include, photo=name, point=point))
 
+    def decide(self, words: str, *, is_excluded: bool) -> Answer:
+        """Leave out what is given, or take it in again, as long as the session lasts: by an update of its equations.
+
+        Raises
+        ------
+        UsageError
+            If nothing that was given is called so.
+        """
+        block = self.measuring.block
+        known = dict.fromkeys([*block.equations.included, *block.left_out])
+        key = next((key for key in known if key.kind != "photo" and words_of(key) == words), None)
+        if key is None:
+            message = (
+                f"nothing that is observed is called '{words}'; control that is held, with a-priori errors of 0, is "
+                "not observed"
+            )
+            raise UsageError(message)
+        change = Measuring.leave_out if is_excluded else Measuring.take_in
+        pending = Answer(key.photo, key.point, "unchecked", f"{words}: the answer follows", is_pending=True)
+        return self._background.ask(partial(change, key=key)) or pending
+
     def undo(self) -> Answer | None:
         """Undo the last measurement or removal; None: the point is not measured any more.
 
@@ -286,7 +307,7 @@ class OnlineSession:
 
     def _control_now(self) -> tuple[tuple[str, int, int], ...]:
         """Return name, time and size of the control files."""
-        folder, base = self._films.project.folder, self._films.project.definition.control_files
+        folder, base = self._films.project.folder, self._films.project.control_base(self.bundle.name)
         return _states_of({folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS})
 
     def _measured(self, photo: str, point: str) -> tuple[float, float] | None:

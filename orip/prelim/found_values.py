@@ -16,7 +16,8 @@ from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.rays import ImageRays
 from orip.prelim.refinement.problem import parameters_with
-from orip.prelim.routes import Route
+from orip.prelim.resection.resection import Unresected, resect
+from orip.prelim.routes import LEAST_RESECTION, Route
 from orip.prelim.to_ground import Outcome
 from orip.records.preliminary import NO_POINTS, CameraStart, PhotoStart, PointStarts, PreliminaryValues
 from orip.wording import agreeing, counted, first_names
@@ -234,12 +235,25 @@ def _contradicted_rays(measured: MeasuredBlock) -> Iterator[str]:
 def _photo(measured: MeasuredBlock, best: Outcome | None, grown: GrowingBlock, photo: int) -> PhotoStart:
     name = measured.rays.photos[photo]
     if best is None or not grown.oriented[photo]:
-        why = why_not_oriented(measured.rays, measured.index, measured.common, grown, photo)
-        return PhotoStart(name, None, None, why)
+        return PhotoStart(name, None, None, _why_not_oriented(measured, grown, photo))
     if not best.on_ground:
         how = f"only the relative orientation could be computed, not the absolute one: {best.reason}"
         return PhotoStart(name, None, None, how)
     return PhotoStart(name, grown.rotations[photo], grown.centres[photo], grown.how[photo])
+
+
+def _why_not_oriented(measured: MeasuredBlock, grown: GrowingBlock, photo: int) -> str:
+    """Say why a photo is not oriented: what its control points lack for a resection, and what it shares with others."""
+    rays, control = measured.rays.of(np.flatnonzero(measured.rays.photo == photo)), measured.full_control()
+    known = rays.of(np.flatnonzero(np.isfinite(control[rays.point]).all(axis=1)))
+    shortage = why_not_oriented(measured.rays, measured.index, measured.common, grown, photo)
+    if len(known.point) < LEAST_RESECTION:
+        return shortage
+    found = resect(known.vectors, control[known.point], error_mm=float(np.median(known.error)))
+    if not isinstance(found, Unresected):
+        return shortage
+    alone = f"photo {rays.photos[photo]} sees {len(known.point)} control points, but {found.reason}"
+    return alone if len(rays.photos) == 1 else f"{alone}; {shortage}"
 
 
 def _points(measured: MeasuredBlock, grown: GrowingBlock) -> PointStarts:

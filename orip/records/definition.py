@@ -216,6 +216,12 @@ class BundleDefinition(Struct, frozen=True):
     early_weights : {"scaled", "full"}
         Before the Danish method: exceptionally large residuals lose weight, and it waits until the block has settled;
         or all weights are 1, and it begins at iteration `start_down_weight`, as in ORIPROGRAM.
+    points_of : str or None
+        Bundle whose photo points this one has besides its own.
+    control_files : str or None
+        Base name of its control files; None: that of the project.
+    cameras : tuple of (str, str)
+        Cameras, and those that photos have in their place in this bundle.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -240,6 +246,9 @@ class BundleDefinition(Struct, frozen=True):
             heading="Early weights", example='"full"', key_after="start_down_weight", column_after="start_down_weight"
         ),
     ] = "scaled"
+    points_of: Annotated[str | None, Field(names_record=True, heading="Points of", example='"MAIN"')] = None
+    control_files: Annotated[str | None, Field(heading="Control", example='"CHECKED"')] = None
+    cameras: Annotated[tuple[tuple[str, str], ...], Field(example='[["WIDE", "WIDE_K1"]]')] = ()
 
     @property
     def reduces_weights(self) -> bool:

@@ -276,7 +276,7 @@ class PointToAdd(Part, frozen=True):
     y: float
     mm: list[float]
     ellipse: list[float] | None
-    gain: float
+    gain: float | None
     text: str
 
 

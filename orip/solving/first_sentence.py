@@ -17,7 +17,7 @@ from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
-from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
+from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.records.solution import Diagnosis, Solution
 from orip.structs import replace
 
@@ -42,6 +42,7 @@ WRONG = {
 _FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
     ((*OF_STATIONS, OTHER_LENS), ("exposure station", "control point")),
     ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
+    ((HEIGHT_UNIT,), ("camera", "control point")),
 )
 """Codes of warnings, and of which groups of observations a contradiction follows from them."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.contents.solution_tables import SolutionHead
+from orip.files.stores.digest import record_digest
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Temtick
@@ -55,7 +56,10 @@ def measurement_inputs(project: ProjectFolder, log: Digests, definitions: Stored
         [template.record for template in definitions.templates]
         + [replace(photo.record, orientation=(), constant=()) for photo in definitions.photos]
     )
-    return (*log, ("fiducial and tick marks", marks), ("photos on templates", places), project.heading_digest)
+    sources = tuple((one.record.name, one.record.points_of) for one in definitions.bundles if one.record.points_of)
+    shared = (("points_of of bundles", record_digest(sources)),) if sources else ()
+    marks_and_places = ("fiducial and tick marks", marks), ("photos on templates", places)
+    return (*log, *marks_and_places, *shared, project.heading_digest)
 
 
 def initialise_step(state: ProjectState) -> Step:
@@ -104,6 +108,9 @@ def inputs_now(bundle: BundleState) -> Digests:
 
 def _of_head(command: str, head: SolutionHead) -> Step:
     found = f"{head.status.replace('_', ' ')}, sigma0 {head.sigma0:.4f}"
+    if head.status == "doubtful":
+        words = head.verdict.removeprefix("Converged, ").removeprefix("but ").removeprefix("with doubts: ")
+        found = f"{found}: {words}"
     if head.status == "stopped":
         return Step(command, "out of date", f"{found}: Ctrl-C ended it before it converged")
     if head.status in ("not_converged", "not_determined"):

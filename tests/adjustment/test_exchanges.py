@@ -17,10 +17,12 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
+from orip.adjustment import weight_changes
 from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
+from orip.adjustment.improvement import rounds_after
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment, weights_of_lower_cost
+from orip.adjustment.weight_changes import LinearAdjustment, _begun, _taken_back_together, weights_of_lower_cost
 from orip.structs import replace
 
 COUNT, LIMIT = 12, 5.0
@@ -203,3 +205,48 @@ def test_small_errors_of_the_cofactors_take_no_gross_error_back(seed: int) -> No
     # as where the last correction has changed the design matrix by a ten-thousandth; 9e6 times that is 1800
     start = LinearAdjustment((1.0 + 2e-4) * cofactor, residual, weights, float(weights @ residual**2))
     assert all(end[0] < 1.0 for end in weights_of_lower_cost(start, LIMIT))
+
+
+def many_wrong(random: np.random.Generator) -> LinearAdjustment:
+    """Return an adjustment with some wrong observations, and others without weight in their place."""
+    design, observed = random.normal(size=(120, 40)), random.normal(size=120)
+    observed[:30] += random.normal(0.0, 40.0, 30)
+    weights = np.ones(120)
+    weights[15:45] = 1e-3
+    cofactor = design @ np.linalg.inv(design.T @ (weights[:, None] * design)) @ design.T
+    residual = observed - cofactor @ (weights * observed)
+    return LinearAdjustment(cofactor, residual, weights, float(weights @ residual**2))
+
+
+def test_observations_that_are_taken_back_together_have_the_residuals_of_an_adjustment_with_them() -> None:
+    random = np.random.default_rng(3)
+    start = many_wrong(random)
+    lots = [np.array(lot) for lot in ([20, 31], [16, 18, 44, 25], [40, 41], [17, 19, 21], [15, 16])]
+    (found,) = _taken_back_together(_begun(start, 1), lots)
+    for lot, residual, weight, square_sum in zip(lots, found.residual, found.weight, found.square_sum, strict=True):
+        weights = start.weight.copy()
+        weights[lot] = 1.0
+        expected = start.with_weights(weights)
+        assert np.array_equal(weight, weights)
+        assert np.allclose(residual, expected.residual, rtol=0.0, atol=1e-9 * np.abs(expected.residual).max())
+        assert square_sum == pytest.approx(expected.square_sum, rel=1e-9)
+
+
+def test_the_search_ends_early_where_one_better_solution_after_the_other_was_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    start, searches, look = many_wrong(np.random.default_rng(5)), [], weight_changes._ends
+
+    def counted(now: LinearAdjustment, limit: float) -> list[weight_changes._End]:
+        searches.append(now)
+        return look(now, limit)
+
+    monkeypatch.setattr(weight_changes, "_ends", counted)
+    numbers = []
+    for attempts in (0, 2, 5, 11):
+        searches.clear()
+        assert weights_of_lower_cost(start, LIMIT, rounds_after(attempts))
+        numbers.append(len(searches))
+    # two searches, from the start and from convex weights, and at most so many more of each
+    assert numbers[0] >= numbers[1] > numbers[2] >= numbers[3]
+    assert all(number <= 2 + 2 * most for number, most in zip(numbers, (10, 3, 1, 1), strict=True))

@@ -193,3 +193,25 @@ def test_groups_and_their_help(tmp_path):
         said = orip(tmp_path, "digitise", command, "--help")
         assert said.code == 0
         assert f"Example: orip digitise {command}" in said.out
+
+
+def test_why_nothing_is_simulated_is_said(tmp_path):
+    folder = sample(tmp_path / "block", "small_frame_block")
+    done(folder, "run", "-q")
+    with emulator(folder) as url:
+        words = ["digitise", "points", "--new", "--model", "2-1", "--log", "NEW.MEA", "--link", url, "--simulate"]
+        said = done(folder, *words, "DAY2.MEA", "--json")
+        document = said.document
+        assert not document["entries"]
+        (warning,) = [one for one in document["warnings"] if one["code"] == "not-simulated"]
+        assert warning["where"] == "any point in photo 201 and photo 202"
+        # the second day has no orientation of the template that stayed mounted
+        assert "do not tell where it is: DAY2.MEA:" in warning["text"]
+        assert "not oriented" in warning["text"]
+        (folder / "list.txt").write_text("POINTS MAIN 101\nNOWHERE\n1103\n")
+        words = ["digitise", "points", "--list", "list.txt", "--log", "NEW.MEA", "--link", url, "--json"]
+        listed = done(folder, *words, "--simulate", "DAY1.MEA").document
+        outcomes = {entry["name"]: entry["outcome"] for entry in listed["entries"]}
+        assert outcomes == {"NOWHERE": "kept", "1103": "digitised"}
+        unknown = [one["where"] for one in listed["warnings"] if one["code"] == "not-simulated"]
+        assert unknown == ["point NOWHERE of 101"]

@@ -22,12 +22,14 @@ from orip.exchange.metashape.source import READING
 from orip.exchange.sources.names import read_names
 from orip.files.control.text import parse_points
 from orip.files.log.text import read_measurements
+from orip.files.project.reader import read_project
 from orip.files.text.shown import Parsed
 from orip.records.control import ControlPoint
 from orip.records.exchanged import ExchangedPoints, ExchangedProject
 from orip.records.measurement import PointsRecord
 from orip.records.names import record_key
 from orip.structs import replace
+from orip.workflow.project.bundle_state import read_bundle
 
 MARKS = (*map(str, range(12)), "T3", "north gate", "Höhe 1", "höhe 1", "gcp", "GCP")
 TRACKS = tuple(map(str, range(40)))
@@ -145,14 +147,27 @@ MARKS_OF_MICMAC = {"G0": "0", "G1": "Höhe 1", "G2": "north gate"}
 """Names in place of those of the project folder; tracks are numbered from 0."""
 
 
+def definition_of_camera(folder: Path) -> tuple[float, ...]:
+    """Return C, DX, DY and the distortion of the only camera of a project's text."""
+    parsed = read_project(folder / "orip.toml", "orip.toml")
+    assert parsed.value is not None
+    (camera,) = parsed.value.definition.cameras
+    return camera.parameters
+
+
 @pytest.mark.parametrize(
     ("deviation", "errors"),
     [("0.01 0.01 0.05", (0.01, 0.01, 0.05)), ("1 1 1", (0.02, 0.02, 0.02))],  # MicMac's default says nothing
 )
+@pytest.mark.parametrize("is_held", [True, False])
 def test_orientations_of_micmac_come_back_beside_the_measurements_that_they_belong_to(
-    tmp_path: Path, deviation: str, errors: tuple[float, ...]
+    tmp_path: Path, deviation: str, errors: tuple[float, ...], is_held: bool
 ) -> None:
-    """Import, run, export, import: MicMac has measurements and control in files that an export leaves alone."""
+    """Import, run, export, import: MicMac has measurements and control in files that an export leaves alone.
+
+    A camera that is held comes back as it was given, one that is free as it was adjusted.
+    """
+    hold = ["--hold-cameras"] if is_held else []
     source = project_folder(tmp_path / "given")
     for file in ("points-S3D.xml", "points-S2D.xml"):
         text = (source / file).read_text(encoding="utf-8")
@@ -160,15 +175,24 @@ def test_orientations_of_micmac_come_back_beside_the_measurements_that_they_belo
             text = text.replace(f"<NamePt>{name}<", f"<NamePt>{other}<")
         text = re.sub("<Incertitude>.*?<", f"<Incertitude>{deviation}<", text)
         (source / file).write_text(text, encoding="utf-8")
+    calibration = source / "Ori-A" / "Cam.xml"
+    text = calibration.read_text(encoding="utf-8")
+    longer = re.sub("<F>(.*?)<", lambda found: f"<F>{float(found[1]) * 1.0005}<", text)
+    calibration.write_text(text if is_held else longer, encoding="utf-8")
     shutil.copytree(source, tmp_path / "again")
-    assert orip(tmp_path, "import", "micmac", "given", "first").code == 0
+    said = orip(tmp_path, "import", "micmac", "given", "first", *hold)
+    assert ("1 camera held" if is_held else "1 camera adjusted") in said.told
     run = orip(tmp_path / "first", "run", "--no-report")
     assert run.code == 0, run.err
     written_back = orip(tmp_path / "first", "export", "micmac", str(tmp_path / "written"))
     assert written_back.code == 0, written_back.err
     shutil.rmtree(tmp_path / "again" / "Ori-A")
     shutil.copytree(tmp_path / "written", tmp_path / "again" / "Ori-A")
-    assert orip(tmp_path, "import", "micmac", "again", "second").code == 0
+    assert orip(tmp_path, "import", "micmac", "again", "second", *hold).code == 0
+    adjusted = read_bundle(tmp_path / "first", None, "heads", "solutions").adjusted.cameras.values[0]
+    given, back = (definition_of_camera(tmp_path / name) for name in ("first", "second"))
+    assert back == pytest.approx(given if is_held else adjusted, rel=1e-9, abs=1e-12)
+    assert given[0] / adjusted[0] == pytest.approx(1.0 if is_held else 1.0005, rel=1e-6)
 
     first, second = Held(tmp_path / "first"), Held(tmp_path / "second")
     assert set(first.control) == set(MARKS_OF_MICMAC.values())

@@ -86,6 +86,16 @@ def test_the_cause_is_named_first(tmp_path: Path, mistake: str, relief: float) -
         assert "status   converged" not in said.out + said.err
 
 
+@pytest.mark.parametrize(("relief", "seed"), [(0.3, 11), (0.4, 1)])
+def test_heights_in_feet_of_hardly_any_relief_accuse_no_lens(tmp_path: Path, relief: float, seed: int) -> None:
+    """A lens of 30 mm in place of 124 mm explains them as well: C was said to be off by -94 ± 27 mm."""
+    block = FlatBlock(relief, seed)
+    heights_in_feet(block)
+    said = orip(block.write(tmp_path / "folder"), "run", "--no-report")
+    assert "Z seems to be in feet" in first_line([said])
+    assert "C of camera" not in said.out + said.err
+
+
 @pytest.mark.parametrize("relief", [0.6, 2.0, 5.0])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, relief: float, seed: int) -> None:

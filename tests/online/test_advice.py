@@ -74,7 +74,8 @@ def test_points_are_where_they_are_expected(played) -> None:
 def test_the_most_profitable_comes_first_and_each_is_missing(played) -> None:
     _, measuring, _ = played
     advised = measuring.next(measuring.block.measurements.photos, 20)
-    gains = [one.gain for one in advised]
+    gains = [one.gain or 0.0 for one in advised]
+    assert all(one.gain is None or one.gain >= 0.05 for one in advised), "0.0 bit is not worth a line"
     assert gains == sorted(gains, reverse=True)
     assert all(measuring.block.measurements.at(one.photo, one.point) is None for one in advised)
 

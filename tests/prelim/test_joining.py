@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from partial_block_samples import NOISE, SampleNames, pair, random_similarity
@@ -13,6 +15,7 @@ from orip.prelim.similarity.adjustment import adjust_similarity, student_limit
 from orip.prelim.similarity.bridging import bridge, bridge_row, connect_strips
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, join
+from orip.prelim.similarity.misfits import misfits, unbent
 from orip.prelim.similarity.partial_blocks import assembled, transformed
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock
@@ -326,3 +329,35 @@ def test_a_fifth_of_wrong_points_never_spoils_a_joint(common_photo):
         found = joined(sample)
         assert sample.error(found.similarity) < 25.0
         assert (found.step.weight_factor[sample.wrong] < 1.0).any(axis=1).all()
+
+
+def bent_strip(wrong: float) -> tuple[list[str], np.ndarray, SimpleNamespace]:
+    """Return names and coordinates of points, and the residuals of bent strips (m), the last one off by `wrong` too."""
+    generator = np.random.default_rng(11)
+    x, y = generator.uniform(-0.04, 0.04, 30), generator.uniform(-0.005, 0.005, 30)
+    coordinates = np.column_stack([x, y, 0.001 * generator.normal(size=30)])
+    bend = np.column_stack([0.1 * x * y, 0.25 * x**2 - 1e-4, 0.05 * x**2])
+    residuals = bend + 1e-5 * generator.normal(size=(30, 3))
+    residuals[-1, 1] += wrong
+    factor = np.where(np.abs(residuals) > 1e-4, 0.1, 1.0)
+    lengths_of = SimpleNamespace(
+        residuals=residuals, fits=(factor >= 1.0).all(axis=1), lengths=np.linalg.norm(residuals, axis=1)
+    )
+    return [str(101 + row) for row in range(30)], coordinates, lengths_of
+
+
+@pytest.mark.parametrize(("wrong", "named"), [(0.0, []), (3e-4, ["130"]), (-3e-3, ["130"])])
+def test_of_bent_strips_only_what_differs_from_its_neighbours_is_called_wrong(wrong: float, named: list[str]) -> None:
+    points, coordinates, found = bent_strip(wrong)
+    # of a calibrated camera all of them are wrong
+    calibrated = misfits(points, coordinates, found, room=0.0)
+    assert len([one for one in calibrated if "does not fit" in one]) > 3
+    said = misfits(points, coordinates, found, room=2e-5)
+    assert [one.split()[1] for one in said if "does not fit" in one] == named
+    assert any("the camera is not calibrated" in one for one in said)
+
+
+def test_bending_is_taken_away_to_the_noise() -> None:
+    _, coordinates, found = bent_strip(0.0)
+    left = unbent(coordinates, found.residuals)
+    assert np.sqrt(np.mean(left**2)) == pytest.approx(1e-5, rel=0.25)

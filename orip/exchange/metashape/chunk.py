@@ -15,15 +15,18 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true
 from orip.files.text.shown import shown_token
-from orip.records.control import IN_PROJECT, ControlDistance, ControlPoint, Station, StationReference
+from orip.records.control import IN_PROJECT, NOT_GIVEN, ControlDistance, ControlPoint, Station, StationReference
 from orip.records.exchanged import ExchangedPhoto, GroundFrame
 
 _NEAR_THE_GROUND = (6.2e6, 6.5e6)
 """Metres from the centre of the earth."""
 
 
-DEFAULT_POSITION = 10.0
-"""Metres: Metashape's own accuracy of the position of a camera where nothing else is known."""
+DEFAULT_POSITION, DEFAULT_ANGLE = 10.0, 2.0
+"""Metres and degrees: Metashape's own accuracies of the reference of a camera where nothing else is known."""
+
+_ANGLES = ("roll", "pitch", "yaw")
+_ANGLE_ERRORS = (("sroll", "spitch", "syaw"), ("sypr", "sypr", "sypr"))
 
 
 LEAST_RADIUS = 6e6
@@ -58,6 +61,8 @@ class Accuracies(Struct, frozen=True):
         Of tie points and of markers in photos, pixels.
     markers, cameras, scale_bars : float or None
         Of references, metres.
+    angles : float or None
+        Of references of cameras, degrees.
     """
 
     ties: float | None = None
@@ -65,6 +70,7 @@ class Accuracies(Struct, frozen=True):
     markers: float | None = None
     cameras: float | None = None
     scale_bars: float | None = None
+    angles: float | None = None
 
 
 class Marker(Struct, frozen=True):
@@ -137,7 +143,10 @@ class ChunkReader:
         )
 
     def station(self, camera: XmlElement) -> Station | None:
-        """Return the observed position of a photo; None if it has no reference. A negative error: not used."""
+        """Return the observed position and attitude of a photo; None without a position. A negative error: not used.
+
+        Angles are those of a vehicle on which the camera looks down; Metashape uses them only where it is told to.
+        """
         reference = camera.child("reference")
         label = camera.attributes.get("label", "")
         place = None if reference is None else self._place(reference)
@@ -148,7 +157,8 @@ class ChunkReader:
             return None
         x, y, z = (float(value or 0.0) for value in place)
         sx, sy, sz = (float(value or 0.0) for value in errors)
-        return Station(label, (x, y, z), (sx, sy, sz), line=camera.line)
+        angles, angle_errors = self._angles(reference)
+        return Station(label, (x, y, z), (sx, sy, sz), angles, angle_errors, line=camera.line)
 
     def station_reference(self) -> StationReference:
         """Return what the observed positions refer to: the chunk's system, unless that is the frame of the poses."""
@@ -223,6 +233,21 @@ class ChunkReader:
         x, y, z = (sign * (value or 0.0) for value in values)
         return x, y, z
 
+    def _angles(self, reference: XmlElement) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Return roll, pitch and heading with their errors (radians), negative where they are only compared."""
+        given = reference.attributes
+        form = next((names for names in _ANGLE_ERRORS if all(name in given for name in names)), None)
+        values = [self._fields.attribute_decimal(reference, name) for name in _ANGLES if name in given]
+        errors: list[float | None] = [self.accuracies.angles or DEFAULT_ANGLE] * 3
+        if form is not None:
+            errors = [self._fields.attribute_decimal(reference, name) for name in form]
+        if len(values) < 3 or None in values or None in errors:
+            return NOT_GIVEN, NOT_GIVEN
+        sign = 1.0 if is_true(given.get("rotation_enabled"), missing=False) else -1.0
+        roll, pitch, yaw = (math.radians(value or 0.0) for value in values)
+        s_roll, s_pitch, s_yaw = (sign * math.radians(value or 0.0) for value in errors)
+        return (roll, pitch, yaw), (s_roll, s_pitch, s_yaw)
+
     def _matrix(self, camera: XmlElement) -> FloatArray | None:
         if camera.child("transform") is None:
             return None
@@ -260,7 +285,7 @@ class ChunkReader:
         return ChunkTransform(np.array(rotation).reshape(3, 3), np.array(translation), scale)
 
     def _accuracies(self) -> Accuracies:
-        names = ("tiepoints", "projections", "markers", "cameras", "scalebars")
+        names = ("tiepoints", "projections", "markers", "cameras", "scalebars", "cameras_ypr")
         settings = {
             item.attributes.get("name", "").removeprefix("accuracy_"): item
             for item in self._part("settings").all("property")

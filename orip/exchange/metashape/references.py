@@ -10,7 +10,7 @@ from typing import Final
 
 from msgspec import Struct, field
 
-from orip.exchange.metashape.chunk import DEFAULT_POSITION, LEAST_RADIUS
+from orip.exchange.metashape.chunk import DEFAULT_ANGLE, DEFAULT_POSITION, LEAST_RADIUS
 from orip.exchange.sources.collected import PhotoNames
 from orip.exchange.sources.text import Faults, fields_of_line, separator_of, text_lines
 from orip.files.text.regular_file import beginning
@@ -210,9 +210,6 @@ def _reference(fields: Mapping[str, str], separator: str | None, line: int, faul
     return Reference(label, (x, y, z), accuracy, triple(ANGLES), angle_accuracy, is_enabled, line)
 
 
-_DEFAULT_ANGLE = 2.0
-"""Degrees: Metashape's own accuracy of the angles of a camera where nothing else is known."""
-
 _LOCAL = "LOCAL"
 
 
@@ -315,7 +312,7 @@ def _station(reference: Reference, known: Mapping[str, tuple[float, float, float
     x, y, z = reference.coordinates
     sign = 1.0 if reference.is_enabled else -1.0
     errors = reference.accuracy or known.get(reference.label, (DEFAULT_POSITION,) * 3)
-    turns = reference.angle_accuracy or (_DEFAULT_ANGLE,) * 3
+    turns = reference.angle_accuracy or (DEFAULT_ANGLE,) * 3
     turn_sign = sign if reference.angle_accuracy else -1.0
     yaw, pitch, roll = (value * RADIANS_PER_DEGREE for value in reference.angles or (math.nan,) * 3)
     sx, sy, sz = (sign * abs(value) for value in errors)

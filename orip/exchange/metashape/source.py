@@ -22,6 +22,7 @@ from orip.exchange.sources.xml_tree import XmlElement, XmlFields, is_true, read_
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedProject, PoseReading
+from orip.structs import replace
 from orip.wording import counted
 
 Vertices = np.ndarray[Any, Any]
@@ -294,6 +295,7 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
             "The chunk names no coordinate system: positions of cameras and markers are taken to be in that of its "
             "transform."
         )
+    stations = [station for station in stations if station.photo in used and is_referenced]
     return ExchangedProject(
         name=document.element.attributes.get("label", ""),
         cameras=cameras,
@@ -304,8 +306,8 @@ def project_of(document: Document, markers: Document) -> ExchangedProject | None
         control=control,
         checks=frozenset(marker.name for marker in found if not marker.is_enabled),
         control_crs=markers.chunk.crs if is_geocentric else "",
-        stations=tuple(station for station in stations if station.photo in used) if is_referenced else (),
-        station_reference=chunk.station_reference(),
+        stations=tuple(stations),
+        station_reference=replace(chunk.station_reference(), navigation=any(one.has_angles for one in stations)),
         distances=tuple(distances),
         ground_unit="m" if chunk.is_on_the_ground else "unit",
         frame=frame,

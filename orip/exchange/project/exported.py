@@ -179,7 +179,7 @@ def export(
 
 def _lost(bundle: BundleState, project: ExchangedProject, conventions: Conventions) -> Iterator[str]:
     """Yield a sentence about what the format has no place for."""
-    control = bundle.state.texts.control.value
+    control = bundle.control
     counts: dict[Given, int] = {
         "control points": sum(point.kind == "control" for point in control.points),
         "check points": sum(point.kind == "check" for point in control.points),

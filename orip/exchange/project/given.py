@@ -92,7 +92,7 @@ def given_control(
     """
     points = [
         replace(point, name=names.original_mark(point.name))
-        for point in bundle.state.texts.control.value.points
+        for point in bundle.control.points
         if frame is None or None not in point.coordinates[:2]
     ]
     if frame is None or not points:
@@ -111,7 +111,7 @@ def given_stations(
 
     Those in another system than the project's are left out, as are angles where the frame is not the project's system.
     """
-    control = bundle.state.texts.control.value
+    control = bundle.control
     reference = control.station_reference
     given = [station for station in control.stations if station.has_position]
     if reference.crs and given:

@@ -280,7 +280,7 @@ def _with_footprints(
 
 def _points(bundle: BundleState, adjusted: _Adjusted, names: NamesTable, frame: GroundFrame | None) -> ExchangedPoints:
     solution = adjusted.solution
-    control = {point.name for point in bundle.state.texts.control.value.points}
+    control = {point.name for point in bundle.control.points}
     original = [
         (names.original_mark(name), False) if name in control else names.original_point(name)
         for name in solution.points.names

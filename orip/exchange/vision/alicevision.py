@@ -18,7 +18,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from orip.exchange.sources.collected import places_in_photos, tracks
 from orip.exchange.sources.json_tree import JsonValue, read_json
 from orip.exchange.sources.text import Faults
 from orip.exchange.vision.openmvg import (
@@ -26,11 +25,13 @@ from orip.exchange.vision.openmvg import (
     Landmark,
     Pose,
     View,
+    WrittenLandmark,
+    landmark,
     number_of,
     numbered,
-    numbers_of_points,
     project_of,
     require_plain,
+    written_landmarks,
 )
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.regular_file import beginning
@@ -249,19 +250,15 @@ def _view(number: str, value: JsonValue) -> View | None:
 
 
 def _landmark(number: str, value: JsonValue) -> Landmark | None:
-    coordinates = _decimals(value, "X", 3)
+    return landmark(number, _decimals(value, "X", 3), _observations(value))
+
+
+def _observations(value: JsonValue) -> Iterator[tuple[str | None, tuple[float, ...] | None]]:
     seen = value.get("observations")
-    observations = []
     for item in seen.items() if seen is not None and seen.value != "" else ():
         view = number_of(item, "observationId")
-        image = _decimals(item, "x", 2) if item.get("x") is not None else None  # scenes may be saved without features
-        if view is not None and image is not None:
-            observations.append((view, image))
-    return (
-        None
-        if coordinates is None
-        else Landmark(number, (coordinates[0], coordinates[1], coordinates[2]), observations)
-    )
+        # scenes may be saved without features
+        yield view, _decimals(item, "x", 2) if item.get("x") is not None else None
 
 
 def write_alicevision(project: ExchangedProject, original: Path | None) -> Mapping[str, bytes]:  # noqa: ARG001  # new
@@ -292,7 +289,7 @@ def write_alicevision(project: ExchangedProject, original: Path | None) -> Mappi
             for n, photo in enumerate(project.photos)
             if photo.rotation and photo.position
         ],
-        "structure": _written_structure(project),
+        "structure": [_written_landmark(one) for one in written_landmarks(project)],
     }
     return {"orip.sfm": json.dumps(document, indent=4, ensure_ascii=False).encode()}
 
@@ -328,24 +325,15 @@ def _written_camera(n: int, camera: ExchangedCamera) -> dict[str, Any]:
     }
 
 
-def _written_structure(project: ExchangedProject) -> list[dict[str, Any]]:
-    numbers, keys = numbers_of_points(project), places_in_photos(project)
-    rays = project.rays
-    return [
-        {
-            "landmarkId": numbers[place],
-            "descType": "unknown",
-            "color": ["255", "255", "255"],
-            "X": _texts(project.points.coordinates[place]),
-            "observations": [
-                {
-                    "observationId": str(rays.photo[row]),
-                    "featureId": str(keys[row]),
-                    "x": _texts(rays.image[row]),
-                    "scale": "0",
-                }
-                for row in rows.tolist()
-            ],
-        }
-        for place, rows in tracks(project)
+def _written_landmark(one: WrittenLandmark) -> dict[str, Any]:
+    rays = [
+        {"observationId": str(view), "featureId": str(feature), "x": _texts(image), "scale": "0"}
+        for view, feature, image in one.observations
     ]
+    return {
+        "landmarkId": one.number,
+        "descType": "unknown",
+        "color": ["255", "255", "255"],
+        "X": _texts(one.coordinates),
+        "observations": rays,
+    }

@@ -12,7 +12,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 
@@ -269,21 +269,30 @@ def _view(number: str, value: JsonValue) -> View | None:
 
 
 def _landmark(number: str, value: JsonValue) -> Landmark | None:
-    coordinates, seen = value.numbers("X", 3), value.get("observations")
-    observations = []
+    return landmark(number, value.numbers("X", 3), _observations(value))
+
+
+def _observations(value: JsonValue) -> Iterator[tuple[str | None, tuple[float, ...] | None]]:
+    seen = value.get("observations")
     for item in seen.items() if seen is not None else ():
         view, found = number_of(item, "key"), item.required("value")
-        image = None if found is None else found.numbers("x", 2)
-        if view is not None and image is not None:
-            observations.append((view, image))
-    return (
-        None
-        if coordinates is None
-        else Landmark(number, (coordinates[0], coordinates[1], coordinates[2]), observations)
-    )
+        yield view, None if found is None else found.numbers("x", 2)
 
 
-def numbers_of_points(project: ExchangedProject) -> list[str]:
+def landmark(
+    number: str,
+    coordinates: tuple[float, ...] | None,
+    observations: Iterable[tuple[str | None, tuple[float, ...] | None]],
+) -> Landmark | None:
+    """Return a point with what could be read of its observations; None without coordinates."""
+    found = [(view, image) for view, image in observations if view is not None and image is not None]
+    if coordinates is None:
+        return None
+    x, y, z = coordinates
+    return Landmark(number, (x, y, z), found)
+
+
+def _numbers_of_points(project: ExchangedProject) -> list[str]:
     """Return a number for each point: that of its track if there is one and no other point has it."""
     points = project.points
 
@@ -311,7 +320,7 @@ def write_openmvg(project: ExchangedProject, original: Path | None) -> Mapping[s
             for n, photo in enumerate(project.photos)
             if photo.rotation and photo.position
         ],
-        "structure": _written_structure(project),
+        "structure": [_written_landmark(one) for one in written_landmarks(project)],
         "control_points": [],
     }
     return {"sfm_data.json": json.dumps(document, indent=1, ensure_ascii=False).encode()}
@@ -361,19 +370,22 @@ def require_plain(camera: ExchangedCamera) -> None:
         raise InputError.single(message)
 
 
-def _written_structure(project: ExchangedProject) -> list[dict[str, Any]]:
-    numbers, keys = numbers_of_points(project), places_in_photos(project)
-    rays = project.rays
-    return [
-        {
-            "key": int(numbers[place]),
-            "value": {
-                "X": project.points.coordinates[place].tolist(),
-                "observations": [
-                    {"key": int(rays.photo[row]), "value": {"id_feat": int(keys[row]), "x": rays.image[row].tolist()}}
-                    for row in rows.tolist()
-                ],
-            },
-        }
-        for place, rows in tracks(project)
-    ]
+def _written_landmark(one: WrittenLandmark) -> dict[str, Any]:
+    rays = [{"key": view, "value": {"id_feat": feature, "x": image}} for view, feature, image in one.observations]
+    return {"key": int(one.number), "value": {"X": one.coordinates, "observations": rays}}
+
+
+class WrittenLandmark(NamedTuple):
+    """A point, and numbers of photos, places among the measurements of the photo, and x, y of its measurements."""
+
+    number: str
+    coordinates: list[float]
+    observations: Iterable[tuple[int, int, list[float]]]
+
+
+def written_landmarks(project: ExchangedProject) -> Iterator[WrittenLandmark]:
+    """Iterate over all points with coordinates, with the measurements that are in use."""
+    numbers, keys, rays = _numbers_of_points(project), places_in_photos(project), project.rays
+    for place, rows in tracks(project):
+        found = zip(rays.photo[rows].tolist(), keys[rows].tolist(), rays.image[rows].tolist(), strict=True)
+        yield WrittenLandmark(numbers[place], project.points.coordinates[place].tolist(), found)

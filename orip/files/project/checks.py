@@ -12,7 +12,7 @@ from orip.files.project.tables import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
 from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
-from orip.records.definition import ANTENNA_PARAMETERS, StereoModel
+from orip.records.definition import ANTENNA_PARAMETERS, BundleDefinition, StereoModel
 from orip.records.names import name_fault, record_key
 from orip.records.photo import Photo, Template
 
@@ -109,7 +109,7 @@ class References:
     def __init__(self, source: ProjectSource) -> None:
         self.known = {
             section: {record_key(found.name): found.name for found in source.names.get(section, [])}
-            for section in ("camera", "temtick", "template", "photo")
+            for section in ("camera", "temtick", "template", "photo", "bundle")
         }
         self.cameras = {record_key(camera.record.name): camera.record for camera in source.cameras}
         self.templates = {record_key(template.record.name): template for template in source.templates}
@@ -255,6 +255,39 @@ def check_models(source: ProjectSource, references: References, line_of: LineOf)
                 line = line_of((*first.place, "row"))
                 message = f"{where} is at {at} like model '{first.record.name}' on line {line}; give it its own place"
                 yield (*model.place, "row"), message
+
+
+def check_shared(source: ProjectSource, references: References) -> Iterator[Fault]:
+    """Check bundles with the photo points of another one, and the cameras that photos have in a bundle."""
+    bundles = {record_key(bundle.record.name): bundle.record for bundle in source.bundles}
+    for bundle in source.bundles:
+        where = f"bundle '{shown_token(bundle.record.name)}'"
+        if bundle.record.points_of is not None:
+            place, of = (*bundle.place, "points_of"), f"points_of of {where}"
+            yield from ((place, text) for text in references.check("bundle", bundle.record.points_of, of))
+            other = bundles.get(record_key(bundle.record.points_of))
+            if other is not None and other.points_of is not None:
+                is_itself = record_key(other.name) == record_key(bundle.record.name)
+                remedy = "name another bundle, or remove it" if is_itself else f"name '{shown_token(other.points_of)}'"
+                yield place, f"{of}: '{shown_token(other.name)}' has no photo points of its own; {remedy}"
+        yield from _cameras_in_place(bundle, references, f"cameras of {where}")
+
+
+def _cameras_in_place(bundle: Located[BundleDefinition], references: References, of: str) -> Iterator[Fault]:
+    seen = set[str]()
+    for index, (name, in_place) in enumerate(bundle.record.cameras):
+        place = (*bundle.place, "cameras", index)
+        yield from ((place, text) for one in (name, in_place) for text in references.check("camera", one, of))
+        if record_key(name) in seen:
+            yield place, f"{of}: camera '{shown_token(name)}' comes twice; name one camera in its place"
+        seen.add(record_key(name))
+        camera, other = (references.cameras.get(record_key(one)) for one in (name, in_place))
+        if camera and other and (camera.sensor, camera.fiducials) != (other.sensor, other.fiducials):
+            message = (
+                f"{of}: '{shown_token(in_place)}' has another sensor or other fiducials than '{shown_token(name)}', "
+                "in whose photos points were measured; give it the same"
+            )
+            yield place, message
 
 
 _EVERY = ""

@@ -129,6 +129,7 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     yield from project_checks.check_photos(source, references, line_of)
     yield from project_checks.check_precision(source, references)
     yield from project_checks.check_models(source, references, line_of)
+    yield from project_checks.check_shared(source, references)
 
 
 def _record_places(source: ProjectSource) -> dict[tuple[str, str], KeyPath]:

@@ -181,6 +181,9 @@ def check_bundles(source: ProjectSource) -> Iterator[Fault]:
                 f"{table.max_iterations}; write at most that (equal: no down-weighting)"
             )
             yield (*bundle.place, "start_down_weight"), message
+        if table.control_files is not None and (fault := file_name_fault(table.control_files)):
+            message = f"control_files '{shown_token(table.control_files)}' of {where} {fault}; write a base name"
+            yield (*bundle.place, "control_files"), f"{message} without folder and extension"
         yield from _datum_points(bundle, where)
 
 

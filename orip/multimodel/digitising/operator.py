@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from orip.errors import Complaint, InputError
+from orip.errors import Complaint, InputError, ProjectWarning
 from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.multimodel.link.client import ProcessorFault
@@ -24,7 +24,11 @@ from orip.records.drive_table import DriveCode
 from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import name_fault, record_key
 from orip.records.photo import Stage
+from orip.wording import first_names, joined
 from orip.workflow.observations.films import MountedFilms
+
+_NAMED = 3
+"""Marks and points that are named where there are more."""
 
 PAUSE_S = 0.05
 """Seconds between two queries for an event: too short for an operator to notice."""
@@ -234,11 +238,28 @@ class Simulation:
     Parameters
     ----------
     places : mapping of (what, owner, name) to plate coordinates
+    faults : sequence of ProjectWarning
+        Why places are missing that the measurement files should give.
     """
 
-    def __init__(self, places: Mapping[tuple[str, str, str], Position]) -> None:
-        self._places = places
+    def __init__(self, places: Mapping[tuple[str, str, str], Position], faults: Sequence[ProjectWarning] = ()) -> None:
+        self._places, self._faults = places, faults
         self._named: set[tuple[tuple[tuple[str, str], ...], str]] = set()
+        self._unknown: dict[str, None] = {}
+        self._outside: dict[str, None] = {}
+
+    def warnings(self) -> Iterator[ProjectWarning]:
+        """Yield why he could not set the mark where he was asked to."""
+        why = ""
+        if self._unknown and self._faults:
+            first = self._faults[0]
+            why = f": {first.where}: {first.text}" if first.where else f": {first.text}"
+        if self._unknown:
+            text = f"the files of --simulate do not tell where it is{why}"
+            yield ProjectWarning("not-simulated", first_names(list(self._unknown), _NAMED), text)
+        if self._outside:
+            text = "the files of --simulate have it where the stage cannot be driven to"
+            yield ProjectWarning("not-simulated", first_names(list(self._outside), _NAMED), text)
 
     def act(self, link: Instrument, visit: Visit) -> Event | Named | None:
         """Set the measuring mark and press the foot switch; refuse what is not known or cannot be driven to.
@@ -247,11 +268,16 @@ class Simulation:
         """
         if visit.is_new and any(point[:3] not in self._places for point in visit.sought):
             owners = tuple(point[:2] for point in visit.sought)
-            for name in self._known(owners):
+            known = self._known(owners)
+            if not known:
+                self._unknown[f"any point in {joined([f'photo {owner}' for _, owner in owners])}"] = None
+            for name in known:
                 if (owners, name) not in self._named:
                     self._named.add((owners, name))
                     return Named(name)
-        send(link, "FOOT RIGHT" if self._can_set_mark(link, visit.sought) else visit.refusal)
+            send(link, visit.refusal)
+        else:
+            send(link, "FOOT RIGHT" if self._can_set_mark(link, visit.sought) else visit.refusal)
         return link.next_event()
 
     def _known(self, owners: Sequence[tuple[str, str]]) -> list[str]:
@@ -263,12 +289,15 @@ class Simulation:
         places = [self._places.get(point[:3]) for point in sought]
         try:
             for point, place in zip(sought, places, strict=True):
+                shown = f"{point.what.lower()} {point.name} of {point.owner}"
                 if place is None:
+                    self._unknown[shown] = None
                     return False
                 link.drive_plate(point.stage, *place)
         except ProcessorFault as fault:
             if fault.code != DriveCode.OUTSIDE_STAGE:
                 raise
+            self._outside[shown] = None
             return False
         return True
 

@@ -108,6 +108,8 @@ class DigitisingSetup(Struct, frozen=True):
             try:
                 link.automatic(False)
                 yield session
+                if isinstance(operator, Simulation):
+                    session.warnings += operator.warnings()
             except (KeyboardInterrupt, OripError):
                 done = session.digitised
                 self.tell(f"{done} digitised so far; {going_on}" if done else "nothing is digitised yet")
@@ -158,7 +160,8 @@ def by_link(
 
     def operator(films: MountedFilms) -> Operator:
         if simulate:
-            return Simulation(places_of(films_of(films, simulate)))
+            simulated = films_of(films, simulate)
+            return Simulation(places_of(simulated), simulated.warnings)
         if script is None:
             return AtTheProcessor(WaitingHint(tell, url), TypedNames(tell))
         if str(script) == "-":

@@ -233,8 +233,8 @@ def _unfit(found: _Solution) -> str | None:
     angle, shift = max(deviations[:3]), max(deviations[3:]) / found.distance
     if not (angle <= USELESS_ANGLE and shift <= USELESS_CENTRE):
         return (
-            f"the {count} known points do not determine the photo: its standard deviations are "
-            f"{np.degrees(angle):.2g} degrees and {shift:.0%} of the distance"
+            f"the {count} known points do not determine the photo: with residuals of {found.misfit:.2g} mm its "
+            f"standard deviations are {np.degrees(angle):.2g} degrees and {shift:.0%} of the distance"
         )
     return None
 

@@ -26,6 +26,7 @@ from orip.prelim.similarity.adjustment import (
     adjust_similarity,
     adjustment_of,
 )
+from orip.prelim.similarity.misfits import misfits, room_for_cameras
 from orip.prelim.similarity.partial_blocks import STEADY, CommonPlaces, common_places, in_common, transformed
 from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, start_from_triples
 from orip.records.preliminary import NotOriented, PartialBlock, SimilarityStep
@@ -49,9 +50,6 @@ _LARGE = 0.1 * _AGREEMENT
 
 _RULES_OF_JOINING = np.array([STEADY, MEDIAN_OF_CHI2, FITTING, _AGREEMENT, _LARGE])
 """The constants as the compiled loop takes them: `JoiningRules` in joining.h."""
-
-_NAMED = 6
-"""Number of points that are named one by one."""
 
 _MM = 1000.0
 """Millimetres in a metre: systems are in metres at photo scale."""
@@ -109,7 +107,9 @@ def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -
     photo = names.photos[found.photo] if found.photo is not None else ""
     remarks = list(found.remarks)
     if found.unfit:
-        remarks += misfits(points, found.adjustment)
+        remarks += misfits(
+            points, found.coordinates, found.adjustment, room_for_cameras(names, (*source.photos, *target.photos))
+        )
     return Joined(
         found.adjustment.similarity,
         found.block,
@@ -293,22 +293,6 @@ class _Joint:
             block = replace(block, deviations=deviations)
         photo = int(self.source.photos[self.common.photo_source[0]]) if self.photo_count else None
         return _Found(rows, self.places.places.target[:count], own, block, photo, len(off), tuple(remarks))
-
-
-def misfits(points: Sequence[str], found: SimilarityAdjustment) -> list[str]:
-    """Return a sentence for each point that does not fit, for the first few of many."""
-    fits = found.fits[: len(points)]
-    if fits.all():
-        return []
-    lengths = found.lengths[: len(points)]
-    usual = lengths[fits]
-    others = f" (the others: {float(np.sqrt(np.mean(usual**2))) * _MM:.2g} mm)" if len(usual) else ""
-    off = [k for k in np.argsort(-lengths) if not fits[k]]
-    sentences = [
-        f"point {points[k]} does not fit: it is off by {lengths[k] * _MM:.2g} mm at photo scale{others}"
-        for k in off[:_NAMED]
-    ]
-    return [*sentences, f"{len(off) - _NAMED} more points do not fit"] if len(off) > _NAMED else sentences
 
 
 def similarity_step(

@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
+from orip.records.names import record_key
 from orip.records.result_tests import ResultFigures
 from orip.solving.differences import Comparison, Tolerance, compare_figures
 from orip.workflow.project.folder import PROJECT_FILE, open_project
@@ -30,7 +31,7 @@ def compare(folder: Path, a: Path, b: Path, tolerance: Tolerance) -> CompareOutc
     folder : Path
         What relative paths are relative to.
     a, b : Path
-        A result.json, or a project folder with one.
+        A result.json, a project folder with one, or the name of a bundle of the project in `folder`.
     tolerance : Tolerance
 
     Raises
@@ -66,7 +67,9 @@ def _folder_of_results(path: Path, given: Path) -> tuple[Path, Path]:
 def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
     path = folder / given
     if not path.exists():
-        message = "there is no such file or folder; name a result.json that 'orip solve' wrote, or a project folder"
+        if (of_bundle := _result_of_bundle(folder, str(given))) is not None:
+            return of_bundle
+        message = "there is no such file, folder or bundle; name a result.json, a project folder, or a bundle"
         raise InputError.single(message, str(given))
     if not path.is_dir():
         return path, str(given)
@@ -79,3 +82,24 @@ def _result_file(folder: Path, given: Path) -> tuple[Path, str]:
         message = f"the folder '{given}' has several results; name one of them: {', '.join(found)}"
         raise UsageError(message)
     return path / found[0], str(given / found[0])
+
+
+def _result_of_bundle(folder: Path, name: str) -> tuple[Path, str] | None:
+    """Return the result of a bundle of the project in a folder; None where there is no such project or bundle.
+
+    Raises
+    ------
+    InputError
+        If the bundle has none.
+    """
+    if not (folder / PROJECT_FILE).is_file():
+        return None
+    project = open_project(folder)
+    bundle = next((one for one in project.bundle_names if record_key(one) == record_key(name)), None)
+    if bundle is None:
+        return None
+    path = project.outputs(bundle).result
+    if not path.is_file():
+        message = f"bundle {bundle} has no result yet; run 'orip solve {bundle}' first"
+        raise InputError.single(message, project.shown(path))
+    return path, project.shown(path)

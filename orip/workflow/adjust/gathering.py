@@ -48,7 +48,7 @@ def unread_files(bundle: BundleState, control: Control) -> Iterator[ProjectWarni
     for path, names in tables_in_folder(project.folder).items():
         known = [name for name in names if name in known_points]
         placed = [photos[key] for name in names if (key := record_key(name.partition(".")[0])) in photos]
-        base = project.definition.control_files
+        base = project.control_base(bundle.name)
         if path.suffix.lower() == _CONTROL and not has_control and len(known) >= _FEWEST and path.stem != base:
             text = _of_another_name(known, path.stem, base)
         elif path.suffix.lower() == _CONTROL:
@@ -103,7 +103,7 @@ def block_input_so_far(bundle: BundleState) -> BlockInput:
     state.require_initialised()
     return BlockInput(
         bundle.definition,
-        state.records,
+        bundle.records,
         state.measured,
         state.interior,
         given.value.control,

@@ -98,9 +98,10 @@ def report_of(
 
 def report_input(state: ProjectState, solution: Solution, gates: Iterable[GateResult] = ()) -> ReportInput:
     """Return what a report of a solution is made from; the state has `REPORTED_FROM`."""
-    records, header = state.records, state.project.definition
+    bundle, header = state.definitions.bundle(solution.bundle), state.project.definition
+    records = state.records.with_cameras_of(bundle)
     return ReportInput(
-        solution, tuple(gates), state.definitions.bundle(solution.bundle), records.cameras, records.photos,
+        solution, tuple(gates), bundle, records.cameras, records.photos,
         records.templates, header.report, header.crs, _measurement_files(state), header.test_level,
     )  # fmt: skip
 

@@ -308,9 +308,9 @@ def _constant(estimates: Estimates, rows: Sequence[int]) -> int:
 def _changed_since(bundle: BundleState, solution: Solution) -> Iterator[ProjectWarning]:
     """Warn of control and measurements that are not those of the solution; records change with every update."""
     project = bundle.project
-    base = project.definition.control_files
+    base = project.control_base(bundle.name)
     watched = [project.shown(project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
-    now = dict(control_digests(project))
+    now = dict(control_digests(project, base))
     path = project.shown(project.observations(solution.bundle))
     if bundle.is_measured:
         now[path] = bundle.digest_of_observations

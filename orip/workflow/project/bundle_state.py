@@ -22,6 +22,7 @@ from orip.workflow.project.texts import Digests
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
+    from orip.records.control import Control
     from orip.records.solution import Solution
 
 
@@ -41,10 +42,17 @@ class BundleState(Struct, frozen=True, dict=True):
         """Return the bundle's record in the stores."""
         return self.state.definitions.bundle(self.name)
 
-    @property
+    @cached_property
     def records(self) -> Definitions:
-        """Return the records of the stores by `record_key` of their names."""
-        return self.state.records
+        """Return the records of the stores by `record_key` of their names; photos have the cameras of the bundle."""
+        records = self.state.records
+        own = records.settings.get(record_key(self.name))
+        return records if own is None else records.with_cameras_of(own)
+
+    @property
+    def control(self) -> Control:
+        """Return the control of the bundle, as far as it could be read."""
+        return self.state.texts.control_input(self.name).value.control
 
     @property
     def interior(self) -> Interior:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from orip.errors import InputError, NoFolderError, NoProjectError, ProjectWarning, UsageError
 from orip.files.project.reader import read_project
 from orip.files.stores.contents import exterior
+from orip.files.stores.contents.definitions import StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.stores.identity import refuse_older_stores
 from orip.files.stores.transaction import reading
-from orip.records.definition import ProjectDefinition
+from orip.records.definition import BundleDefinition, ProjectDefinition
 from orip.records.names import record_key
 from orip.structs import replace
 
@@ -60,6 +61,8 @@ class ProjectFolder(Struct, frozen=True):
     warnings : tuple of ProjectWarning
     bundles_of_commands : tuple of str
         Bundles of the store that orip.toml does not define: they were added, copied or renamed by commands.
+    control_of_bundles : mapping of record_key to str
+        Base names of the control files of bundles that have their own.
     """
 
     folder: Path
@@ -67,6 +70,7 @@ class ProjectFolder(Struct, frozen=True):
     lines: Mapping[tuple[str, str], int]
     warnings: tuple[ProjectWarning, ...]
     bundles_of_commands: tuple[str, ...] = ()
+    control_of_bundles: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def text(self) -> Path:
@@ -143,6 +147,10 @@ class ProjectFolder(Struct, frozen=True):
     def record_stores(self) -> tuple[Path, ...]:
         """Return the stores of all definitions."""
         return self.cameras, self.temticks, self.photos, self.templates, self.exterior
+
+    def control_base(self, bundle: str | None = None) -> str:
+        """Return the base name of the control files of a bundle; None: of the project."""
+        return self.control_of_bundles.get(record_key(bundle or ""), self.definition.control_files)
 
     @property
     def before_update(self) -> Path:
@@ -255,12 +263,26 @@ def open_project(folder: Path) -> ProjectFolder:
     project = ProjectFolder(folder, parsed.value.definition, parsed.value.lines, parsed.warnings)
     of_bundles = [project.observations(bundle.name) for bundle in project.definition.bundles]
     refuse_older_stores([*project.record_stores, *of_bundles])
-    return replace(project, bundles_of_commands=_bundles_of_commands(project))
-
-
-def _bundles_of_commands(project: ProjectFolder) -> tuple[str, ...]:
     with reading([project.exterior]) as stores:
         stored = exterior.read(stores[project.exterior])
+    names, control = _bundles_of_commands(project, stored), _control_of_bundles(project, stored)
+    return replace(project, bundles_of_commands=names, control_of_bundles=control)
+
+
+def _control_of_bundles(project: ProjectFolder, stored: Sequence[StoredRecord[BundleDefinition]]) -> dict[str, str]:
+    """Return the control files of bundles as the next command has them: a text that has changed will be applied."""
+    known = {record_key(bundle.record.name): bundle for bundle in stored}
+    changed = [
+        bundle
+        for bundle in project.definition.bundles
+        if (there := known.get(record_key(bundle.name))) is None or there.text_digest != record_digest(bundle)
+    ]
+    bundles = [*(bundle.record for bundle in stored), *changed]
+    found = {record_key(bundle.name): bundle.control_files for bundle in bundles}
+    return {key: base for key, base in found.items() if base is not None}
+
+
+def _bundles_of_commands(project: ProjectFolder, stored: Sequence[StoredRecord[BundleDefinition]]) -> tuple[str, ...]:
     in_text = {record_key(bundle.name) for bundle in project.definition.bundles}
     # one that came from this text and is no longer in it is removed by the next 'orip init'
     return tuple(

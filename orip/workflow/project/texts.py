@@ -63,6 +63,7 @@ class ProjectTexts:
     def __init__(self, project: ProjectFolder) -> None:
         self._project = project
         self._control_input: dict[str, Parsed[ControlInput]] = {}
+        self._control: dict[str, tuple[Digests, Parsed[Control]]] = {}
 
     @cached_property
     def measurement_files(self) -> Parsed[tuple[Path, ...]]:
@@ -74,14 +75,16 @@ class ProjectTexts:
         """Return the measurement log."""
         return _read_log(self._project, self.measurement_files)
 
-    @cached_property
-    def _control_with_digests(self) -> tuple[Digests, Parsed[Control]]:
-        return control_digests(self._project), read_ground_control(self._project)
+    def _control_with_digests(self, bundle: str | None) -> tuple[Digests, Parsed[Control]]:
+        base = self._project.control_base(bundle)
+        if base not in self._control:
+            self._control[base] = control_digests(self._project, base), read_ground_control(self._project, base)
+        return self._control[base]
 
     @property
     def control(self) -> Parsed[Control]:
-        """Return the ground control."""
-        return self._control_with_digests[1]
+        """Return the ground control of the project."""
+        return self._control_with_digests(None)[1]
 
     @cached_property
     def stations(self) -> Parsed[tuple[Station, ...]]:
@@ -106,7 +109,7 @@ class ProjectTexts:
     def _read_control_input(self, bundle: str) -> Parsed[ControlInput]:
         path = self._project.preliminary(bundle)
         of_preliminary = _digests(self._project, [path])
-        digests, control = self._control_with_digests
+        digests, control = self._control_with_digests(bundle)
         preliminary = _read_preliminary(self._project, path)
         return Parsed(
             ControlInput(control.value, preliminary.value, (*digests, *of_preliminary)),
@@ -141,9 +144,8 @@ def raise_complaints(complaints: Sequence[Complaint]) -> None:
 # ground control and preliminary coordinates
 
 
-def read_ground_control(project: ProjectFolder) -> Parsed[Control]:
-    """Read the control files of a project; missing ones are empty."""
-    base = project.definition.control_files
+def read_ground_control(project: ProjectFolder, base: str) -> Parsed[Control]:
+    """Read the control files of a base name; missing ones are empty."""
     control = read_control(project.folder, base)
     misspelt = [_misspelt(project, project.folder / f"{base}.{extension}") for extension in CONTROL_EXTENSIONS]
     complaints = [*_given(misspelt), *control.complaints]
@@ -172,15 +174,15 @@ def _read_preliminary(project: ProjectFolder, path: Path) -> Parsed[tuple[Prelim
     return Parsed((), tuple(_given([_misspelt(project, path)])))
 
 
-def control_digests(project: ProjectFolder) -> Digests:
-    """Return the digests of the control files that exist."""
-    base = project.definition.control_files
+def control_digests(project: ProjectFolder, base: str) -> Digests:
+    """Return the digests of the control files of a base name that exist."""
     return _digests(project, [project.folder / f"{base}.{extension}" for extension in CONTROL_EXTENSIONS])
 
 
 def control_input_digests(project: ProjectFolder, bundle: str) -> Digests:
     """Return the digests of the control files and of a bundle's preliminary coordinates, as far as they exist."""
-    return (*control_digests(project), *_digests(project, [project.preliminary(bundle)]))
+    of_control = control_digests(project, project.control_base(bundle))
+    return (*of_control, *_digests(project, [project.preliminary(bundle)]))
 
 
 def _misspelt(project: ProjectFolder, path: Path) -> Complaint | None:

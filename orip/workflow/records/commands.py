@@ -263,20 +263,23 @@ def _deleted(changes: Sequence[RecordChange]) -> Iterator[RecordChange]:
 
 
 def _measurements(state: ProjectState, changes: Sequence[RecordChange]) -> Iterator[str]:
+    shared = state.records.sources_of_points
     for change in _deleted(changes):
+        if change.kind == "bundle" and record_key(change.name) in shared:
+            continue  # they stay in the bundle that they are measured for
         for what in measurements_of(state.measured, change.kind, change.name):
             yield f"{what} of {change.kind} {change.name}" if change.kind != "bundle" else f"{what} of {change.name}"
 
 
 def _require_alone(record: RecordName, changes: Sequence[RecordChange], measurements: Sequence[str]) -> None:
     # models are parts of their bundle: they are deleted with it, not because they refer to it; of records of one kind
-    # only cameras refer to each other
+    # only cameras and bundles refer to each other
     others = [
         f"{change.kind} {change.name}"
         for change in _deleted(changes)
         if (
             change.kind != record.kind
-            or (change.kind == "camera" and record_key(change.name) != record_key(record.name))
+            or (change.kind in ("camera", "bundle") and record_key(change.name) != record_key(record.name))
         )
         and not (record.kind == "bundle" and change.kind == "model")
     ]

@@ -32,6 +32,7 @@ _REFERENCES: tuple[tuple[RecordKind, str, RecordKind], ...] = (
     ("camera", "same_lens_as", "camera"),
     ("template", "temtick", "temtick"),
     ("photo", "template", "template"),
+    ("bundle", "points_of", "bundle"),
     ("model", "left", "photo"),
     ("model", "right", "photo"),
 )
@@ -80,6 +81,11 @@ def let_references_follow(document: Mapping[str, Any], kind: RecordKind, old: st
             for place in records_of(document, where):
                 if _names(place.table, key, old):
                     place.table[key] = new
+    if kind == "camera":
+        for bundle in document["bundle"]:
+            pairs = bundle.get("cameras", ())
+            named = [[new if record_key(one) == record_key(old) else one for one in pair] for pair in pairs]
+            bundle.update({"cameras": named} if named else {})
     if kind == "photo":
         for template in document["template"]:
             if "photos" in template:
@@ -94,6 +100,15 @@ def delete_with_referents(document: Mapping[str, Any], place: DocumentRecord) ->
         delete_with_referents(document, referent)
     place.around[:] = [table for table in place.around if table is not place.table]
     templates_follow(document)
+    if place.kind == "camera":
+        _leave_out_camera(document, place.table["name"])
+
+
+def _leave_out_camera(document: Mapping[str, Any], name: str) -> None:
+    """Let no bundle have a camera in place of another one that is gone, or for it."""
+    for bundle in document["bundle"]:
+        if "cameras" in bundle:
+            bundle["cameras"] = [pair for pair in bundle["cameras"] if record_key(name) not in map(record_key, pair)]
 
 
 def templates_follow(document: Mapping[str, Any]) -> None:

@@ -78,6 +78,8 @@ def copying(record: RecordName, name: str, words: Sequence[str]) -> Edit:
         _require_fit_name(record.kind, name)
         if record.kind == "template":
             table.pop("photos", None)  # a photo is on one template
+        if record.kind == "bundle":
+            table.setdefault("points_of", find(document, record).table["name"])
         table, faults = with_assignments(record.kind, table, words)
         return replace(_put(document, RecordName(record.kind, name, record.bundle), table, None), faults=faults)
 

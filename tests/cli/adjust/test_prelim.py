@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from collections.abc import Callable
@@ -624,3 +625,51 @@ def test_models_of_photos_that_are_not_measured_are_left_out_of_the_steps(made: 
     assert cells(orip(tmp_path, "prelim", "relative").out, "1-1")
     alone = orip(tmp_path, "prelim", "relative", "2-1")
     assert alone.code == 4, "a model that is asked for by its name is an error"
+
+
+def test_right_points_of_an_uncalibrated_camera_are_not_called_wrong(tmp_path: Path) -> None:
+    folder = tmp_path / "cliff"
+    assert orip(tmp_path, "init", "--sample", "small_frame_block", str(folder)).code == 0
+    assert orip(folder, "init").code == 0
+    assert orip(folder, "measure").code == 0
+    said = orip(folder, "prelim", "connect")
+    assert said.code == 0, said.err
+    # 1213, which is misnumbered in one photo, and 1307 are wrong; none of them is common to both strips
+    assert "does not fit" not in said.out
+    assert "9 points off by up to 0.46 mm" in said.out.replace("\n   ", "")
+    assert "the camera is not calibrated" in said.out.replace("\n   ", "")
+    # a calibrated camera is to blame for nothing
+    toml = folder / "orip.toml"
+    text = re.sub(r"unknown = .*", "unknown = []", toml.read_text(encoding="utf-8"))
+    toml.write_text(text, encoding="utf-8")
+    assert orip(folder, "init").code == 0
+    assert orip(folder, "prelim", "connect").out.count("does not fit") == 6
+
+
+@pytest.mark.parametrize("off", [0.0, 20.0])
+def test_a_single_photo_is_resected_from_five_control_points_or_it_is_said_why_not(tmp_path: Path, off: float) -> None:
+    """A vertical photo of flat ground; `off`: two control points are that far (m) from where the photo shows them."""
+    control = {"a": (170, 547, 5), "b": (0, 700, 6), "c": (350, 700, 4), "d": (0, 380, 7), "e": (350, 380, 3)}
+    (tmp_path / "orip.toml").write_text(
+        '[project]\nname = "ONE"\n[[camera]]\nname = "RC30"\nc = 303.1\n'
+        "sensor = { columns = 8480, rows = 8480, width = 212.0, height = 212.0 }\n"
+        '[[photo]]\nname = "131"\ncamera = "RC30"\n[[bundle]]\nname = "MAIN"\nmeasurement_precision = "0.4px"\n'
+    )
+    lines, images = [], ["POINTS MAIN 131"]
+    for name, (x, y, z) in control.items():
+        moved = off if name in "bc" else 0.0
+        lines.append(f"{name} {x + moved} {y} {z} 0.02 0.02 0.02")
+        column, row = (303.1 / (1000.0 - z) * (value - middle) / 0.025 for value, middle in ((x, 171.0), (y, 547.0)))
+        images.append(f"{name} {4240.0 + column:.2f} {4240.0 - row:.2f}")
+    (tmp_path / "ONE.PNT").write_text("\n".join([*lines, ""]))
+    (tmp_path / "ONE.MEA").write_text("\n".join([*images, ""]))
+    said = orip(tmp_path, "run", "--no-report", "--json")
+    if not off:
+        assert said.code == 0, said.err
+        photo = json.loads((tmp_path / "result.json").read_text())["photos"]["131"]
+        assert photo["Z0"]["value"] == pytest.approx(1000.0, abs=4.0 * photo["Z0"]["sd"])
+        return
+    assert said.code == 4
+    assert "photo 131 sees 5 control points, but the 5 known points do not" in said.err
+    assert "with residuals of " in said.err
+    assert "neighbours" not in said.err

@@ -12,6 +12,7 @@ from conversion.exchanged_blocks import block
 from exchange import test_metashape
 from exchange.imported import read_well, sample, written
 from exchange.test_metashape import document
+from pyproj import Transformer
 
 from orip.exchange.conversion.ground import LocalGround, from_local_ground, in_local_ground
 from orip.exchange.metashape.references import read_reference_table, require_letters, with_references
@@ -192,3 +193,45 @@ def test_a_lens_is_not_adjusted(tmp_path: Path) -> None:
     assert said.code != 0
     assert "has no measurements, and nothing to adjust" in said.err
     assert not (tmp_path / "new").exists()
+
+
+ANGLES = 'yaw="10" pitch="1" roll="-2" '
+
+
+@pytest.mark.parametrize(
+    ("further", "setting", "expected"),
+    [
+        ('rotation_enabled="true" ', 0.5, [0.5] * 3),
+        ('rotation_enabled="false" ', 0.5, [-0.5] * 3),
+        ("", 0.0, [-2.0] * 3),  # an older document, which does not use them; Metashape's own accuracy
+        ('syaw="3" spitch="2" sroll="1" rotation_enabled="true" ', 0.5, [1.0, 2.0, 3.0]),
+    ],
+)
+def test_angles_of_the_document_are_observed_where_it_uses_them(
+    tmp_path: Path, further: str, setting: float, expected: list[float]
+) -> None:
+    text = document(block(READING)).replace('<reference x="0" ', f'<reference x="0" {ANGLES}{further}', 1)
+    text = text.replace("<settings>", f'<settings><property name="accuracy_cameras_ypr" value="{setting}"/>')
+    project = read_well(read_metashape, written(tmp_path / "cameras.xml", text))
+    first, *others = project.stations
+    assert np.degrees(first.angles) == pytest.approx([-2.0, 1.0, 10.0])  # roll, pitch, heading
+    assert np.degrees(first.angle_error) == pytest.approx(expected)
+    assert first.position_error[0] == -0.5  # its position is not enabled
+    assert project.station_reference.navigation
+    assert not any(station.has_angles for station in others)
+
+
+def test_angles_of_a_drone_are_those_of_its_pose(tmp_path: Path) -> None:
+    """The gimbal's heading against that of the adjusted pose, from the axes of the photo and the meridian."""
+    text = sample("metashape", "geograypher", "camera.xml").read_text(encoding="utf-8")
+    text = text.replace("</chunk>", "<reference>EPSG:4979</reference></chunk>")
+    project = read_well(read_metashape, written(tmp_path / "cameras.xml", text))
+    (photo,), (station,) = project.photos, project.stations
+    to_geodetic = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+    longitude, latitude = np.radians(to_geodetic.transform(*photo.position)[:2])
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    north = np.array([-np.sin(latitude) * np.cos(longitude), -np.sin(latitude) * np.sin(longitude), np.cos(latitude)])
+    top = -np.array(photo.rotation).reshape(3, 3)[:, 1]
+    heading = np.degrees(np.arctan2(top @ east, top @ north))
+    assert np.degrees(station.angles[2]) == pytest.approx(heading, abs=3.0)
+    assert max(station.angle_error) < 0.0  # the file does not use them

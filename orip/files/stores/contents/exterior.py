@@ -8,16 +8,17 @@ from orip.errors import Complaint, InputError
 from orip.files.project.file_names import bundle_name_fault
 from orip.files.stores.contents.definitions import DefinitionTables, StoredRecord, definition_table, record_list
 from orip.files.stores.store import Store, damage
-from orip.files.stores.table import list_table, text
+from orip.files.stores.table import list_table, record_name, text
 from orip.files.text.shown import shown_token
 from orip.records.definition import BundleDefinition, StereoModel
 
 BUNDLE = definition_table("bundle", BundleDefinition)
+CAMERA = list_table("camera_in_place", "bundle", (record_name("camera"), record_name("other")))
 DATUM_POINT = list_table("datum_point", "bundle", (text("point"),))
 MODEL = record_list("model", "bundle", StereoModel)
-TABLES = (BUNDLE, DATUM_POINT, MODEL)
+TABLES = (BUNDLE, CAMERA, DATUM_POINT, MODEL)
 
-_BUNDLES = DefinitionTables(BundleDefinition, BUNDLE, {"datum_points": DATUM_POINT, "models": MODEL})
+_BUNDLES = DefinitionTables(BundleDefinition, BUNDLE, {"datum_points": DATUM_POINT, "models": MODEL, "cameras": CAMERA})
 
 
 def read(store: Store) -> tuple[StoredRecord[BundleDefinition], ...]:

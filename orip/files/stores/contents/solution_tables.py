@@ -154,6 +154,7 @@ class SolutionHead(Struct, frozen=True):
     status: Status
     sigma0: float
     inputs: tuple[tuple[str, str], ...]
+    verdict: str
 
 
 def read_head(store: Store, bundle: str) -> SolutionHead | None:
@@ -163,7 +164,7 @@ def read_head(store: Store, bundle: str) -> SolutionHead | None:
         return None
     head = dict(zip(SOLUTION.column_names, next(store.rows(SOLUTION, name)), strict=True))
     inputs: Any = tuple(items(store, TUPLE_LISTS["inputs"], name))
-    return SolutionHead(head["run"], head["status"], head["sigma0"], inputs)
+    return SolutionHead(head["run"], head["status"], head["sigma0"], inputs, head["verdict"])
 
 
 def items(store: Store, table: StoreTable, bundle: str) -> list[Row]:
