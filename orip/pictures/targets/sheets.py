@@ -13,6 +13,14 @@ from orip.errors import OripError
 from orip.geometry.plane import homography
 from orip.pictures.targets.dots import Dot, as_bytes, find_dots
 from orip.pictures.targets.marks import FoundTargets, Mark, Rejected
+from orip.pictures.targets.neighbours import (
+    affinity,
+    consistent,
+    eccentricity,
+    smallest_scale,
+    spacing_in_plane,
+    with_one,
+)
 from orip.pictures.targets.rings import PART_OF_RING, ring_codes
 
 FEWEST_CODED = 2
@@ -20,9 +28,6 @@ FEWEST_CODED = 2
 
 _NEAR = 0.3
 """How far from its predicted place a dot may be, in distances of neighbouring dots."""
-
-_FITTING = 0.12
-"""How far from the place that all its neighbours predict a named dot may be, in distances of neighbouring dots."""
 
 _NEIGHBOURS = 8
 _LEAST_NAMED = 6
@@ -197,8 +202,8 @@ def _agreeing(named: Mapping[int, int], codes: Sequence[int], wanted: Mapping[in
 
 def _is_affine(named: Mapping[int, int], dots: Sequence[Dot], sheet: Sheet) -> bool:
     points = list(named)
-    matrix, _ = _affinity(sheet.xy[points], _places(dots, named.values()))
-    off = _places(dots, named.values()) - _with_one(sheet.xy[points]) @ matrix
+    matrix, _ = affinity(sheet.xy[points], _places(dots, named.values()))
+    off = _places(dots, named.values()) - with_one(sheet.xy[points]) @ matrix
     return bool(np.hypot(*off.T).max() < _NEAR * _spacing(matrix, sheet))
 
 
@@ -229,7 +234,7 @@ def _predictions(
 ) -> tuple[list[int], list[FloatArray], list[float]]:
     """Return points that have neighbours with names, and where they should be in the picture."""
     known = list(named)
-    spacing = _grid_spacing(sheet)
+    spacing = spacing_in_plane(sheet.xy)
     at = _places(dots, named.values())
     order, predictions, spacings = [], [], []
     for point in points:
@@ -238,38 +243,17 @@ def _predictions(
         near = near[away[near] < 3.2 * spacing]
         if len(near) < 3 or away[near[0]] > 2.1 * spacing:
             continue
-        matrix, rank = _affinity(sheet.xy[[known[place] for place in near]], at[near], away[near])
+        matrix, rank = affinity(sheet.xy[[known[place] for place in near]], at[near], away[near])
         if rank == 3:
             order.append(point)
-            predictions.append(_with_one(sheet.xy[point][None])[0] @ matrix)
+            predictions.append(with_one(sheet.xy[point][None])[0] @ matrix)
             spacings.append(_spacing(matrix, sheet))
     return order, predictions, spacings
 
 
-def _affinity(plane: FloatArray, image: FloatArray, away: FloatArray | None = None) -> tuple[FloatArray, int]:
-    """Return the affinity (3, 2) of points, near ones with more weight, and its rank."""
-    weight = np.ones(len(plane)) if away is None else 1.0 / np.maximum(away, 1e-12)
-    weight = (weight / weight.max())[:, None]
-    scale = np.ptp(plane, axis=0).max()
-    design = np.column_stack([plane / scale, np.ones(len(plane))])
-    matrix, _, rank, _ = np.linalg.lstsq(design * weight, image * weight, rcond=1e-3)
-    return matrix / np.array([[scale], [scale], [1.0]]), int(rank)
-
-
-def _with_one(xy: FloatArray) -> FloatArray:
-    return np.column_stack([xy, np.ones(len(xy))])
-
-
-def _grid_spacing(sheet: Sheet) -> float:
-    """Return the median distance of a dot of the sheet to the one nearest to it."""
-    away = np.hypot(*(sheet.xy[:, None] - sheet.xy).transpose(2, 0, 1))
-    np.fill_diagonal(away, np.inf)
-    return float(np.median(away.min(axis=1)))
-
-
 def _spacing(matrix: FloatArray, sheet: Sheet) -> float:
     """Return the smallest distance of neighbours in the picture under an affinity."""
-    return float(np.linalg.svd(matrix[:2])[1][1]) * _grid_spacing(sheet)
+    return smallest_scale(matrix) * spacing_in_plane(sheet.xy)
 
 
 def _places(dots: Sequence[Dot], which: Iterable[int]) -> FloatArray:
@@ -278,33 +262,9 @@ def _places(dots: Sequence[Dot], which: Iterable[int]) -> FloatArray:
 
 def _consistent(named: Mapping[int, int], dots: Sequence[Dot], sheet: Sheet) -> dict[int, int]:
     """Return what is named without dots that are not where all their neighbours predict them."""
-    kept = dict(named)
-    while len(kept) > _LEAST_NAMED:
-        points = list(kept)
-        off = [_misfit(point, kept, dots, sheet) for point in points]
-        worst = int(np.argmax(off))
-        if off[worst] < _FITTING:
-            break
-        del kept[points[worst]]
-    return kept
-
-
-def _misfit(point: int, named: Mapping[int, int], dots: Sequence[Dot], sheet: Sheet) -> float:
-    """Return how far a dot is from where its neighbours' homography predicts it, in distances of neighbours."""
-    known = np.array([other for other in named if other != point])
-    near = known[np.argsort(np.hypot(*(sheet.xy[known] - sheet.xy[point]).T), kind="stable")[: _NEIGHBOURS + 4]]
-    image = _places(dots, (named[int(other)] for other in near))
-    matrix, rank = _affinity(sheet.xy[near], image)
-    if rank < 3:
-        return 0.0
-    plane_to_image = homography(sheet.xy[near], image)
-    off = _through(plane_to_image, sheet.xy[point][None])[0] - _places(dots, [named[point]])[0]
-    return float(np.hypot(*off)) / _spacing(matrix, sheet)
-
-
-def _through(matrix: FloatArray, xy: FloatArray) -> FloatArray:
-    mapped = _with_one(xy) @ matrix.T
-    return np.asarray(mapped[:, :2] / mapped[:, 2:])
+    points = list(named)
+    kept = consistent(sheet.xy[points], _places(dots, named.values()))
+    return {points[place]: named[points[place]] for place in kept}
 
 
 def _marks(named: Mapping[int, int], dots: Sequence[Dot], sheet: Sheet) -> Iterable[Mark]:
@@ -314,30 +274,6 @@ def _marks(named: Mapping[int, int], dots: Sequence[Dot], sheet: Sheet) -> Itera
         places = places - eccentricity(homography(sheet.xy[points], places), sheet.xy[points], sheet.radius)
     for point, place in zip(points, places, strict=True):
         yield Mark(sheet.names[point], float(place[0]), float(place[1]), dots[named[point]].deviation)
-
-
-def eccentricity(plane_to_image: FloatArray, centres: FloatArray, radius: float) -> FloatArray:
-    """Return the centre of the ellipse less the image of the circle's centre, of circles in a plane, pixels (n, 2).
-
-    With C the conic of the circle and H the homography from the plane to the picture, the ellipse is H^-T C H^-1, and
-    its centre the pole of the line at infinity: H C^-1 H^T (0, 0, 1). Heikkilä (2000), Geometric camera calibration
-    using circular control points, IEEE PAMI 22(10); Ahn, Warnecke, Kotowski (1999), PFG 1999(6).
-
-    Parameters
-    ----------
-    plane_to_image : array (3, 3)
-        Distortion is left out: over a dot it is nearly linear.
-    centres : array (n, 2)
-        Of the circles, in the plane.
-    radius : float
-        In the same unit.
-    """
-    dual = np.zeros((len(centres), 3, 3))
-    dual[:, :2, :2] = np.eye(2) * radius**2 - centres[:, :, None] * centres[:, None, :]
-    dual[:, :2, 2] = dual[:, 2, :2] = -centres
-    dual[:, 2, 2] = -1.0
-    pole = plane_to_image @ dual @ plane_to_image.T @ np.array([0.0, 0.0, 1.0])
-    return np.asarray(pole[:, :2] / pole[:, 2:] - _through(plane_to_image, centres))
 
 
 def _missing(
@@ -350,8 +286,8 @@ def _missing(
     missing = []
     for point in sorted(set(range(len(sheet.names))) - set(named)):
         near = np.argsort(np.hypot(*(sheet.xy[points] - sheet.xy[point]).T), kind="stable")[:_NEIGHBOURS]
-        matrix, rank = _affinity(sheet.xy[[points[other] for other in near]], places[near])
-        place = _with_one(sheet.xy[point][None])[0] @ matrix
+        matrix, rank = affinity(sheet.xy[[points[other] for other in near]], places[near])
+        place = with_one(sheet.xy[point][None])[0] @ matrix
         reason = "not found"
         if rank == 3 and len(others):
             off = np.hypot(*(others - place).T)
