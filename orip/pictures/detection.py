@@ -15,7 +15,7 @@ from orip.files.control.text import distances_text, parse_points, points_text
 from orip.files.log.writing import points_header
 from orip.files.text.lines import read_lines
 from orip.files.text.regular_file import natural_key
-from orip.pictures.bands import ENDINGS, read_green
+from orip.pictures.image_files import IMAGE_ENDINGS, Grey, read_colours, read_grey, read_header
 from orip.pictures.targets.boards import Board, board_points
 from orip.pictures.targets.marks import FoundTargets, Mark
 from orip.pictures.targets.sheets import Sheet, sheet_of
@@ -104,7 +104,8 @@ def detect(state: ProjectState, detection: Detection, *, dry_run: bool = False) 
     photos = []
     with stage("detecting targets", len(pictures)) as advance:
         for done, (photo, path, camera) in enumerate(pictures, start=1):
-            photos.append(DetectedPhoto(photo.name, project.shown(path), _found(path, photo, camera, detection.find)))
+            shown = project.shown(path)
+            photos.append(DetectedPhoto(photo.name, shown, _found(path, shown, photo, camera, detection.find)))
             advance(done)
     if not any(one.found.marks for one in photos):
         raise InputError([Complaint(one.found.fault, one.image) for one in photos])
@@ -116,22 +117,34 @@ def detect(state: ProjectState, detection: Detection, *, dry_run: bool = False) 
     return Change(state, outcome, is_compared=False, edited_texts=tuple(texts))
 
 
-def _found(path: Path, photo: Photo, camera: Camera | None, find: Finder) -> FoundTargets:
-    band = read_green(path)
-    if band.fault:
-        return FoundTargets((), (), band.fault)
-    rows, columns = band.grey.shape
+def _found(path: Path, shown: str, photo: Photo, camera: Camera | None, find: Finder) -> FoundTargets:
+    try:
+        header = read_header(path, shown)
+        fault = _misfit(photo, camera, header.columns, header.rows)
+        return FoundTargets((), (), fault) if fault else find(_green(path, shown))
+    except InputError as error:  # the other pictures are used
+        return FoundTargets((), (), "; ".join(complaint.message for complaint in error.complaints))
+
+
+def _misfit(photo: Photo, camera: Camera | None, columns: int, rows: int) -> str:
     sensor = None if camera is None else camera.sensor
-    if sensor is not None and (sensor.columns, sensor.rows) != (columns, rows):
-        name = "" if camera is None else camera.name
-        return FoundTargets(
-            (), (), f"has {columns} x {rows} pixels, but camera {name} has {sensor.columns} x {sensor.rows}"
-        )
-    if sensor is None and photo.scan is None:
-        return FoundTargets(
-            (), (), f"photo {photo.name} is measured in millimetres; give its camera a sensor, or a scan"
-        )
-    return find(band.grey)
+    if sensor is None or camera is None:
+        return "" if photo.scan else f"photo {photo.name} is measured in mm; give its camera a sensor, or a scan"
+    if (sensor.columns, sensor.rows) == (columns, rows):
+        return ""
+    return f"has {columns} x {rows} pixels, but camera {camera.name} has {sensor.columns} x {sensor.rows}"
+
+
+def _green(path: Path, shown: str) -> Grey:
+    """Return the green band of a colour picture of 8 bits, else grey values.
+
+    A lens images each colour at a scale of its own, so that grey values mixed of all have edges of three places; green
+    is the sharpest band of most sensors, with twice as many pixels as the others.
+    """
+    header = read_header(path, shown)
+    if header.format == "TIFF" or header.bits == 16 or header.channels == 1:
+        return read_grey(path, shown=shown)
+    return np.ascontiguousarray(read_colours(path, shown=shown)[:, :, 1])
 
 
 def _pictures(state: ProjectState, images: Sequence[Path]) -> list[tuple[Photo, Path, Camera | None]]:
@@ -171,7 +184,7 @@ def _files(project: ProjectFolder, images: Sequence[Path], complaints: list[Comp
         except OSError as error:
             complaints.append(Complaint(f"the folder cannot be read ({error.strerror})", project.shown(path)))
             continue
-        yield from (one for one in inside if one == path or one.suffix.lower() in ENDINGS)
+        yield from (one for one in inside if one == path or one.suffix.lower() in IMAGE_ENDINGS)
 
 
 def _bundle(state: ProjectState, name: str | None) -> str:

@@ -22,6 +22,9 @@ from orip.pictures.targets.packages import opencv
 
 BoardKind = Literal["charuco", "chess", "circles", "tags"]
 
+_GAP = 40.0
+_LARGEST_DRAWING = 30_000_000
+
 _MIRRORED_OR_NONE = "no board was found: it is not in the picture, too small, cut, blurred, or of another size"
 
 
@@ -315,25 +318,43 @@ def _divided(
 
 
 def _find_circles(picture: Any, board: Board) -> FoundTargets:
-    cv2 = opencv()
     found = find_dots(picture)
     dots = _of_one_size(found.dots)
     if len(dots) < board.columns * board.rows:
         return FoundTargets((), found.rejected, _MIRRORED_OR_NONE)
-    # OpenCV orders the circles; a drawing of them alone spares it what else is in the picture
-    clean = np.full(picture.shape, 255, dtype=np.uint8)
-    for dot in dots:
-        cv2.circle(clean, (int(dot.column), int(dot.row)), max(4, int(0.7 * dot.radius)), 0, -1)
-    is_found, centres = cv2.findCirclesGrid(clean, (board.columns, board.rows), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
-    if not is_found:
-        return FoundTargets((), found.rejected, _MIRRORED_OR_NONE)
     measured = np.array([[dot.column, dot.row] for dot in dots])
+    ordered = _in_grid(measured, board)
+    if ordered is None:
+        return FoundTargets((), found.rejected, _MIRRORED_OR_NONE)
     marks = []
-    for index, centre in enumerate(centres.reshape(-1, 2)):
-        dot = dots[int(np.argmin(np.hypot(*(measured - centre).T)))]
+    for index, dot in enumerate(dots[place] for place in ordered):
         name = _name(board, index // board.columns, index % board.columns)
         marks.append(Mark(name, dot.column, dot.row, dot.deviation))
-    return FoundTargets(tuple(marks), (), "")
+    return FoundTargets(tuple(marks), ())
+
+
+def _in_grid(places: FloatArray, board: Board) -> list[int] | None:
+    """Return which circle is which, by OpenCV; None where they are not those of the board.
+
+    What it gets is a drawing of the circles alone, of one size and with room between them: the picture itself has other
+    things, and small or slanting circles, that it does not take for blobs.
+    """
+    cv2 = opencv()
+    away = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
+    np.fill_diagonal(away, np.inf)
+    scale = _GAP / max(float(np.median(away.min(axis=1))), 1.0)
+    drawn = (places - places.min(axis=0)) * scale + 2.0 * _GAP
+    columns, rows = (drawn.max(axis=0) + 2.0 * _GAP).astype(int).tolist()
+    if columns * rows > _LARGEST_DRAWING:
+        return None
+    clean = np.full((rows, columns), 255, dtype=np.uint8)
+    for x, y in np.rint(drawn).astype(int).tolist():
+        cv2.circle(clean, (x, y), int(0.3 * _GAP), 0, -1)
+    is_found, centres = cv2.findCirclesGrid(clean, (board.columns, board.rows), flags=cv2.CALIB_CB_ASYMMETRIC_GRID)
+    if not is_found:
+        return None
+    off = np.hypot(*(centres.reshape(-1, 1, 2) - drawn).transpose(2, 0, 1))
+    return [int(place) for place in off.argmin(axis=1)]
 
 
 def _centred(found: FoundTargets, board: Board) -> FoundTargets:

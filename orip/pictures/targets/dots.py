@@ -59,7 +59,7 @@ class Dot(Struct, frozen=True):
     @property
     def radius(self) -> float:
         """Geometric mean of the semi-axes, pixels."""
-        return float(abs(np.linalg.det(self.shape)) ** -0.5)
+        return float(abs(self.shape[0, 0] * self.shape[1, 1]) ** -0.5)
 
 
 class FoundDots(Struct, frozen=True):
@@ -118,10 +118,13 @@ def _outlines(picture: Any) -> Iterator[FloatArray]:
 
 def _ellipse_of(outline: FloatArray, extent: tuple[int, int]) -> tuple[FloatArray, FloatArray] | Rejected:
     """Return centre (indices of pixels) and shape of an outline from its moments, or why it is no dot."""
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    column, row = (0.5 * (low + high) + 0.5).tolist()
+    if (high - low).min() < 1.6 * SMALLEST_RADIUS - 1.0:  # most of what a textured picture has
+        return Rejected(column, row, "too small")
     moments = opencv().moments(outline.astype(np.float32))
     area = moments["m00"]
-    column, row = outline.mean(axis=0)
-    if area <= 0.0:
+    if area < 0.4 * float(np.prod(high - low)):  # pi / 4 of an ellipse's box, half of it when it is slanted and flat
         return Rejected(column, row, "not round")
     centre = np.array([moments["m10"], moments["m01"]]) / area
     second = np.array([[moments["mu20"], moments["mu11"]], [moments["mu11"], moments["mu02"]]]) * (4.0 / area)
@@ -139,7 +142,6 @@ def _ellipse_of(outline: FloatArray, extent: tuple[int, int]) -> tuple[FloatArra
     if np.abs(distances / np.mean(distances) - 1.0).mean() > _ROUNDNESS:
         return rejected("not round")
     rows, columns = extent
-    low, high = outline.min(axis=0), outline.max(axis=0)
     if low.min() < 2 or high[0] > columns - 3 or high[1] > rows - 3:
         return rejected("at the edge of the picture")
     return centre, shape
@@ -238,7 +240,7 @@ def _model(unknowns: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray
     w0, w1 = a * u + b * v, c * v
     q = np.maximum(np.hypot(w0, w1), 1e-3)
     du, dv = a * w0 / q, (b * w0 + c * w1) / q
-    steepness = np.hypot(du, dv)
+    steepness = np.maximum(np.hypot(du, dv), 1e-9)
     distance = (q - 1.0) / steepness
     covered = ndtr(-distance / blur)
     edge = contrast * np.exp(-0.5 * (distance / blur) ** 2) / (np.sqrt(2.0 * np.pi) * blur)
@@ -266,11 +268,13 @@ def _without_repeated(dots: list[Dot]) -> tuple[Dot, ...]:
 
 def _elsewhere(rejected: list[Rejected], dots: tuple[Dot, ...]) -> tuple[Rejected, ...]:
     """Return what was rejected and not found as a dot with the other window, each place once."""
-    kept: list[Rejected] = []
-    taken = np.array([[dot.column, dot.row] for dot in dots]).reshape(-1, 2)
-    for item in rejected:
-        place = np.array([item.column, item.row])
-        if not len(taken) or np.hypot(*(taken - place).T).min() > SMALLEST_RADIUS:
-            kept.append(item)
-            taken = np.vstack([taken, place])
-    return tuple(kept)
+    from scipy.spatial import cKDTree
+
+    if not rejected:
+        return ()
+    places = np.array([[item.column, item.row] for item in rejected])
+    _, first = np.unique(np.rint(places / SMALLEST_RADIUS), axis=0, return_index=True)
+    if dots:
+        away, _ = cKDTree([[dot.column, dot.row] for dot in dots]).query(places[first])
+        first = first[away > SMALLEST_RADIUS]
+    return tuple(rejected[place] for place in np.sort(first))

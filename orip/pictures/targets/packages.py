@@ -1,4 +1,4 @@
-"""OpenCV and Pillow, loaded where they are used."""
+"""OpenCV, loaded where it is used."""
 
 from __future__ import annotations
 
@@ -21,19 +21,3 @@ def opencv() -> Any:
         message = "detecting targets needs OpenCV, which is not installed: pip install 'orip[images]'"
         raise OripError(message) from error
     return cv2
-
-
-def pillow() -> Any:
-    """Return the module PIL.Image.
-
-    Raises
-    ------
-    OripError
-        If it is not installed.
-    """
-    try:
-        from PIL import Image
-    except ImportError as error:
-        message = "reading pictures needs Pillow, which is not installed: pip install 'orip[images]'"
-        raise OripError(message) from error
-    return Image
