@@ -68,7 +68,7 @@ def test_all_dots_are_named_and_where_they_should_be(angles: tuple[float, float,
     seen = (inside > 15).all(axis=1) & (inside < (CAMERA.columns - 15, CAMERA.rows - 15)).all(axis=1)
     assert {name for name, is_seen in zip(NAMES, seen, strict=True) if is_seen} <= names
     assert np.sqrt(np.mean(off**2)) < 0.03
-    assert 0.7 < np.sqrt(np.mean((off / deviations) ** 2)) < 1.6
+    assert 0.7 < np.sqrt(np.mean((off / deviations) ** 2)) < 2.0
 
 
 def test_what_is_hidden_is_listed_and_the_others_keep_their_names() -> None:
@@ -123,7 +123,8 @@ def test_eccentricity_is_that_of_a_fitted_ellipse() -> None:
     image = np.column_stack([outline, np.ones(60)]) @ plane_to_image.T
     x, y = (image[:, :2] / image[:, 2:] - (600.0, 500.0)).T
     a, b, c, d, e = np.linalg.lstsq(np.stack([x * x, x * y, y * y, x, y], axis=1), np.ones(60), rcond=None)[0]
-    fitted = np.linalg.solve([[2 * a, b], [b, 2 * c]], [-d, -e]) + (600.0, 500.0)
+    fitted = np.linalg.solve([[2 * a, b], [b, 2 * c]], [-d, -e])
+    fitted += (600.0, 500.0)
     of_centre = plane_to_image @ np.append(centre, 1.0)
     expected = fitted - of_centre[:2] / of_centre[2]
     assert np.hypot(*expected) > 0.3
