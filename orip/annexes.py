@@ -23,6 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "gnss": "orip.stations.gnss_command",
     "imu": "orip.stations.imu_command",
     "archive": "orip.archive.commands",
+    "detect": "orip.pictures.detect_commands",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
 

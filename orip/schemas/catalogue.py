@@ -12,13 +12,13 @@ from orip.schemas import project as archive
 
 SchemaName = Literal[
     "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
-    "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "digitise",
+    "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "detect", "digitise",
     "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
     "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "gnss", "import",
     "imu", "init", "measure", "model-coordinates", "observation-edit", "observations", "online-demo",
-    "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records", "relative", "report",
-    "result", "result-part", "results", "sample-written", "samples", "similarities", "stations-import",
-    "status", "todo", "todo-next", "update", "update-undone",
+    "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records", "relative",
+    "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
+    "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
 
@@ -63,6 +63,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     ),
     "control-list": DocumentType(project.ControlLines, _each(_CONTROL, "list")),
     "covariance": DocumentType(result.Covariance, ("results",)),
+    "detect": DocumentType(measuring.Detect, _each(["detect"], "board sheet tags")),
     "digitise": DocumentType(measuring.Digitised, _each(["digitise"], "template photo points fiducials ticks")),
     "digitise-ground": DocumentType(measuring.GroundDigitised, ("digitise ground",)),
     "drive-download": DocumentType(measuring.Download, ("drive download",)),

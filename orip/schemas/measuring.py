@@ -24,6 +24,35 @@ class Measure(Part, frozen=True):
     warnings: list[Warned]
 
 
+class RejectedTarget(Part, frozen=True):
+    """What was not measured in a picture, and why; its name, where it is known by its place; pixels."""
+
+    name: str
+    column: float
+    row: float
+    reason: str
+
+
+class DetectedPhoto(Part, frozen=True):
+    """How many marks were measured in a picture; `fault`: why none."""
+
+    photo: str
+    image: str
+    marks: int
+    fault: str
+    rejected: list[RejectedTarget]
+
+
+class Detect(Part, frozen=True):
+    """Targets of pictures, and the files that they were, or would be, written to; or the board that was drawn."""
+
+    command: Literal["detect"]
+    file: str
+    photos: list[DetectedPhoto]
+    files: list[str]
+    dry_run: bool
+
+
 class ListedObservation(Part, frozen=True):
     """A measured photo point, with what the last adjustment says of it: mm; null: not adjusted."""
 
