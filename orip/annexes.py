@@ -20,6 +20,7 @@ COMMANDS: Mapping[str, str] = {
     "drive": "orip.multimodel.commands.drive",
     "digitise": "orip.multimodel.commands.digitise",
     "stations": "orip.stations.commands",
+    "plan": "orip.planning.commands",
     "archive": "orip.archive.commands",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
