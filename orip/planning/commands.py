@@ -11,6 +11,7 @@ import typer
 from orip.cli.options import BundleOption, DryRunOption, ForceOption, Invocation, add_group, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
+from orip.planning.after_commands import register_after
 
 if TYPE_CHECKING:
     from orip.planning.designed import Given, PlacedControl, Variant
@@ -32,6 +33,7 @@ def _register(group: typer.Typer) -> None:
     _register_compare(group)
     _register_place(group)
     _register_export(group)
+    register_after(group)
 
 
 def _register_make(group: typer.Typer) -> None:

@@ -95,3 +95,37 @@ class PlanExport(Part, frozen=True):
     format: str
     file: str
     heights: str
+
+
+class PlanFlown(Part, frozen=True):
+    """What was flown of a plan, places of the ground that too few photos show, and how many stay so."""
+
+    command: Literal["plan flown"]
+    planned: int
+    flown: int
+    again: list[str]
+    missed_strips: list[str]
+    off_median: float | None
+    places: int
+    gaps: int
+    gaps_after_again: int
+
+
+class PhotoTime(Part, frozen=True):
+    """GPS time of a photo and its standard deviation, seconds."""
+
+    photo: str
+    time: float
+    sd: float
+
+
+class PlanClock(Part, frozen=True):
+    """A computer's clock against the receiver's marks: drift as a part of the time, jitter in seconds."""
+
+    command: Literal["plan clock"]
+    drift: float
+    drift_sd: float
+    jitter: float
+    marks: int
+    wrong_lines: list[int]
+    photos: list[PhotoTime]

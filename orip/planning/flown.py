@@ -1,0 +1,119 @@
+"""What was flown of a plan: exposures that are missing, gaps in the overlap, and what to fly again."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray, IntArray
+from orip.geometry.rotation import rotation_from_angles
+from orip.records.control import Station
+from orip.structs import replace
+
+_NEAR = 0.5
+"""Part of the least distance of planned exposures within which one was flown."""
+
+_BORDER = 0.05
+"""Part of the frame at each side that no planned overlap is counted with: flights are not exact."""
+
+
+class Flown(Struct, frozen=True):
+    """A plan beside its flight.
+
+    Parameters
+    ----------
+    again : tuple of Station
+        Planned exposures that were not made.
+    strips : tuple of str
+        Strips of which none was made.
+    flown : tuple of Station
+        What was made, with planned angles where the log has none.
+    nodes : array (n, 3)
+        Of the ground.
+    planned, found, closed : arrays (n,) of int
+        Photos that show each node: planned (at least, and counted up to what is wanted), flown, and with those that are
+        to be flown again.
+    off : array (m,)
+        Distances of what was made from its plan, ground unit.
+    """
+
+    again: tuple[Station, ...]
+    strips: tuple[str, ...]
+    flown: tuple[Station, ...]
+    nodes: FloatArray
+    planned: IntArray
+    found: IntArray
+    closed: IntArray
+    off: FloatArray
+
+    @property
+    def gaps(self) -> IntArray:
+        """Return the nodes that fewer photos show than were wanted."""
+        return np.flatnonzero(self.found < self.planned)
+
+    @property
+    def open_gaps(self) -> IntArray:
+        """Return those that stay when what is missing is flown again."""
+        return np.flatnonzero(self.closed < self.planned)
+
+
+def compare_flight(
+    planned: Sequence[Station], log: Sequence[Station], frame: FloatArray, c: float, nodes: FloatArray, wanted: int
+) -> Flown:
+    """Return what was flown of a plan.
+
+    Parameters
+    ----------
+    planned : sequence of Station
+    log : sequence of Station
+        As flown, in the project; those without a position are left out.
+    frame : array (2,)
+        Of the photo, mm.
+    c : float
+    nodes : array (n, 3)
+        Of the ground, at which overlaps are counted.
+    wanted : int
+        Photos that are to show a node, where the plan has as many.
+    """
+    from scipy.spatial import KDTree
+
+    there = [station for station in log if station.has_position]
+    places = np.array([station.position for station in planned])
+    made = np.array([station.position for station in there]).reshape(-1, 3)
+    limit = _NEAR * float(KDTree(places).query(places, k=2)[0][:, 1].min()) if len(places) > 1 else np.inf
+    distance = KDTree(made).query(places)[0] if len(made) else np.full(len(places), np.inf)
+    again = tuple(one for one, off in zip(planned, distance.tolist(), strict=True) if off > limit)
+    in_strips = Counter(station.strip for station in planned)
+    missing = Counter(station.strip for station in again)
+    nearest = KDTree(places).query(made)[1] if len(made) else np.zeros(0, dtype=np.int64)
+    flown = tuple(
+        one if one.has_angles else replace(one, angles=planned[row].angles, angle_error=planned[row].angle_error)
+        for one, row in zip(there, nearest.tolist(), strict=True)
+    )
+    asked = np.minimum(counted(planned, frame * (1.0 - 2.0 * _BORDER), c, nodes), wanted)
+    found = counted(flown, frame, c, nodes)
+    return Flown(
+        again,
+        tuple(strip for strip, count in in_strips.items() if missing[strip] == count),
+        flown,
+        nodes,
+        asked,
+        found,
+        found + counted(again, frame, c, nodes),
+        distance[distance <= limit],
+    )
+
+
+def counted(stations: Sequence[Station], frame: FloatArray, c: float, nodes: FloatArray) -> IntArray:
+    """Return how many photos (n,) show each node (n, 3)."""
+    count = np.zeros(len(nodes), dtype=np.int64)
+    for station in stations:
+        rotation = rotation_from_angles(np.array([station.angles]))[0]
+        u = (nodes - station.position) @ rotation
+        in_front = u[:, 2] < 0.0
+        xy = -c * u[:, :2] / np.where(in_front, u[:, 2], -np.inf)[:, None]
+        count += in_front & (np.abs(xy) <= 0.5 * frame).all(axis=1)
+    return count
