@@ -34,6 +34,35 @@ def _register(group: typer.Typer) -> None:
     _register_place(group)
     _register_export(group)
     register_after(group)
+    _register_show(group)
+
+
+def _register_show(group: typer.Typer) -> None:
+    @command(group, "show")
+    def show_command(invocation: Invocation, bundle: BundleOption = None) -> None:
+        """Write a page of the plan: map, footprints, overlap, standard deviations of heights, profile of the flight.
+
+        Example: orip plan show
+        """
+        from orip.planning.designed import forecast_of, planned_stations
+        from orip.planning.page import plan_page
+        from orip.planning.plan import frame_of
+        from orip.workflow.project.outputs import TextOutput, write_output
+
+        given = _given(invocation.folder, bundle)
+        project = given.state.project
+        stations = planned_stations(given)
+        found = forecast_of(given, stations)
+        frame = frame_of(given.camera, "height")  # along and across are x and y
+        page = plan_page(
+            f"Plan of {project.definition.name}", _facts(given, found), stations, frame, given.terrain, found
+        )
+        path = project.results / f"{project.definition.control_files}_plan_report.html"
+        write_output(project, TextOutput(path, lambda: [page], "free the file, then repeat the command"))
+        if invocation.terminal.json:
+            invocation.terminal.document("plan-show", {"command": "plan show", "file": project.shown(path)})
+            return
+        invocation.terminal.say(f"plan     {project.shown(path)} written")
 
 
 def _register_make(group: typer.Typer) -> None:
@@ -252,37 +281,50 @@ def _columns(values: Any, what: Literal["median", "max"]) -> list[float]:
 
 
 def _tell_forecast(terminal: Terminal, given: Given, found: Forecast) -> None:
-    figures = _figures(found)
-    advice = found.diagnosis
-    unit = given.state.project.definition.ground_unit
     if terminal.json:
-        rows = [{"code": one.code, "where": one.where, "text": one.text, "remedy": one.remedy} for one in advice]
-        terminal.document("plan-forecast", {"command": "plan forecast", **figures, "diagnosis": rows})
+        rows = [
+            {"code": one.code, "where": one.where, "text": one.text, "remedy": one.remedy} for one in found.diagnosis
+        ]
+        terminal.document("plan-forecast", {"command": "plan forecast", **_figures(found), "diagnosis": rows})
         return
-    solution = found.solution
-    lines = [
+    lines = [f"{label:8} {text}" for label, text in _facts(given, found)]
+    lines += [f"{one.text}; {one.remedy}" for one in found.diagnosis]
+    terminal.data("\n".join(lines))
+
+
+def _facts(given: Given, found: Forecast) -> list[tuple[str, str]]:
+    """Return what a forecast says, each line with what it is about."""
+    figures, solution = _figures(found), found.solution
+    unit = given.state.project.definition.ground_unit
+    facts = [
         (
-            f"photos {len(solution.photos.names)}, points {len(solution.points.names)}, "
-            f"redundancy {solution.redundancy}, each {_shown(figures['redundancy_number_median'])} (median)"
+            "block",
+            (
+                f"{len(solution.photos.names)} photos, {len(solution.points.names)} points, "
+                f"redundancy {solution.redundancy}, each {_shown(figures['redundancy_number_median'])} (median)"
+            ),
         ),
         (
-            f"points   sd X Y Z  {_row(figures['point_sd_median'])} {unit} (median), "
-            f"{_row(figures['point_sd_largest'])} (largest)"
+            "points",
+            (
+                f"sd X Y Z  {_row(figures['point_sd_median'])} {unit} (median), "
+                f"{_row(figures['point_sd_largest'])} (largest)"
+            ),
         ),
         (
-            f"photos   sd X0 Y0 Z0  {_row(figures['photo_sd_median'][:3])} {unit}; OMEGA PHI KAPPA "
-            f"{_row(figures['photo_sd_median'][3:])} degrees (median)"
+            "photos",
+            (
+                f"sd X0 Y0 Z0  {_row(figures['photo_sd_median'][:3])} {unit}; OMEGA PHI KAPPA "
+                f"{_row(figures['photo_sd_median'][3:])} degrees (median)"
+            ),
         ),
     ]
     if figures["camera_sd"]:
         parts = [f"{name} {_shown(value)}" for name, value in figures["camera_sd"].items()]
-        lines.append(f"camera   sd {', '.join(parts)}")
-    lines.append(
-        f"blunders of {_shown(figures['smallest_bias_mm'])} mm are found in a photo point; undetected they move a "
-        f"result by {_shown(figures['external'])} of its sd at most (medians)"
-    )
-    lines += [f"{one.text}; {one.remedy}" for one in advice]
-    terminal.data("\n".join(lines))
+        facts.append(("camera", f"sd {', '.join(parts)}"))
+    bias, external = _shown(figures["smallest_bias_mm"]), _shown(figures["external"])
+    text = f"of {bias} mm are found in a photo point; undetected they move a result by {external} of its sd at most"
+    return [*facts, ("blunders", f"{text} (medians)")]
 
 
 def _row(values: list[float | None]) -> str:

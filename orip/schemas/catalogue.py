@@ -16,7 +16,8 @@ SchemaName = Literal[
     "drive-emulate", "drive-panel", "drive-profile", "drive-table", "drive-to", "drive-watch", "drive-where", "error",
     "export", "export-toml", "formats", "import", "init", "measure", "model-coordinates", "observation-edit",
     "observations", "online-demo", "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export",
-    "plan-flown", "plan-forecast", "plan-place", "prelim", "project-made", "record", "record-edit", "records",
+    "plan-flown", "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
+    "records",
     "relative", "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
     "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
@@ -94,6 +95,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "plan-flown": DocumentType(planning.PlanFlown, ("plan flown",)),
     "plan-forecast": DocumentType(planning.PlanForecast, ("plan forecast",)),
     "plan-place": DocumentType(planning.PlanPlace, ("plan place",)),
+    "plan-show": DocumentType(planning.PlanShow, ("plan show",)),
     "prelim": DocumentType(preliminary.Prelim, ("prelim", "prelim update")),
     "project-made": DocumentType(project.ProjectMade, ("init", "new")),
     "record": DocumentType(project.Record, _each(_RECORDS, "show")),

@@ -129,3 +129,10 @@ class PlanClock(Part, frozen=True):
     marks: int
     wrong_lines: list[int]
     photos: list[PhotoTime]
+
+
+class PlanShow(Part, frozen=True):
+    """The page of a plan that was written."""
+
+    command: Literal["plan show"]
+    file: str

@@ -105,6 +105,20 @@ def test_forecast_compare_and_place(folder):
     (folder / "PLANNED.PNT").unlink()
 
 
+def test_the_page_shows_the_plan_and_loads_nothing(folder):
+    name = document(folder, "plan", "show")["file"]
+    text = (folder / name).read_text(encoding="utf-8")
+    page = ET.fromstring(text.partition("<body>")[2].partition("</body>")[0])
+    drawings = [one for one in page.iter() if one.tag == "svg" and "drawing" in one.get("class", "")]
+    assert len(drawings) == 4
+    photos = [one for one in drawings[0].iter() if one.get("class") == "plan-photo"]
+    assert len(photos) == len(stations(folder))
+    assert [one for one in drawings[1].iter() if one.get("class") == "overlap"]
+    assert "default-src 'none'" in text
+    assert "<script" not in text
+    assert "http://" not in text.replace("http://www.w3.org", "")
+
+
 def written(folder: Path, form: str, name: str) -> bytes:
     assert orip(folder, "plan", "export", form, name, "--force").code == 0
     return (folder / name).read_bytes()
