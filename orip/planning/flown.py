@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
@@ -14,7 +15,7 @@ from orip.records.control import Station
 from orip.structs import replace
 
 _NEAR = 0.5
-"""Part of the least distance of planned exposures within which one was flown."""
+"""Part of the least base of a strip within which a planned exposure was made."""
 
 _BORDER = 0.05
 """Part of the frame at each side that no planned overlap is counted with: flights are not exact."""
@@ -78,21 +79,14 @@ def compare_flight(
     wanted : int
         Photos that are to show a node, where the plan has as many.
     """
-    from scipy.spatial import KDTree
-
     there = [station for station in log if station.has_position]
     places = np.array([station.position for station in planned])
     made = np.array([station.position for station in there]).reshape(-1, 3)
-    limit = _NEAR * float(KDTree(places).query(places, k=2)[0][:, 1].min()) if len(places) > 1 else np.inf
-    distance = KDTree(made).query(places)[0] if len(made) else np.full(len(places), np.inf)
-    again = tuple(one for one, off in zip(planned, distance.tolist(), strict=True) if off > limit)
+    pairs = _matched(places, made, _NEAR * _least_base(planned, places))
+    again = tuple(one for row, one in enumerate(planned) if row not in pairs)
     in_strips = Counter(station.strip for station in planned)
     missing = Counter(station.strip for station in again)
-    nearest = KDTree(places).query(made)[1] if len(made) else np.zeros(0, dtype=np.int64)
-    flown = tuple(
-        one if one.has_angles else replace(one, angles=planned[row].angles, angle_error=planned[row].angle_error)
-        for one, row in zip(there, nearest.tolist(), strict=True)
-    )
+    flown = _with_angles(there, made, planned, places, {log_row: row for row, log_row in pairs.items()})
     asked = np.minimum(counted(planned, frame * (1.0 - 2.0 * _BORDER), c, nodes), wanted)
     found = counted(flown, frame, c, nodes)
     return Flown(
@@ -103,7 +97,50 @@ def compare_flight(
         asked,
         found,
         found + counted(again, frame, c, nodes),
-        distance[distance <= limit],
+        np.array([float(np.linalg.norm(places[row] - made[log_row])) for row, log_row in pairs.items()]),
+    )
+
+
+def _least_base(planned: Sequence[Station], places: FloatArray) -> float:
+    """Return the least distance from photo to photo in a strip; of single photos there is none to compare with."""
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    same = np.array([one.strip == other.strip for one, other in pairwise(planned)], dtype=bool)
+    return float(steps[same & (steps > 0.0)].min(initial=np.inf))
+
+
+def _matched(places: FloatArray, made: FloatArray, limit: float) -> dict[int, int]:
+    """Return which photo of the log was which of the plan: the nearest pairs first, each photo once."""
+    from scipy.spatial import KDTree
+
+    if not len(made):
+        return {}
+    # distances of photos that are alone in their strip are not limited, but finite
+    most = min(limit, 1e9)
+    near = KDTree(places).sparse_distance_matrix(KDTree(made), most, output_type="ndarray")
+    found: dict[int, int] = {}
+    taken: set[int] = set()
+    for one in near[np.argsort(near["v"], kind="stable")].tolist():
+        if one[0] not in found and one[1] not in taken:
+            found[one[0]] = one[1]
+            taken.add(one[1])
+    return found
+
+
+def _with_angles(
+    log: Sequence[Station],
+    made: FloatArray,
+    planned: Sequence[Station],
+    places: FloatArray,
+    plan_of: Mapping[int, int],
+) -> tuple[Station, ...]:
+    """Return the photos of a log, with the angles of their plan, or of the nearest planned photo, where it has none."""
+    from scipy.spatial import KDTree
+
+    nearest = KDTree(places).query(made)[1].tolist() if len(made) else []
+    rows = [plan_of.get(row, near) for row, near in enumerate(nearest)]
+    return tuple(
+        one if one.has_angles else replace(one, angles=planned[row].angles, angle_error=planned[row].angle_error)
+        for one, row in zip(log, rows, strict=True)
     )
 
 
