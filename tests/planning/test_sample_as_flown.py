@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from cli.command_line import orip
 from workflow.small_projects import REPOSITORY
 
 from orip.api.project import open_project
@@ -24,6 +25,14 @@ def sample(tmp_path_factory):
         text.write(SHIFT)
     project = open_project(folder)
     return project, project.solve()
+
+
+def test_its_plan_was_flown(tmp_path):
+    folder = tmp_path / "drone_rtk"
+    shutil.copytree(REPOSITORY / "sample_projects" / "drone_rtk", folder)
+    assert orip(folder, "plan", "make", "--json").document["photos"] == 48
+    found = orip(folder, "plan", "flown", "--json").document
+    assert (found["again"], found["gaps"]) == ([], 0)
 
 
 def flown(sample, points):
