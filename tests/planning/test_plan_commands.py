@@ -119,6 +119,11 @@ def test_the_page_shows_the_plan_and_loads_nothing(folder):
     assert "http://" not in text.replace("http://www.w3.org", "")
 
 
+def test_the_export_says_what_heights_are_above(folder):
+    found = document(folder, "plan", "export", "litchi", "said.csv", "--force")
+    assert found["heights"] == "above the ground of the plan"
+
+
 def written(folder: Path, form: str, name: str) -> bytes:
     assert orip(folder, "plan", "export", form, name, "--force").code == 0
     return (folder / name).read_bytes()
