@@ -47,7 +47,7 @@ def _register_flown(group: typer.Typer) -> None:
         Example: orip plan flown --again AGAIN.PLAN
         """
         from orip.files.control.stations_text import stations_text
-        from orip.planning.designed import design_of, planned_stations
+        from orip.planning.designed import design_of, planned_stations, require_other_file
         from orip.planning.flown import compare_flight
         from orip.planning.plan import frame_of
         from orip.workflow.project.outputs import TextOutput, require_replaceable, write_output
@@ -64,6 +64,7 @@ def _register_flown(group: typer.Typer) -> None:
         if again is not None and found.again:
             path = project.folder / again
             text = "! to be flown again, by 'orip plan flown'\n" + stations_text(found.again)
+            require_other_file(given, path)
             require_replaceable(project, path, force=force)
             write_output(project, TextOutput(path, lambda: [text], "free the file, then repeat the command"))
         _tell_flown(invocation, found, len(planned), given)

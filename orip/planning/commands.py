@@ -171,7 +171,7 @@ def _register_export(group: typer.Typer) -> None:
 
         Example: orip plan export qgc flight.plan
         """
-        from orip.planning.designed import planned_stations
+        from orip.planning.designed import planned_stations, require_other_file
         from orip.planning.outputs import FORMATS, exported
         from orip.workflow.project.outputs import TextOutput, require_replaceable, write_output
 
@@ -182,6 +182,7 @@ def _register_export(group: typer.Typer) -> None:
         project = given.state.project
         path = project.folder / file
         data, said = exported(form, planned_stations(given), given)
+        require_other_file(given, path)
         require_replaceable(project, path, force=force)
         write_output(project, TextOutput(path, lambda: [data], "free the file, then repeat the command"))
         if invocation.terminal.json:

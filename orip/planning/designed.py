@@ -138,6 +138,13 @@ def plan_text(plan: PlannedFlight) -> str:
     return head + stations_text(plan.stations)
 
 
+def require_other_file(given: Given, path: Path) -> None:
+    """Refuse to write an output over the plan, whatever the case of its letters."""
+    if path.name.casefold() == given.path.name.casefold():
+        message = f"{given.path.name} is the plan itself, which no output replaces; name another file"
+        raise UsageError(message)
+
+
 def planned_stations(given: Given) -> tuple[Station, ...]:
     """Return the planned exposures of the text.
 

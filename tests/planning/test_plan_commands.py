@@ -124,6 +124,14 @@ def test_the_export_says_what_heights_are_above(folder):
     assert found["heights"] == "above the ground of the plan"
 
 
+@pytest.mark.parametrize("name", ["PLANNED.PLAN", "planned.plan", "orip.toml"])
+def test_no_output_replaces_the_plan_or_the_project(folder, name):
+    before = (folder / "PLANNED.PLAN").read_bytes(), (folder / "orip.toml").read_bytes()
+    refused = orip(folder, "plan", "export", "csv", name, "--force")
+    assert refused.code != 0
+    assert before == ((folder / "PLANNED.PLAN").read_bytes(), (folder / "orip.toml").read_bytes())
+
+
 def written(folder: Path, form: str, name: str) -> bytes:
     assert orip(folder, "plan", "export", form, name, "--force").code == 0
     return (folder / name).read_bytes()
