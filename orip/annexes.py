@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, str] = {
     "stations": "orip.stations.commands",
     "gnss": "orip.stations.gnss_command",
     "imu": "orip.stations.imu_command",
+    "plan": "orip.planning.commands",
     "archive": "orip.archive.commands",
     "detect": "orip.pictures.detect_commands",
 }

@@ -99,6 +99,7 @@ COMMANDS: Mapping[str, Listed] = {
     "gnss": Listed("Compute the positions of a receiver from its observations and those of a base, with RTKLIB.", ()),
     "imu": Listed("Smooth a trajectory with attitudes from inertial data and positions; write SBET and SMRMSG.", ()),
     "detect": Listed("Targets in pictures: boards, tags, sheets of coded dots.", ()),
+    "plan": Listed("Plan a flight or a network, and forecast its precision.", ()),
     "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""

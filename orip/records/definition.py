@@ -13,6 +13,7 @@ from orip.records.camera import Camera
 from orip.records.fields import GROUND_UNIT, Field
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
+from orip.records.plan import PlanSettings
 
 LEVER_ARM: Final = ("LX", "LY", "LZ")
 BORESIGHT: Final = ("BX", "BY", "BZ")
@@ -294,6 +295,7 @@ class ProjectDefinition(Struct, frozen=True):
     antennas: tuple[Antenna, ...] = ()
     output_folder: str | None = None
     test_level: float | None = None
+    plan: PlanSettings | None = None
 
 
 _OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}

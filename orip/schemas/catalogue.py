@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import measuring, preliminary, project, result
+from orip.schemas import measuring, planning, preliminary, project, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
@@ -16,8 +16,10 @@ SchemaName = Literal[
     "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
     "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "gnss", "import",
     "imu", "init", "measure", "model-coordinates", "observation-edit", "observations", "online-demo",
-    "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records", "relative",
-    "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
+    "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
+    "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
+    "records", "relative", "report", "result", "result-part", "results", "sample-written", "samples",
+    "similarities",
     "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
@@ -90,6 +92,14 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "observations": DocumentType(measuring.Observations, ("observations list",)),
     "online-demo": DocumentType(measuring.OnlineDemo, ("online",)),
     "online-reconsidered": DocumentType(measuring.OnlineReconsidered, ("online",)),
+    "plan": DocumentType(planning.PlanMade, ("plan make",)),
+    "plan-clock": DocumentType(planning.PlanClock, ("plan clock",)),
+    "plan-compare": DocumentType(planning.PlanCompare, ("plan compare",)),
+    "plan-export": DocumentType(planning.PlanExport, ("plan export",)),
+    "plan-flown": DocumentType(planning.PlanFlown, ("plan flown",)),
+    "plan-forecast": DocumentType(planning.PlanForecast, ("plan forecast",)),
+    "plan-place": DocumentType(planning.PlanPlace, ("plan place",)),
+    "plan-show": DocumentType(planning.PlanShow, ("plan show",)),
     "prelim": DocumentType(preliminary.Prelim, ("prelim", "prelim update")),
     "project-made": DocumentType(project.ProjectMade, ("init", "new")),
     "record": DocumentType(project.Record, _each(_RECORDS, "show")),

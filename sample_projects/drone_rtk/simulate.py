@@ -213,6 +213,16 @@ def toml_text(names: list[str], kappas: Array) -> str:
 
 project = { name = "DRONE", crs = "EPSG:25832" }
 
+[plan]
+corners = [[561958.0, 5934111.0], [562219.0, 5934114.0], [562217.0, 5934219.0], [561956.0, 5934216.0]]
+height = 80.0
+forward = 68.5
+side = 67.5
+direction = 89.2
+terrain = "control"
+position_error = [0.01, 0.01, 0.018]
+tie_points = 25
+
 [[camera]]
 name = "ZENMUSE"
 c = 8.8

@@ -21,11 +21,13 @@ from orip.files.result.json_text import result_document
 from orip.files.result.residuals import HEADER
 from orip.records.control import DistanceCode
 from orip.records.definition import RECORD_TYPES, ReportDetails
+from orip.records.plan import PlanSettings
 
 TABLES = {
     "[project]": project_tables.table_of(project_tables.ProjectTable),
     "[check]": project_tables.table_of(project_tables.CheckTable),
     "[report]": project_tables.table_of(ReportDetails),
+    "[plan]": project_tables.table_of(PlanSettings),
     "[[camera]]": project_tables.table_of(RECORD_TYPES["camera"]),
     "[[temtick]]": project_tables.table_of(RECORD_TYPES["temtick"]),
     "[[template]]": project_tables.table_of(RECORD_TYPES["template"]),

@@ -49,6 +49,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         gates=source.check.gates,
         test_level=source.check.test_level,
         report=source.report,
+        plan=source.plan,
         antennas=tuple(antenna.record for antenna in source.antennas),
         output_folder=project.output_folder,
     )
@@ -64,7 +65,7 @@ def _with_models(bundle: Located[BundleDefinition], models: list[Located[StereoM
     return replace(bundle.record, models=tuple(model.record for model in models if model.place[:2] == bundle.place))
 
 
-SINGLE_SECTIONS = ("project", "check", "report")
+SINGLE_SECTIONS = ("project", "check", "report", "plan")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")
 
 
@@ -89,6 +90,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "project": {key: value for key, value in project.items() if value is not None},
         "check": _check_table(definition),
         "report": _report_table(definition.report),
+        "plan": {} if definition.plan is None else toml_of(definition.plan),
         "camera": [camera_table(camera) for camera in definition.cameras],
         "temtick": [toml_of(temtick) for temtick in definition.temticks],
         "template": [toml_of(template) for template in definition.templates],

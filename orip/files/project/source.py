@@ -15,6 +15,7 @@ from orip.files.text.shown import shown_token
 from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
 from orip.records.photo import Photo, Template, Temtick
+from orip.records.plan import PlanSettings
 
 Record = TypeVar("Record")
 
@@ -44,6 +45,7 @@ class ProjectSource(Struct):
     project: ProjectTable | None = None
     check: CheckTable = field(default_factory=CheckTable)
     report: ReportDetails = field(default_factory=ReportDetails)
+    plan: PlanSettings | None = None
     cameras: list[Located[Camera]] = field(default_factory=list)
     temticks: list[Located[Temtick]] = field(default_factory=list)
     templates: list[Located[Template]] = field(default_factory=list)
@@ -64,6 +66,7 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.project = _project(document, source)
     source.check = _single(document, "check", CheckTable, source) or CheckTable()
     source.report = _single(document, "report", ReportDetails, source) or ReportDetails()
+    source.plan = _single(document, "plan", PlanSettings, source) if "plan" in document else None
     source.cameras = _records(document, "camera", Camera, source)
     source.temticks = _records(document, "temtick", Temtick, source)
     source.templates = _records(document, "template", Template, source)

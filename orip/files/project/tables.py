@@ -34,8 +34,8 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-SECTIONS = ("project", "check", "report", "camera", "temtick", "template", "photo", "antenna", "bundle")
-"""Tables of orip.toml; all but the first three may come several times."""
+SECTIONS = ("project", "check", "report", "plan", "camera", "temtick", "template", "photo", "antenna", "bundle")
+"""Tables of orip.toml; all but the first four may come several times."""
 
 
 class ProjectTable(Struct, frozen=True):

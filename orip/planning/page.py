@@ -1,0 +1,154 @@
+"""The page of a plan: map with footprints, overlap, standard deviations of heights, and the profile of the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.geometry.rotation import rotation_from_angles
+from orip.planning.forecast import Forecast
+from orip.planning.geometry import Frame, Terrain, footprint
+from orip.records.control import Station
+from orip.report.drawings.block_plan import photos_over
+from orip.report.drawings.labels import MapPlane, map_plane
+from orip.report.drawings.svg import ChartFrame, Curve, drawing, element, line_chart, number
+from orip.report.templates import template_source
+
+_CELLS = 110
+_MOST = 9
+"""Photos from which places are drawn alike."""
+
+_STYLE = """
+.plan-path{fill:none;stroke:#37527a;stroke-width:1.2}.plan-photo{fill:#37527a}
+.plan-foot{fill:#37527a0a;stroke:#37527a55;stroke-width:.5}.plan-control{fill:#b3261e}
+"""
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
+
+
+def plan_page(
+    title: str,
+    facts: Sequence[tuple[str, str]],
+    stations: Sequence[Station],
+    frame: Frame,
+    terrain: Terrain,
+    found: Forecast,
+) -> str:
+    """Return the page: one file that needs no network.
+
+    Parameters
+    ----------
+    title : str
+    facts : sequence of (what, figure)
+    stations : sequence of Station
+    frame : Frame
+        Along and across are the photo's x and y.
+    terrain : callable
+    found : Forecast
+    """
+    unit = found.solution.ground_unit
+    advice = [f"{one.text}; {one.remedy}" for one in found.diagnosis]
+    places = np.array([station.position for station in stations])
+    feet = _footprints(stations, frame, terrain)
+    shown = np.isfinite(feet).all(axis=(1, 2))
+    every = np.vstack([feet[shown].reshape(-1, 2), places[:, :2]])
+    margin = 0.03 * float(np.ptp(every, axis=0).max())
+    plane = map_plane(every.min(axis=0) - margin, every.max(axis=0) + margin)
+    names = [f"X ({unit})", f"Y ({unit})"]
+    parts = [
+        ("Exposures and what they show", _map(plane, places, feet[shown], found, names)),
+        ("Number of photos that show each part of the ground", _overlap(plane, feet[shown], names)),
+        (f"Standard deviation of Z of the points ({unit})", _deviations(plane, found, names)),
+        ("Heights of exposures and of the ground below them", _profile(places, terrain, unit)),
+    ]
+    rows = "".join(f"<tr><th>{escape(what)}</th><td>{escape(figure)}</td></tr>" for what, figure in facts)
+    lines = "".join(f"<li>{escape(line)}</li>" for line in advice)
+    figures = "".join(f"<figure><figcaption>{escape(head)}</figcaption>{drawn}</figure>" for head, drawn in parts)
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}"><title>{escape(title)}</title>'
+        f"<style>{template_source('report.css')}{_STYLE}</style></head>\n<body><main><h1>{escape(title)}</h1>\n"
+        f"<table>{rows}</table>\n<ul>{lines}</ul>\n{figures}</main></body></html>\n"
+    )
+
+
+def _footprints(stations: Sequence[Station], frame: Frame, terrain: Terrain) -> FloatArray:
+    """Return the corners (n, 4, 2) of the photos on level ground at the height below each."""
+    rotations = rotation_from_angles(np.array([station.angles for station in stations]))
+    places = np.array([station.position for station in stations])
+    ground = terrain(places[:, :2])
+    size = np.array([frame.along, frame.across])
+    return np.array(
+        [
+            footprint(frame, place, rotation, size, height)
+            for place, rotation, height in zip(places, rotations, ground.tolist(), strict=True)
+        ]
+    )
+
+
+def _map(plane: MapPlane, places: FloatArray, feet: FloatArray, found: Forecast, names: Sequence[str]) -> str:
+    drawn = [element("path", d=_closed(plane.place(corners)), class_="plan-foot") for corners in feet]
+    at = plane.place(places[:, :2])
+    path = "M" + "L".join(f"{number(x)} {number(y)}" for x, y in at.tolist())
+    drawn.append(element("path", d=path, class_="plan-path"))
+    drawn += [element("circle", cx=x, cy=y, r=1.6, class_="plan-photo") for x, y in at.tolist()]
+    control = [
+        point.coordinates[:2]
+        for point in found.solved.block.control_points
+        if None not in point.coordinates and point.kind == "control"
+    ]
+    if control:
+        marks = plane.place(np.array(control, dtype=np.float64)).tolist()
+        drawn += [element("circle", cx=x, cy=y, r=4.0, class_="plan-control") for x, y in marks]
+    return drawing(*plane.size, "Map of the plan", [plane.clipped(drawn), *plane.axes(names)], "map")
+
+
+def _overlap(plane: MapPlane, feet: FloatArray, names: Sequence[str]) -> str:
+    step = max(plane.width, plane.height) / plane.scale / _CELLS
+    columns, rows = (int(np.ceil(size / plane.scale / step)) for size in (plane.width, plane.height))
+    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    centres = plane.low + step * np.column_stack([x.ravel(), y.ravel()])
+    count = np.minimum(photos_over(centres, feet), _MOST)
+    side = step * plane.scale
+    drawn = []
+    for photos in range(1, _MOST + 1):
+        corners = (plane.place(centres[count == photos]) - side / 2.0).tolist()
+        square = f"h{number(side)}v{number(side)}h{number(-side)}z"
+        path = "".join(f"M{number(a)} {number(b)}{square}" for a, b in corners)
+        drawn += [element("path", d=path, class_="overlap", style=f"--n:{photos}")] if path else []
+    return drawing(*plane.size, "Map of the overlap", [plane.clipped(drawn), *plane.axes(names)], "map")
+
+
+def _deviations(plane: MapPlane, found: Forecast, names: Sequence[str]) -> str:
+    """Return a map of points, the larger the less certain their heights, with figures at the extremes."""
+    points, sd = found.solution.points.values, found.point_sd[:, 2]
+    known = np.isfinite(sd)
+    if not known.any():
+        return "<p>No height is determined.</p>"
+    at, sizes = plane.place(points[known, :2]), sd[known] / float(np.median(sd[known]))
+    drawn = [
+        element("circle", f"<title>{value:.4f}</title>", cx=x, cy=y, r=float(min(2.0 * size, 12.0)), class_="plan-foot")
+        for (x, y), size, value in zip(at.tolist(), sizes.tolist(), sd[known].tolist(), strict=True)
+    ]
+    label = f"Map of standard deviations: {sd[known].min():.4g} to {sd[known].max():.4g}"
+    shown = drawing(*plane.size, label, [plane.clipped(drawn), *plane.axes(names)], "map")
+    return f"<p>{escape(label)}; the median is a circle of 2 pixels</p>{shown}"
+
+
+def _profile(places: FloatArray, terrain: Terrain, unit: str) -> str:
+    steps = np.linalg.norm(np.diff(places[:, :2], axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])
+    ground = terrain(places[:, :2])
+    curves = [
+        Curve(list(zip(along.tolist(), heights.tolist(), strict=True)), name, style)
+        for heights, name, style in ((places[:, 2], "exposures", "first"), (ground, "ground", "second"))
+    ]
+    frame = ChartFrame(f"flown ({unit})", f"Z ({unit})", width=720.0)
+    return line_chart("Profile of the flight", frame, curves)
+
+
+def _closed(corners: FloatArray) -> str:
+    return "M" + "L".join(f"{number(x)} {number(y)}" for x, y in corners.tolist()) + "z"

@@ -1,0 +1,190 @@
+"""Where observations help most: greedy choice and exchange among candidates, on the covariance matrix alone.
+
+An observation a x = l of variance s² takes Q to Q - Q aᵀ (a Q aᵀ + s²)⁻¹ a Q, and one that is taken away the other way
+round (the update of the Kalman filter). No candidate needs another factorisation. Greedy choice and exchange are those
+of optimal designs (Fedorov 1972, Mitchell 1974).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray, IntArray
+
+Criterion = Literal["largest", "mean", "camera"]
+"""The largest standard deviation of a target, the root of the mean variance, or that of the last target alone."""
+
+_BETTER = 1e-9
+"""Relative fall of the criterion below which an exchange is none."""
+
+_MOST_SWEEPS = 20
+
+_MOST_STARTS, _WORK = 12, 2_000_000
+"""Random starts at most, and the product of unknowns, candidates and choices that they may take all together."""
+
+
+class Candidate(Struct, frozen=True):
+    """An observation, or several together, that could be made.
+
+    Parameters
+    ----------
+    name : str
+    columns : array (k,) of int
+        Places of its unknowns in the covariance matrix.
+    rows : array (r, k)
+        Its partials by them.
+    variance : array (r,)
+    """
+
+    name: str
+    columns: IntArray
+    rows: FloatArray
+    variance: FloatArray
+
+
+class Placement(Struct, frozen=True):
+    """What was chosen.
+
+    Parameters
+    ----------
+    chosen : tuple of int
+        Places of the candidates.
+    value : float
+        Of the criterion with all of them.
+    curve : tuple of float
+        The criterion without any, and with the best first 1, 2, ... of the greedy choice: what each is worth.
+    """
+
+    chosen: tuple[int, ...]
+    value: float
+    curve: tuple[float, ...]
+
+
+def place(
+    covariance: FloatArray, candidates: Sequence[Candidate], targets: IntArray, count: int, criterion: Criterion
+) -> Placement:
+    """Choose the candidates that bring a criterion down most.
+
+    The choice is greedy, then improved by exchanges until none is left that helps; so are places that are least known
+    one after the other, and random ones where that takes little time. The best of these ends is taken.
+
+    Parameters
+    ----------
+    covariance : array (n, n)
+        Of targets and of the candidates' unknowns, positive definite.
+    candidates : sequence of Candidate
+    targets : array (t,) of int
+        Unknowns that are judged; with the criterion "camera" the last one alone.
+    count : int
+        Not more than there are candidates.
+    criterion : {"largest", "mean", "camera"}
+    """
+    judged = targets[-1:] if criterion == "camera" else targets
+    greedy: list[int] = []
+    matrix = covariance.copy()
+    curve = [_value(matrix.diagonal()[judged], criterion)]
+    for _ in range(count):
+        best = _best(matrix, candidates, judged, criterion, set(greedy))
+        matrix = _with(matrix, candidates[best])
+        greedy.append(best)
+        curve.append(_value(matrix.diagonal()[judged], criterion))
+    starts = [greedy, _spread(covariance, candidates, count), *_random(len(covariance), len(candidates), count)]
+    ends = [_exchanged(covariance, candidates, judged, criterion, start) for start in starts]
+    chosen, value = min(ends, key=lambda end: end[1])
+    return Placement(tuple(sorted(chosen)), value, tuple(curve))
+
+
+def with_all(covariance: FloatArray, candidates: Sequence[Candidate]) -> FloatArray:
+    """Return the covariance matrix with all of some candidates observed."""
+    for candidate in candidates:
+        covariance = _with(covariance, candidate)
+    return covariance
+
+
+def _exchanged(
+    covariance: FloatArray,
+    candidates: Sequence[Candidate],
+    judged: IntArray,
+    criterion: Criterion,
+    start: Sequence[int],
+) -> tuple[list[int], float]:
+    """Return where exchanges of one for another end, and the criterion there."""
+    chosen = list(start)
+    all_in = with_all(covariance, [candidates[one] for one in chosen])
+    value = _value(all_in.diagonal()[judged], criterion)
+    for _ in range(_MOST_SWEEPS):
+        before = value
+        for position in range(len(chosen)):
+            matrix = _with(all_in, candidates[chosen[position]], taken_away=True)
+            best = _best(matrix, candidates, judged, criterion, set(chosen) - {chosen[position]})
+            found = _value(_with(matrix, candidates[best]).diagonal()[judged], criterion)
+            if found < value * (1.0 - _BETTER):
+                chosen[position] = best
+                # added up anew, as taking away loses digits
+                all_in = with_all(covariance, [candidates[one] for one in chosen])
+                value = _value(all_in.diagonal()[judged], criterion)
+        if value >= before * (1.0 - _BETTER):
+            break
+    return chosen, value
+
+
+def _best(
+    matrix: FloatArray, candidates: Sequence[Candidate], judged: IntArray, criterion: Criterion, taken: set[int]
+) -> int:
+    """Return the candidate with which the criterion is least."""
+    variances = matrix.diagonal()[judged]
+    values = np.full(len(candidates), np.inf)
+    for number, candidate in enumerate(candidates):
+        if number in taken:
+            continue
+        gain, middle = _gain(matrix, candidate, judged)
+        values[number] = _value(variances - np.einsum("ij,ij->i", gain @ middle, gain), criterion)
+    return int(np.argmin(values))
+
+
+def _gain(
+    matrix: FloatArray, candidate: Candidate, at: IntArray | slice, sign: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Return Q aᵀ at some unknowns, and the inverse of a Q aᵀ + s²; of a Q aᵀ - s² for one that is taken away."""
+    columns, rows = candidate.columns, candidate.rows
+    gain = matrix[at][:, columns] @ rows.T if isinstance(at, slice) else matrix[np.ix_(at, columns)] @ rows.T
+    own = rows @ matrix[np.ix_(columns, columns)] @ rows.T + sign * np.diag(candidate.variance)
+    return gain, np.asarray(np.linalg.inv(own), dtype=np.float64)
+
+
+def _with(matrix: FloatArray, candidate: Candidate, *, taken_away: bool = False) -> FloatArray:
+    gain, middle = _gain(matrix, candidate, slice(None), -1.0 if taken_away else 1.0)
+    return np.asarray(matrix - gain @ middle @ gain.T)
+
+
+def _value(variances: FloatArray, criterion: Criterion) -> float:
+    kept = np.maximum(variances, 0.0)
+    return float(np.sqrt(kept.mean() if criterion == "mean" else kept.max()))
+
+
+def _spread(covariance: FloatArray, candidates: Sequence[Candidate], count: int) -> list[int]:
+    """Return candidates each of which is the least known one, all before it observed."""
+    found: list[int] = []
+    matrix = covariance
+    for _ in range(count):
+        own = np.array([_own_variance(matrix, candidate) for candidate in candidates])
+        own[found] = -1.0
+        found.append(int(np.argmax(own)))
+        matrix = _with(matrix, candidates[found[-1]])
+    return found
+
+
+def _random(unknowns: int, candidates: int, count: int) -> list[list[int]]:
+    """Return random choices, the same in each run: more of small problems, none of large ones."""
+    random = np.random.default_rng(0)
+    number = min(_MOST_STARTS, int(_WORK // (unknowns * candidates * count)))
+    return [random.choice(candidates, count, replace=False).tolist() for _ in range(number)]
+
+
+def _own_variance(matrix: FloatArray, candidate: Candidate) -> float:
+    own = candidate.rows @ matrix[np.ix_(candidate.columns, candidate.columns)] @ candidate.rows.T
+    return float(np.max(own.diagonal() / candidate.variance))
