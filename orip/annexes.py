@@ -21,6 +21,7 @@ COMMANDS: Mapping[str, str] = {
     "digitise": "orip.multimodel.commands.digitise",
     "stations": "orip.stations.commands",
     "archive": "orip.archive.commands",
+    "match": "orip.pictures.match_command",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
 

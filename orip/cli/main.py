@@ -96,6 +96,7 @@ COMMANDS: Mapping[str, Listed] = {
         "Ground control and preliminary coordinates, line by line; comments and order of the files stay.", ("control",)
     ),
     "stations": Listed("Exposure stations from GNSS and INS.", ()),
+    "match": Listed("Measure tie points in the images of the photos, and write them to TIES.MEA.", ()),
     "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""

@@ -14,7 +14,7 @@ SchemaName = Literal[
     "absolute", "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status", "camera-plot",
     "check", "compare", "control-edit", "control-list", "covariance", "digitise", "digitise-ground", "drive-download",
     "drive-emulate", "drive-panel", "drive-profile", "drive-table", "drive-to", "drive-watch", "drive-where", "error",
-    "export", "export-toml", "formats", "import", "init", "measure", "model-coordinates", "observation-edit",
+    "export", "export-toml", "formats", "import", "init", "match", "measure", "model-coordinates", "observation-edit",
     "observations", "online-demo", "online-reconsidered", "prelim", "project-made", "record", "record-edit", "records",
     "relative", "report", "result", "result-part", "results", "sample-written", "samples", "similarities",
     "stations-import", "status", "todo", "todo-next", "update", "update-undone",
@@ -78,6 +78,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "formats": DocumentType(project.Formats, ("import", "export")),
     "import": DocumentType(project.Import, ("import",)),
     "init": DocumentType(project.Init, ("init",)),
+    "match": DocumentType(measuring.Match, ("match",)),
     "measure": DocumentType(measuring.Measure, ("measure",)),
     "model-coordinates": DocumentType(preliminary.ModelCoordinates, ("prelim show",)),
     "observation-edit": DocumentType(

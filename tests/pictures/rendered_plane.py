@@ -1,0 +1,68 @@
+"""Photos of a textured plane, rendered with known truth: perspective, blur, noise, and JPEG on demand."""
+
+from __future__ import annotations
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+
+SUPERSAMPLING = 3
+
+
+class RenderedPlane(Struct, frozen=True):
+    """Photos (grey values) and the homographies from the plane (texels) to their pixels, corner convention."""
+
+    photos: list[NDArray[np.uint8]]
+    homographies: list[NDArray[np.float64]]
+
+    def pixels(self, photo: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return where places (n, 2) of the plane are in a photo."""
+        return mapped(self.homographies[photo], places)
+
+
+def mapped(homography: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    found = np.column_stack([places, np.ones(len(places))]) @ homography.T
+    return found[:, :2] / found[:, 2:]
+
+
+def texture(size: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Return grey values with detail of all sizes from three texels on."""
+    found = np.zeros((size, size))
+    for width in (1.6, 3.0, 6.0, 14.0):
+        part = gaussian_filter(rng.standard_normal((size, size)), width, mode="wrap")
+        found += part / part.std() * width**0.3
+    return 120.0 + 35.0 * found / found.std()
+
+
+def homography(size: int, side: int, rng: np.random.Generator, turn: float = 0.4, tilt: float = 0.25):
+    """Return a view of the plane of `size` texels in a photo of `side` pixels: about one texel a pixel."""
+    angle, scale = rng.uniform(-turn, turn), rng.uniform(0.85, 1.15)
+    c, s = scale * np.cos(angle), scale * np.sin(angle)
+    to_middle = np.array([[1.0, 0.0, -size / 2], [0.0, 1.0, -size / 2], [0.0, 0.0, 1.0]])
+    skew = rng.uniform(-tilt, tilt, 2)
+    view = np.array([[c * (1 - abs(skew[0])), -s, 0.0], [s, c * (1 - abs(skew[1])), 0.0], [*(skew / side), 1.0]])
+    shift = rng.uniform(-0.1, 0.1, 2) * side
+    to_photo = np.array([[1.0, 0.0, side / 2 + shift[0]], [0.0, 1.0, side / 2 + shift[1]], [0.0, 0.0, 1.0]])
+    return to_photo @ view @ to_middle
+
+
+def render(
+    count: int, side: int, rng: np.random.Generator, noise: float = 2.0, blur: float = 0.6, size: int | None = None
+) -> RenderedPlane:
+    size = size or int(1.4 * side)
+    coefficients = spline_filter(texture(size, rng), order=3, mode="grid-wrap")
+    views = [homography(size, side, rng) for _ in range(count)]
+    fine = (np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING
+    column, row = np.meshgrid(fine, fine)
+    places = np.column_stack([column.ravel(), row.ravel()])
+    photos = []
+    for view in views:
+        x, y = mapped(np.linalg.inv(view), places).T - 0.5  # the first texel's centre is at 0.5, 0.5
+        grey = map_coordinates(coefficients, [y, x], order=3, prefilter=False, mode="grid-wrap")
+        grey = gaussian_filter(grey.reshape(column.shape), blur * SUPERSAMPLING)
+        grey = grey.reshape(side, SUPERSAMPLING, side, SUPERSAMPLING).mean(axis=(1, 3))
+        gain, offset = rng.uniform(0.8, 1.1), rng.uniform(-10.0, 10.0)
+        grey = gain * grey + offset + noise * rng.standard_normal(grey.shape)
+        photos.append(np.clip(np.rint(grey), 0, 255).astype(np.uint8))
+    return RenderedPlane(photos, views)
