@@ -79,12 +79,12 @@ def examine_rays(
             except OripError:  # what the block lacks the user's own adjustment says
                 return nothing
             advance(done)
-            is_checked = ~np.isnan(normalised)
+            is_checked = np.isfinite(normalised)
             if np.count_nonzero(is_checked) < LEAST_REDUNDANCY:
                 return nothing
             found = float(np.median(np.abs(normalised[is_checked]))) / _MEDIAN
             factor *= found
-            worst = np.max(np.abs(np.nan_to_num(normalised)), axis=1) / found
+            worst = np.max(np.abs(np.nan_to_num(normalised, posinf=np.inf)), axis=1) / found
             good = good.copy()
             good[rays] = worst < (_MOST if done == 2 else 2.0 * _MOST)
     return Examined(good, factor)

@@ -126,7 +126,8 @@ def read_grey(path: Path) -> NDArray[np.uint8]:
 def _of_16_bits(values: NDArray[Any]) -> NDArray[np.uint8]:
     low, high = np.percentile(values[::4, ::4], [0.1, 99.9])
     scaled = (values.astype(np.float32) - low) * (255.0 / max(float(high - low), 1.0))
-    return np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+    found: NDArray[np.uint8] = np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+    return found
 
 
 _DAMAGED = (OSError, ValueError, SyntaxError, TypeError, KeyError, IndexError, EOFError, MemoryError, RuntimeError)

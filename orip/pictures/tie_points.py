@@ -150,6 +150,10 @@ def find_tie_points(
     """
     compared, matches = _matches(pictures, features, settings, cache)
     tracks, contradictory = join_tracks(features, matches)
+    counts = tuple(len(photo) for photo in features)
+    if not len(tracks):
+        nothing = np.zeros((0, 2))
+        return TiePoints(tracks, nothing, nothing, counts, len(matches), compared, 0, contradictory, {}, None)
     sizes = [picture.size for picture in pictures]
     place = of_rays(tracks, [photo.place for photo in features])
     inside = is_inside(tracks, place, sizes)
@@ -165,7 +169,7 @@ def find_tie_points(
     if settings.refines:
         tracks, place, error, fates = _refined(pictures, features, tracks, settings.matching)
     factor = None
-    if settings.cameras and len(tracks):
+    if settings.refines and settings.cameras and len(tracks):
         examined = examine_rays(tracks, place, error, settings.cameras)
         good = examined.is_good & (np.bincount(tracks.track, weights=examined.is_good)[tracks.track] >= 2)
         fates[Fate.CONTRADICTS] = int(np.count_nonzero(~good))
@@ -174,7 +178,6 @@ def find_tie_points(
     if settings.refines:
         chosen = np.isin(tracks.track, select_tracks(tracks, place, error.mean(axis=1), sizes, settings.points))
         tracks, place, error = tracks.take(chosen), place[chosen], error[chosen]
-    counts = tuple(len(photo) for photo in features)
     return TiePoints(tracks, place, error, counts, len(matches), compared, joined, contradictory, fates, factor)
 
 
@@ -295,7 +298,7 @@ def _runs(track: NDArray[np.intp], most: int) -> Iterator[slice]:
     ends = np.append(np.flatnonzero(np.diff(track)) + 1, len(track))
     start = 0
     while start < len(track):
-        stop = int(ends[min(np.searchsorted(ends, start + most), len(ends) - 1)])
+        stop = int(ends[min(int(np.searchsorted(ends, start + most)), len(ends) - 1)])
         yield slice(start, stop)
         start = stop
 

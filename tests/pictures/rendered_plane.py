@@ -1,4 +1,4 @@
-"""Photos of a textured plane, rendered with known truth: perspective, blur, noise, and JPEG on demand."""
+"""Photos of a textured plane, rendered with known truth: perspective, blur and noise."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
-SUPERSAMPLING = 3
+SUPERSAMPLING = 2
 
 
 class RenderedPlane(Struct, frozen=True):
@@ -16,12 +16,19 @@ class RenderedPlane(Struct, frozen=True):
     photos: list[NDArray[np.uint8]]
     homographies: list[NDArray[np.float64]]
 
+    def partials(self, photo: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the partials (2, 2) of pixels by the coordinates of a place of the plane."""
+        steps = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])
+        right, left, down, up = self.pixels(photo, place + steps)
+        return np.column_stack([right - left, down - up])
+
     def pixels(self, photo: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return where places (n, 2) of the plane are in a photo."""
         return mapped(self.homographies[photo], places)
 
 
 def mapped(homography: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return places (n, 2) under a homography."""
     found = np.column_stack([places, np.ones(len(places))]) @ homography.T
     return found[:, :2] / found[:, 2:]
 
@@ -35,7 +42,7 @@ def texture(size: int, rng: np.random.Generator) -> NDArray[np.float64]:
     return 120.0 + 35.0 * found / found.std()
 
 
-def homography(size: int, side: int, rng: np.random.Generator, turn: float = 0.4, tilt: float = 0.25):
+def _homography(size: int, side: int, rng: np.random.Generator, turn: float, tilt: float) -> NDArray[np.float64]:
     """Return a view of the plane of `size` texels in a photo of `side` pixels: about one texel a pixel."""
     angle, scale = rng.uniform(-turn, turn), rng.uniform(0.85, 1.15)
     c, s = scale * np.cos(angle), scale * np.sin(angle)
@@ -48,11 +55,12 @@ def homography(size: int, side: int, rng: np.random.Generator, turn: float = 0.4
 
 
 def render(
-    count: int, side: int, rng: np.random.Generator, noise: float = 2.0, blur: float = 0.6, size: int | None = None
+    count: int, side: int, rng: np.random.Generator, noise: float = 2.0, blur: float = 0.6, turn: float = 0.4
 ) -> RenderedPlane:
-    size = size or int(1.4 * side)
+    """Return photos of `side` pixels; noise in grey values, blur in pixels, turned by up to `turn` radians."""
+    size = int(1.4 * side)
     coefficients = spline_filter(texture(size, rng), order=3, mode="grid-wrap")
-    views = [homography(size, side, rng) for _ in range(count)]
+    views = [_homography(size, side, rng, turn, 0.25) for _ in range(count)]
     fine = (np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING
     column, row = np.meshgrid(fine, fine)
     places = np.column_stack([column.ravel(), row.ravel()])

@@ -129,7 +129,8 @@ def _roots(descriptors: NDArray[np.float32]) -> NDArray[np.uint8]:
     They are below 2^24: single precision is exact, in whatever order they are added.
     """
     total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-9)
-    return np.minimum(np.rint(_NORM * np.sqrt(descriptors / total)), 255.0).astype(np.uint8)
+    found: NDArray[np.uint8] = np.minimum(np.rint(_NORM * np.sqrt(descriptors / total)), 255.0).astype(np.uint8)
+    return found
 
 
 def match_features(one: Features, other: Features) -> NDArray[np.intp]:

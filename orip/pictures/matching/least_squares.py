@@ -79,14 +79,14 @@ class MatchSettings(Struct, frozen=True):
     most_drift : float
         Away from the feature, places of the patch.
     most_error : float
-        Standard deviation of a coordinate, pixels.
+        Standard deviation in any direction, pixels of the window.
     """
 
     half: int = 10
     smoothing: float = 0.8
     least_correlation: float = 0.8
     most_drift: float = 4.0
-    most_error: float = 0.5
+    most_error: float = 0.4
 
 
 class MatchedRays(Struct, frozen=True):
@@ -130,6 +130,8 @@ _CONVERGED = 0.005
 """Pixels that a ray moves at most in the last iteration, beside what all rays of its point move."""
 LEAST_CONTRAST = 4.0
 """Standard deviation of the grey values of a patch: of flatter ones JPEG leaves nothing but the pattern of blocks."""
+_EDGE = 12.0
+"""Times as precise across as along an edge: noise alone says where on such an edge a point is."""
 _BAD_START = 0.5
 _DEFORMATION = 1.8
 _SHAPE_STEP = 0.3
@@ -156,8 +158,9 @@ def match_rays(windows: Windows, settings: MatchSettings) -> MatchedRays:
     template = mean_patch(sampled, share, windows.point)
     covariance = position_covariances(sampled, template, state.affine, grid, windows.point, share)
     fate[(fate == Fate.MATCHED) & (sampled.contrast < LEAST_CONTRAST)] = Fate.WEAK
-    error = np.sqrt(np.max(np.diagonal(covariance, axis1=1, axis2=2), axis=1))
-    fate[(fate == Fate.MATCHED) & ~(error <= settings.most_error)] = Fate.WEAK
+    least, largest = np.linalg.eigvalsh(covariance).T
+    weak = ~(largest <= settings.most_error**2) | (largest > _EDGE**2 * least)
+    fate[(fate == Fate.MATCHED) & weak] = Fate.WEAK
     rays = np.bincount(windows.point, weights=fate == Fate.MATCHED)
     fate[(fate == Fate.MATCHED) & (rays[windows.point] < 2)] = Fate.ALONE
     return MatchedRays(state.centre, covariance, correlation, fate)

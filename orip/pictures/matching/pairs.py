@@ -86,8 +86,8 @@ def neighbouring_pairs(places: NDArray[np.float64], most: int) -> list[tuple[int
     if len(known) > 1:
         count = min(most + 1, len(known))
         _, near = KDTree(places[known]).query(places[known], count)
-        for one, others in zip(known, np.atleast_2d(near), strict=True):
-            pairs |= {(min(one, known[o]), max(one, known[o])) for o in others if known[o] != one}
+        for one, others in zip(known.tolist(), known[np.atleast_2d(near)].tolist(), strict=True):
+            pairs |= {(min(one, other), max(one, other)) for other in others if other != one}
     for one in set(range(len(places))) - set(known.tolist()):
         pairs |= {(min(one, other), max(one, other)) for other in range(len(places)) if other != one}
     return sorted((int(one), int(other)) for one, other in pairs)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
@@ -129,7 +131,7 @@ def noise_correlations(fit: Fit, rays: NDArray[np.intp], side: int) -> NDArray[n
     return _matrix(correlations, side)
 
 
-def _by_distance(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float64]:
+def _by_distance(one: NDArray[np.floating[Any]], other: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
     """Return mean products by their distance: (REACH + 1, 2 REACH + 1), down, and across from -REACH on."""
     found = np.zeros((REACH + 1, 2 * REACH + 1))
     height, width = one.shape[-2:]
@@ -151,4 +153,5 @@ def _matrix(correlations: NDArray[np.float64], side: int) -> NDArray[np.float32]
     table[middle - REACH : middle + 1, middle - REACH : middle + REACH + 1] = correlations[::-1, ::-1]
     table[middle, middle : middle + REACH + 1] = correlations[0, REACH:]
     v, u = (part.ravel() for part in np.divmod(np.arange(side * side), side))
-    return table[middle + v[None, :] - v[:, None], middle + u[None, :] - u[:, None]].astype(np.float32)
+    found: NDArray[np.float32] = table[middle + v[None, :] - v[:, None], middle + u[None, :] - u[:, None]].astype("f4")
+    return found

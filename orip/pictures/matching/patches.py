@@ -82,7 +82,7 @@ def sample_patches(
     rows = centre[:, 1:] + affine[:, 1, :1] * grid.u + affine[:, 1, 1:] * grid.v
     height, width = coefficients.shape[1:]
     inside = (columns >= MARGIN) & (columns <= width - 1 - MARGIN) & (rows >= MARGIN) & (rows <= height - 1 - MARGIN)
-    weight = grid.weight * inside
+    weight = grid.weight * inside.astype(np.float32)
     value, by_column, by_row = sample(coefficients, columns, rows)
     total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-6)
     value -= (weight * value).sum(axis=1, keepdims=True) / total
@@ -121,8 +121,8 @@ def mean_patch(sampled: Sampled, share: NDArray[np.float32], point: NDArray[np.i
     total = np.maximum(np.add.reduceat(share, first), np.float32(1e-9))[:, None]
 
     def mean(values: NDArray[np.float32]) -> NDArray[np.float32]:
-        found: NDArray[np.float32] = (np.add.reduceat(values * share[:, None], first, axis=0) / total)[point]
-        return found
+        found = (np.add.reduceat(values * share[:, None], first, axis=0) / total)[point]
+        return np.asarray(found, dtype=np.float32)
 
     return Template(mean(sampled.value), mean(sampled.by_u), mean(sampled.by_v))
 

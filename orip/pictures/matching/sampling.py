@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,7 +78,7 @@ def _split(places: NDArray[np.float64], size: int) -> tuple[NDArray[np.intp], ND
     return whole.astype(np.intp), (inside - whole).astype(np.float32)
 
 
-def _weights(t: NDArray[np.float32]) -> tuple[list[NDArray[np.float32]], list[NDArray[np.float32]]]:
+def _weights(t: NDArray[np.float32]) -> tuple[list[Any], list[Any]]:
     """Return the four values of the cubic B-spline at distances 1 + t, t, 1 - t, 2 - t, and their slopes."""
     s, t2 = 1 - t, t * t
     s2 = s * s

@@ -80,8 +80,7 @@ def of_rays(tracks: Tracks, values: Sequence[NDArray[np.float64]]) -> NDArray[np
 def is_inside(tracks: Tracks, place: NDArray[np.float64], sizes: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
     """Return which rays are not too near to the edges of their photos."""
     size = np.array(sizes, dtype=float)[tracks.photo]
-    found: NDArray[np.bool_] = ((place >= MARGIN) & (place <= size - MARGIN)).all(axis=1)
-    return found
+    return np.asarray(((place >= MARGIN) & (place <= size - MARGIN)).all(axis=1), dtype=np.bool_)
 
 
 def cut_windows(grey: NDArray[np.uint8], place: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -100,7 +99,8 @@ def cut_windows(grey: NDArray[np.uint8], place: NDArray[np.float64]) -> NDArray[
     middle = np.floor(place).astype(np.intp)
     columns = np.clip(middle[:, :1] + reach, 0, grey.shape[1] - 1)
     rows = np.clip(middle[:, 1:] + reach, 0, grey.shape[0] - 1)
-    return grey[rows[:, :, None], columns[:, None, :]]
+    found: NDArray[np.uint8] = grey[rows[:, :, None], columns[:, None, :]]
+    return found
 
 
 def halved(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -108,7 +108,8 @@ def halved(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     rows, columns = grey.shape[0] // 2 * 2, grey.shape[1] // 2 * 2
     even = grey[:rows, :columns].astype(np.uint16)
     total = even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]
-    return ((total + 2) // 4).astype(np.uint8)
+    found: NDArray[np.uint8] = ((total + 2) // 4).astype(np.uint8)
+    return found
 
 
 def in_window(place: NDArray[np.float64]) -> NDArray[np.float64]:
