@@ -16,7 +16,7 @@ from orip.files.text.regular_file import beginning, file_digest
 from orip.pictures.matching.features import DETAIL
 from orip.pictures.matching.least_squares import Fate
 from orip.pictures.matching_cache import MatchingCache
-from orip.pictures.photo_images import image_fault, paths_of_photos, read_grey, require_packages
+from orip.pictures.photo_images import image_fault, paths_of_photos, read_eight_bits, require_packages
 from orip.pictures.tie_points import Picture, TiePoints, TieSettings, features_of, find_tie_points
 from orip.records.camera import Camera
 from orip.records.names import record_key
@@ -201,14 +201,15 @@ def _pictures(
     seen: dict[str, str] = {}
     for name, path in paths.items():
         size, fault = image_fault(path, frames[record_key(name)].size)
-        digest = "" if size is None else file_digest(path)
+        if size is None:
+            warnings.append(_not_used(name, fault))
+            continue
+        digest = file_digest(path)
         if digest in seen:
-            fault = f"its image is the same file as that of photo {seen[digest]}"
-        if size is None or fault is not None:
-            warnings.append(_not_used(name, fault or ""))
+            warnings.append(_not_used(name, f"its image is the same file as that of photo {seen[digest]}"))
             continue
         seen[digest] = name
-        pictures.append(Picture(name, digest, size, frames[record_key(name)].focal, partial(read_grey, path)))
+        pictures.append(Picture(name, digest, size, frames[record_key(name)].focal, partial(read_eight_bits, path)))
     return pictures, warnings
 
 

@@ -19,7 +19,7 @@ from orip.pictures.matching.features import Features
 CACHE_FOLDER = ".orip-matching"
 """In the project folder; it may be deleted at any time."""
 
-_FORMAT = "1"
+_FORMAT = "2"
 """Another one where what is kept would be computed in another way."""
 _DIGEST = 16
 _IMAGE = 32

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orip.errors import Complaint, UsageError
-from orip.files.text.regular_file import open_regular
+from orip.errors import Complaint, InputError, UsageError
+from orip.files.image_headers import IMAGE_ENDINGS, read_header
+from orip.pictures.image_files import read_grey
 from orip.records.names import record_key
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
-ENDINGS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
-MOST_PIXELS = 200_000_000
-_MODES = frozenset({"1", "L", "LA", "P", "RGB", "RGBA", "CMYK", "YCbCr", "I;16", "I;16B", "I;16L"})
 
 
 def require_packages() -> None:
@@ -57,7 +48,7 @@ def images_by_photo(folder: Path, photos: Iterable[str]) -> tuple[dict[str, Path
     files: dict[str, list[str]] = {}
     for name in names:
         path = Path(name)
-        if path.suffix.lower() in ENDINGS:
+        if path.suffix.lower() in IMAGE_ENDINGS:
             files.setdefault(record_key(path.stem), []).append(name)
     found, complaints = {}, []
     for photo in photos:
@@ -69,8 +60,8 @@ def images_by_photo(folder: Path, photos: Iterable[str]) -> tuple[dict[str, Path
     return found, complaints
 
 
-def image_fault(path: Path, size: tuple[int, int] | None) -> tuple[tuple[int, int] | None, str | None]:
-    """Return columns and rows of an image by its head, without decoding it, or what is wrong with it.
+def image_fault(path: Path, size: tuple[int, int] | None) -> tuple[tuple[int, int] | None, str]:
+    """Return columns and rows of an image by its head, without decoding it; or None, and what is wrong with it.
 
     Parameters
     ----------
@@ -79,84 +70,40 @@ def image_fault(path: Path, size: tuple[int, int] | None) -> tuple[tuple[int, in
         Columns and rows of the photo's sensor, if it has one.
     """
     try:
-        with _opened(path) as image:
-            if image.width * image.height > MOST_PIXELS:
-                return (
-                    None,
-                    f"it has {image.width} x {image.height} pixels; allowed are {MOST_PIXELS // 1_000_000} million",
-                )
-            if image.mode not in _MODES:
-                return None, f"its pixels are of the kind {image.mode}; save it with 8 or 16 bits a channel"
-            if getattr(image, "n_frames", 1) > 1 and image.format != "MPO":
-                return (
-                    None,
-                    f"it holds {getattr(image, 'n_frames', 1)} pictures; save the one that was measured by itself",
-                )
-            if size is not None and (image.width, image.height) != size:
-                return None, (
-                    f"it has {image.width} x {image.height} pixels, the sensor of its camera {size[0]} x {size[1]}; "
-                    "give the image as the camera has stored it, or correct the sensor"
-                )
-            return (image.width, image.height), None
-    except _DAMAGED as error:
-        return None, _reason(error)
+        header = read_header(path)
+    except InputError as error:
+        return None, reason(error)
+    found = (header.columns, header.rows)
+    if size is not None and found != size:
+        return None, (
+            f"the image has {found[0]} x {found[1]} pixels, the sensor of its camera {size[0]} x {size[1]}: give the "
+            "image as the camera has stored it, or correct the sensor"
+        )
+    return found, ""
 
 
-def read_grey(path: Path) -> NDArray[np.uint8]:
+def reason(error: InputError) -> str:
+    """Return what is wrong with an image, without its name."""
+    return f"the image cannot be used: {'; '.join(complaint.message for complaint in error.complaints)}"
+
+
+def read_eight_bits(path: Path) -> NDArray[np.uint8]:
     """Return the grey values of an image as stored, (rows, columns), of 8 bits.
 
-    What its EXIF says of turning it is disregarded: measured are the pixels as stored. Of 16 bits the range between
-    the darkest and the brightest one in a thousand becomes 8.
+    Of 16 bits the range between the darkest and the brightest one in a thousand becomes 8.
 
     Raises
     ------
-    OSError
-        If it cannot be read or is damaged.
+    InputError
+        If it is damaged.
     """
-    try:
-        with _opened(path) as image:
-            if image.mode.startswith("I;16"):
-                return _of_16_bits(np.asarray(image))
-            image.draft("L", image.size)
-            return np.ascontiguousarray(np.asarray(image.convert("L"), dtype=np.uint8))
-    except _DAMAGED as error:
-        raise OSError(_reason(error)) from error
-
-
-def _of_16_bits(values: NDArray[Any]) -> NDArray[np.uint8]:
-    low, high = np.percentile(values[::4, ::4], [0.1, 99.9])
-    scaled = (values.astype(np.float32) - low) * (255.0 / max(float(high - low), 1.0))
+    grey = read_grey(path)
+    if grey.dtype == np.uint8:
+        return grey.astype(np.uint8, copy=False)
+    low, high = np.percentile(grey[::4, ::4], [0.1, 99.9])
+    scaled = (grey.astype(np.float32) - low) * (255.0 / max(float(high - low), 1.0))
     found: NDArray[np.uint8] = np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
     return found
-
-
-_DAMAGED = (OSError, ValueError, SyntaxError, TypeError, KeyError, IndexError, EOFError, MemoryError, RuntimeError)
-"""What Pillow raises for damaged files; its error of a bomb is a RuntimeError by way of `_opened`."""
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Image]:
-    from PIL import Image as Images
-
-    with open_regular(path) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            image = Images.open(file)
-        except Images.DecompressionBombError as error:
-            raise ValueError(error) from error
-        with image:
-            yield image
-
-
-def _reason(error: Exception) -> str:
-    from PIL import UnidentifiedImageError
-
-    if isinstance(error, UnidentifiedImageError):
-        return "it is no image that can be read: JPEG, PNG or TIFF"
-    if isinstance(error, OSError) and error.strerror:
-        return f"it cannot be read ({error.strerror})"
-    text = str(error).partition("\n")[0] or type(error).__name__
-    return f"the image is damaged, or too large ({text})"
 
 
 def paths_of_photos(

@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from orip.errors import InputError
 from orip.pictures.consistency import examine_rays
 from orip.pictures.matching.features import Features, find_features, match_features
 from orip.pictures.matching.least_squares import Fate, MatchSettings, Windows, match_rays
@@ -27,6 +28,7 @@ from orip.pictures.matching.windows import (
     of_rays,
 )
 from orip.pictures.matching_cache import MatchingCache
+from orip.pictures.photo_images import reason
 from orip.progress import stage
 from orip.records.camera import Camera
 from orip.threads import available_threads, by_threads
@@ -191,8 +193,8 @@ def features_of(
         if known is None:
             try:
                 grey = picture.read()
-            except OSError as error:
-                return None, str(error)
+            except InputError as error:
+                return None, reason(error)
             known = find_features(grey, picture.size, settings.features)
             cache.keep_features(picture.digest, known)
         return known, ""

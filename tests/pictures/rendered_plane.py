@@ -6,6 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
+from scipy.spatial.transform import Rotation
 
 SUPERSAMPLING = 2
 
@@ -43,15 +44,18 @@ def texture(size: int, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def _homography(size: int, side: int, rng: np.random.Generator, turn: float, tilt: float) -> NDArray[np.float64]:
-    """Return a view of the plane of `size` texels in a photo of `side` pixels: about one texel a pixel."""
-    angle, scale = rng.uniform(-turn, turn), rng.uniform(0.85, 1.15)
-    c, s = scale * np.cos(angle), scale * np.sin(angle)
-    to_middle = np.array([[1.0, 0.0, -size / 2], [0.0, 1.0, -size / 2], [0.0, 0.0, 1.0]])
-    skew = rng.uniform(-tilt, tilt, 2)
-    view = np.array([[c * (1 - abs(skew[0])), -s, 0.0], [s, c * (1 - abs(skew[1])), 0.0], [*(skew / side), 1.0]])
-    shift = rng.uniform(-0.1, 0.1, 2) * side
-    to_photo = np.array([[1.0, 0.0, side / 2 + shift[0]], [0.0, 1.0, side / 2 + shift[1]], [0.0, 0.0, 1.0]])
-    return to_photo @ view @ to_middle
+    """Return a camera's view of the plane of `size` texels in a photo of `side` pixels: about one texel a pixel.
+
+    The principal distance is `side` pixels, the principal point the middle.
+    """
+    kappa, (omega, phi) = rng.uniform(-turn, turn), rng.uniform(-tilt, tilt, 2)
+    rotation = Rotation.from_euler("zxy", [kappa, omega, phi]).as_matrix()
+    height = side * rng.uniform(0.9, 1.15)
+    middle = np.array([size / 2, size / 2, 0.0])
+    middle[:2] += rng.uniform(-0.08, 0.08, 2) * side
+    centre = middle - height * rotation[2]  # the camera looks at the middle
+    camera = np.array([[side, 0.0, side / 2], [0.0, side, side / 2], [0.0, 0.0, 1.0]])
+    return camera @ np.column_stack([rotation[:, :2], -rotation @ centre])
 
 
 def render(

@@ -59,7 +59,7 @@ def test_a_selection_is_even_and_prefers_many_rays() -> None:
     assert 20 <= np.count_nonzero(~of_two) <= 35  # a third of 81 parts, one each
     assert np.count_nonzero(of_two) == pytest.approx(27 - np.count_nonzero(~of_two) + 12, abs=12)
     parts = cells(place[first_ray][~of_two], (900, 900), 81)
-    assert len(np.unique(parts)) == len(parts)
+    assert len(np.unique(parts)) >= len(parts) - 12  # twelve at most are there for the pairs
 
 
 def test_features_of_a_crowded_place_do_not_displace_the_others() -> None:
@@ -79,9 +79,7 @@ def test_matches_are_mutual_and_clear() -> None:
     noisy = np.clip(one.descriptor[order].astype(int) + rng.integers(-3, 4, (40, 128)), 0, 255).astype(np.uint8)
     noisy[5] = noisy[6]  # whose feature has two that are as near: not clear
     found = match_features(one, Features(one.place[order], one.scale, one.angle, noisy))
-    assert {tuple(row) for row in found.tolist()} == {(int(order[k]), k) for k in range(40) if k not in {5, 6}} | {
-        (int(order[6]), 5)
-    }
+    assert {tuple(row) for row in found.tolist()} == {(int(order[k]), k) for k in range(40) if k not in {5, 6}}
     nothing = Features(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros((0, 128), dtype=np.uint8))
     assert match_features(one, nothing).shape == (0, 2)
 

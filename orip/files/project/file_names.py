@@ -117,6 +117,9 @@ report.html
 # photo points by sub-blocks, which the workers of 'orip solve --dask' read
 .orip-sub-blocks/
 
+# features and matches of images, which 'orip match' finds again
+.orip-matching/
+
 # left by a run that was killed
 *-journal
 *-mj*

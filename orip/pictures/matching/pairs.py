@@ -18,6 +18,7 @@ _SEEN = 6
 _BEST = 12
 """Photos that each one is compared with whatever their large features say."""
 _LEAST = 15
+"""Matches that must agree, beside three times those that are near their epipolar lines by chance."""
 _TOLERANCE = 4.0
 """Pixels of the reduced picture."""
 _SEED = 1
@@ -135,4 +136,6 @@ def verified_matches(
         options,
     )
     inliers = np.asarray(found.inlier_matches, dtype=np.intp).reshape(-1, 2)
-    return matches[np.sort(inliers[:, 0])] if len(inliers) >= _LEAST else nothing
+    side = min(min(view.columns, view.rows) / view.reduction for view in views)
+    by_chance = len(matches) * 4.0 * _TOLERANCE / side
+    return matches[np.sort(inliers[:, 0])] if len(inliers) >= _LEAST + 3.0 * by_chance else nothing
