@@ -43,7 +43,8 @@ class Examined(Struct, frozen=True):
     is_good : ndarray (r,)
         Not those that contradict the others, nor those of points that no two photos determine.
     factor : float or None
-        By which the errors of the rays are to be multiplied; None: too few rays to say.
+        By which the errors of the rays are to be multiplied, 1 or more: what all photos have in common the adjustment
+        takes for their camera, so that it may say too little. None: too few rays to say.
     """
 
     is_good: NDArray[np.bool_]
@@ -75,7 +76,7 @@ def examine_rays(
         for done in (1, 2):
             rays = np.flatnonzero(good)
             try:
-                normalised = _normalised(tracks.take(rays), place[rays], factor * error[rays], cameras)
+                normalised, redundancy = _normalised(tracks.take(rays), place[rays], factor * error[rays], cameras)
             except OripError:  # what the block lacks the user's own adjustment says
                 return nothing
             advance(done)
@@ -87,13 +88,19 @@ def examine_rays(
             worst = np.max(np.abs(np.nan_to_num(normalised, posinf=np.inf)), axis=1) / found
             good = good.copy()
             good[rays] = worst < (_MOST if done == 2 else 2.0 * _MOST)
-    return Examined(good, factor)
+    kept = is_checked & good[rays][:, None]
+    # as sigma0 of the rays that stay: the median would miss that errors of matching have long tails
+    factor *= float(np.sqrt(np.average(normalised[kept] ** 2, weights=redundancy[kept]))) / found
+    return Examined(good, max(factor, 1.0))
 
 
 def _normalised(
     tracks: Tracks, place: NDArray[np.float64], error: NDArray[np.float64], cameras: Sequence[Camera]
-) -> NDArray[np.float64]:
-    """Return residuals over their standard deviations, (r, 2): NaN where nothing checks, infinite if not determined."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return residuals over their standard deviations, (r, 2), and redundancy numbers.
+
+    NaN is what nothing checks, infinite what is not determined.
+    """
     from orip.api import Block, PhotoPoints, Photos
 
     photos = [f"P{number}" for number in range(len(cameras))]
@@ -111,7 +118,7 @@ def _normalised(
     )
     residuals = block.adjust().residuals
     row_of = {key: row for row, key in enumerate(zip(names.tolist(), points.tolist(), strict=True))}
-    found = np.full(place.shape, np.inf)
+    found, numbers = np.full(place.shape, np.inf), np.zeros(place.shape)
     is_ray = residuals.kind == "photo"
     redundancy = residuals.redundancy_number[is_ray]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -119,8 +126,10 @@ def _normalised(
     value = np.where(np.isnan(redundancy), np.inf, np.where(redundancy < _CHECKED, np.nan, value))
     keys = zip(residuals.photo[is_ray].tolist(), residuals.point[is_ray].tolist(), strict=True)
     rows = np.array([row_of[key] for key in keys], dtype=np.intp)
-    found[rows, (residuals.component[is_ray] == "y").astype(np.intp)] = value
-    return found
+    columns = (residuals.component[is_ray] == "y").astype(np.intp)
+    found[rows, columns] = value
+    numbers[rows, columns] = np.nan_to_num(redundancy)
+    return found, numbers
 
 
 def _calibrated(camera: Camera) -> CameraOfBlock:

@@ -12,6 +12,8 @@ from cli.command_line import orip
 from numpy.typing import NDArray
 from pictures.rendered_plane import RenderedPlane, render
 
+from orip.pictures import tie_points
+from orip.pictures.matching.features import Features
 from orip.pictures.matching_cache import CACHE_FOLDER
 
 Images = pytest.importorskip("PIL.Image")
@@ -72,27 +74,33 @@ def measured(folder: Path) -> dict[str, dict[str, list[float]]]:
 
 
 def test_the_rays_are_where_the_points_are(matched: Path, plane: RenderedPlane) -> None:
-    points = measured(matched)
-    assert len(points) > 40
-    errors, expected, freedom = [], [], 0
-    for rays in points.values():
+    root, standardised, freedom = against_truth(matched, plane)
+    assert freedom > 100
+    assert root < 0.06
+    # beside chance, of some hundred differences, that of the factor, which comes from as many
+    assert standardised == pytest.approx(1.0, abs=0.3)
+
+
+def against_truth(folder: Path, plane: RenderedPlane) -> tuple[float, float, int]:
+    """Return root mean squares of errors (pixels), and of standardised errors, and their degrees of freedom.
+
+    A point may be anywhere on the plane: it is where its rays fit best.
+    """
+    errors, standardised, freedom = [], [], 0
+    for rays in measured(folder).values():
         numbers = [int(photo[1:]) for photo in rays]
         places = np.array([values[:2] for values in rays.values()])
         sds = np.array([values[2:] for values in rays.values()])
-        back = [plane_place(plane, n, xy) for n, xy in zip(numbers, places, strict=True)]
-        there = np.mean(back, axis=0)
-        for _ in range(2):
-            shapes = [plane.partials(n, there) for n in numbers]
-            off = [xy - plane.pixels(n, there[None])[0] for n, xy in zip(numbers, places, strict=True)]
-            weighted = np.vstack([shape / sd[:, None] for shape, sd in zip(shapes, sds, strict=True)])
-            there = there + np.linalg.lstsq(weighted, np.hstack(np.array(off) / sds), rcond=None)[0]
+        there = np.mean([plane_place(plane, n, xy) for n, xy in zip(numbers, places, strict=True)], axis=0)
+        shapes = np.array([plane.partials(n, there) for n in numbers])
         off = np.array([xy - plane.pixels(n, there[None])[0] for n, xy in zip(numbers, places, strict=True)])
-        errors.append(off.ravel())
-        expected.append((off / sds).ravel())
+        design, right = (shapes / sds[:, :, None]).reshape(-1, 2), (off / sds).ravel()
+        left = right - design @ np.linalg.lstsq(design, right, rcond=None)[0]
+        standardised.append(left)
+        errors.append(left * sds.ravel())
         freedom += off.size - 2
-    assert freedom > 100
-    assert np.sqrt(np.sum(np.concatenate(errors) ** 2) / freedom) < 0.06
-    assert np.sqrt(np.sum(np.concatenate(expected) ** 2) / freedom) == pytest.approx(1.0, abs=0.3)
+    root, ratio = (np.sqrt(np.sum(np.concatenate(parts) ** 2) / freedom) for parts in (errors, standardised))
+    return float(root), float(ratio), freedom
 
 
 def plane_place(plane: RenderedPlane, photo: int, place: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -138,6 +146,38 @@ def test_what_is_damaged_in_the_folder_of_what_was_kept_is_found_again(matched: 
     (folder / "TIES.MEA").unlink()
     assert orip(folder, "match", "--points", "60").code == 0
     assert (folder / "TIES.MEA").read_bytes() == (matched / "TIES.MEA").read_bytes()
+
+
+def test_a_run_that_was_interrupted_goes_on(matched: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for source in (*matched.glob("*.png"), matched / "orip.toml"):
+        shutil.copy(source, tmp_path)
+    found: list[object] = []
+    real = tie_points.match_features
+
+    def once(*features: Features) -> NDArray[np.intp]:
+        found.append(features)
+        if len(found) == 4:  # of the second photo
+            raise KeyboardInterrupt
+        return real(*features)
+
+    monkeypatch.setattr(tie_points, "match_features", once)
+    assert orip(tmp_path, "match", "--points", "60", "--threads", "1").code != 0
+    assert not (tmp_path / "TIES.MEA").exists()
+    monkeypatch.delattr(tie_points, "find_features")  # all photos have their features
+    assert orip(tmp_path, "match", "--points", "60", "--threads", "1").code == 0
+    assert len(found) == 4 + 3  # six pairs, of which the three of the first photo were kept
+    assert (tmp_path / "TIES.MEA").read_bytes() == (matched / "TIES.MEA").read_bytes()
+
+
+@pytest.mark.long
+def test_twenty_photos(tmp_path: Path) -> None:
+    plane = render(20, SIDE, np.random.default_rng(11), noise=3.0)
+    folder = project(tmp_path, plane.photos)
+    assert orip(folder, "match", "--points", "100").code == 0
+    root, standardised, freedom = against_truth(folder, plane)
+    assert freedom > 2000
+    assert root < 0.05
+    assert standardised == pytest.approx(1.0, abs=0.15)
 
 
 def test_features_as_they_are(matched: Path, tmp_path: Path) -> None:
