@@ -190,7 +190,7 @@ def _pictures(
 ) -> tuple[list[Picture], list[ProjectWarning]]:
     """Return the photos that have images of use, and warnings of the others."""
     project = state.project
-    named = {photo.name: image_of(photo) for photo in photos.values()}
+    named = {photo.name: photo.image for photo in photos.values()}
     paths, complaints = paths_of_photos(named, project.folder, images)
     if complaints:
         raise InputError(complaints)
@@ -227,11 +227,6 @@ def _require_two(state: ProjectState, request: MatchRequest, count: int, warning
     )
     faults = [Complaint(warning.text, warning.where) for warning in warnings]
     raise InputError([Complaint(message, where), *faults])
-
-
-def image_of(photo: Photo) -> str | None:
-    """Return the image that the project names for a photo."""
-    return getattr(photo, "image", None)
 
 
 def _with_places(state: ProjectState, photos: Sequence[Photo], settings: TieSettings) -> TieSettings:

@@ -39,7 +39,7 @@ datum = "free"
 
 @pytest.fixture(scope="module")
 def plane() -> RenderedPlane:
-    return render(4, SIDE, np.random.default_rng(7))
+    return render(4, SIDE, np.random.default_rng(7), noise=4.0)
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +76,9 @@ def measured(folder: Path) -> dict[str, dict[str, list[float]]]:
 def test_the_rays_are_where_the_points_are(matched: Path, plane: RenderedPlane) -> None:
     root, standardised, freedom = against_truth(matched, plane)
     assert freedom > 100
-    assert root < 0.06
-    # beside chance, of some hundred differences, that of the factor, which comes from as many
-    assert standardised == pytest.approx(1.0, abs=0.3)
+    assert root < 0.07
+    # few photos of a small scene: the errors are too large rather than too small, 0.8 in several scenes
+    assert standardised == pytest.approx(1.0, abs=0.35)
 
 
 def against_truth(folder: Path, plane: RenderedPlane) -> tuple[float, float, int]:
@@ -266,6 +266,17 @@ def test_nothing_to_match(plane: RenderedPlane, tmp_path: Path) -> None:
         assert said.code == 3, said.told
         assert words in said.err
         assert not (folder / "TIES.MEA").exists()
+
+
+def test_images_that_the_project_names(matched: Path, tmp_path: Path) -> None:
+    for source in (*matched.glob("*.png"), matched / "orip.toml"):
+        shutil.copy(source, tmp_path)
+    (tmp_path / "P1.png").rename(tmp_path / "second of all.png")
+    text = (tmp_path / "orip.toml").read_text(encoding="utf-8")
+    named = text.replace('name = "P1"\n', 'name = "P1"\nimage = "second of all.png"\n')
+    (tmp_path / "orip.toml").write_text(named, encoding="utf-8")
+    assert orip(tmp_path, "match", "--features", "--points", "60").code == 0
+    assert {photo for rays in measured(tmp_path).values() for photo in rays} == {"P0", "P1", "P2", "P3"}
 
 
 def test_photos_measured_in_millimetres_are_refused(plane: RenderedPlane, tmp_path: Path) -> None:
