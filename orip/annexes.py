@@ -25,6 +25,7 @@ COMMANDS: Mapping[str, str] = {
     "plan": "orip.planning.commands",
     "archive": "orip.archive.commands",
     "detect": "orip.pictures.detect_commands",
+    "match": "orip.pictures.match_command",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
 

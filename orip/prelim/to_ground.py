@@ -125,7 +125,8 @@ def outcome_of(measured: MeasuredBlock, route: Route) -> Outcome | None:
         # no point holds its shape once it is on the ground, so it has to be final before
         first = measured.grower().refined(first, _TO_THE_END)
     outcome = _absolute(measured, route, first)
-    if measured.is_free and not outcome.is_final:
+    has_base = np.count_nonzero(outcome.grown.oriented) > 1  # refinement may have left a single photo of a bad block
+    if measured.is_free and has_base and not outcome.is_final:
         return _with_arbitrary_datum(measured, outcome)
     if outcome.on_ground:
         return _grown_further(measured, outcome, others)

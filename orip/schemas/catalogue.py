@@ -15,8 +15,8 @@ SchemaName = Literal[
     "camera-plot", "check", "compare", "control-edit", "control-list", "covariance", "detect", "digitise",
     "digitise-ground", "drive-download", "drive-emulate", "drive-panel", "drive-profile", "drive-table",
     "drive-to", "drive-watch", "drive-where", "error", "export", "export-toml", "formats", "gnss", "import",
-    "imu", "init", "measure", "model-coordinates", "observation-edit", "observations", "online-demo",
-    "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
+    "imu", "init", "match", "measure", "model-coordinates", "observation-edit", "observations",
+    "online-demo", "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
     "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
     "records", "relative", "report", "result", "result-part", "results", "sample-written", "samples",
     "similarities",
@@ -84,6 +84,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "gnss": DocumentType(measuring.Gnss, ("gnss",)),
     "imu": DocumentType(measuring.Imu, ("imu",)),
     "init": DocumentType(project.Init, ("init",)),
+    "match": DocumentType(measuring.Match, ("match",)),
     "measure": DocumentType(measuring.Measure, ("measure",)),
     "model-coordinates": DocumentType(preliminary.ModelCoordinates, ("prelim show",)),
     "observation-edit": DocumentType(

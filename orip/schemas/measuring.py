@@ -53,6 +53,31 @@ class Detect(Part, frozen=True):
     dry_run: bool
 
 
+class MatchedPhoto(Part, frozen=True):
+    """A photo of which tie points were measured."""
+
+    name: str
+    features: int
+    rays: int
+
+
+class Match(Part, frozen=True):
+    """Tie points that were measured in the images of the photos, and the rays that were rejected, by the reason."""
+
+    command: Literal["match"]
+    file: str
+    photos: list[MatchedPhoto]
+    pairs: int
+    compared_pairs: int
+    tracks: int
+    contradictory_tracks: int
+    points: int
+    rays: int
+    rejected_rays: dict[str, int]
+    error_factor: float | None
+    warnings: list[Warned]
+
+
 class ListedObservation(Part, frozen=True):
     """A measured photo point, with what the last adjustment says of it: mm; null: not adjusted."""
 

@@ -38,3 +38,25 @@ def test_control_of_all_photos_corrects_an_orientation_by_few_points(monkeypatch
     assert len(outcome.absolute.points) == len(measured.control.names)
     # control is good to 0.9 mm on an object of 1.2 m, 4.7 m away: some mm; the wrong similarity is off by decimetres
     assert np.allclose(outcome.grown.centres, made.orientations[:, :3], rtol=0.0, atol=0.03)
+
+
+def test_a_single_photo_that_is_left_has_no_base_and_no_datum(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = measured_block(synthetic_block("convergent", "one left", control="none", datum="free").block)
+
+    def in_no_system(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Outcome:
+        return Outcome(route, grown, False, None, "nothing is known")
+
+    def with_one_photo(measured: MeasuredBlock, route: Route, grown: GrowingBlock) -> Outcome:
+        centres = grown.centres.copy()
+        centres[np.flatnonzero(grown.oriented)[1:]] = np.nan
+        return in_no_system(measured, route, replace(grown, centres=centres))
+
+    route = by_pairs(measured.grower(), 0)
+    monkeypatch.setattr(to_ground, "_absolute", in_no_system)
+    whole = outcome_of(measured, route)
+    assert whole is not None
+    assert whole.has_arbitrary_datum
+    monkeypatch.setattr(to_ground, "_absolute", with_one_photo)
+    left = outcome_of(measured, route)
+    assert left is not None
+    assert not left.on_ground

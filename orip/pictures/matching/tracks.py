@@ -1,0 +1,128 @@
+"""Tracks: features of many photos that are the same point; and a selection of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from msgspec import Struct
+from numpy.typing import NDArray
+
+from orip.pictures.matching.features import Features, cells
+
+LEAST_OF_PAIR = 12
+"""Points that two photos with matches keep in common, if there are as many."""
+_ENOUGH = 3
+"""Part of the points of a photo to which those of two rays fill it."""
+
+
+class Tracks(Struct, frozen=True):
+    """Rays in the order of their tracks.
+
+    Parameters
+    ----------
+    track : ndarray (r,)
+        From 0 without gaps.
+    photo : ndarray (r,)
+    feature : ndarray (r,)
+        Of the photo.
+    """
+
+    track: NDArray[np.intp]
+    photo: NDArray[np.intp]
+    feature: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return int(self.track[-1]) + 1 if len(self.track) else 0
+
+    def take(self, rays: NDArray[np.bool_] | NDArray[np.intp]) -> Tracks:
+        """Return some of the rays; tracks left without any have no number."""
+        return Tracks(np.unique(self.track[rays], return_inverse=True)[1], self.photo[rays], self.feature[rays])
+
+
+def join_tracks(
+    features: Sequence[Features], matches: Mapping[tuple[int, int], NDArray[np.intp]]
+) -> tuple[Tracks, int]:
+    """Return the tracks that matches of pairs of photos join, and how many were dropped.
+
+    A track with two features in a photo is wrong somewhere, and dropped. Features of two directions at one place are
+    one.
+    """
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    start = np.cumsum([0, *(len(of_photo) for of_photo in features)])
+    count = int(start[-1])
+    place = np.arange(count)
+    for number, of_photo in enumerate(features):
+        _, first, same = np.unique(of_photo.place, axis=0, return_index=True, return_inverse=True)
+        place[start[number] : start[number + 1]] = start[number] + first[same.ravel()]
+    ends = [np.zeros((0, 2), dtype=np.intp)]
+    ends += [place[pairs + start[[one, other]]] for (one, other), pairs in sorted(matches.items())]
+    one, other = np.concatenate(ends).T
+    graph = coo_matrix((np.ones(len(one)), (one, other)), shape=(count, count))
+    component = connected_components(graph, directed=False)[1]
+    nodes = np.unique(np.concatenate([one, other]))
+    photo = np.searchsorted(start, nodes, side="right") - 1
+    order = np.lexsort((photo, component[nodes]))
+    nodes, photo = nodes[order], photo[order]
+    track = np.unique(component[nodes], return_inverse=True)[1]
+    twice = (np.diff(track) == 0) & (np.diff(photo) == 0)
+    wrong = np.unique(track[1:][twice])
+    found = Tracks(track, photo, nodes - start[photo])
+    return found.take(~np.isin(track, wrong)), len(wrong)
+
+
+def select_tracks(
+    tracks: Tracks,
+    place: NDArray[np.float64],
+    error: NDArray[np.float64],
+    sizes: Sequence[tuple[int, int]],
+    most: int,
+) -> NDArray[np.intp]:
+    """Return the numbers of tracks that cover each photo evenly, with as many rays as possible.
+
+    Tracks with many and precise rays come first. One is taken if in a photo that has not enough its part of the photo
+    is empty, or if a pair of photos has too few points in common. Of two rays nothing confirms that they are of the
+    same point: such tracks only fill photos that lack others.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    place : ndarray (r, 2)
+        Of the rays, pixels.
+    error : ndarray (r,)
+        Their expected errors, or what these are proportional to.
+    sizes : sequence of tuple of 2 int
+        Columns and rows of the photos.
+    most : int
+        Points of a photo.
+    """
+    cell = np.zeros(len(place), dtype=np.intp)
+    for photo, size in enumerate(sizes):
+        here = tracks.photo == photo
+        cell[here] = cells(place[here], size, most)
+    rays = np.bincount(tracks.track, minlength=len(tracks))
+    first = np.concatenate([[0], np.cumsum(rays)])
+    worth = (rays - 1.0) / np.sqrt(np.bincount(tracks.track, weights=error) / np.maximum(rays, 1))
+    order = np.argsort(-worth, kind="stable")
+    taken: list[int] = []
+    full: set[tuple[int, int]] = set()
+    have = [0] * len(sizes)
+    pairs: dict[tuple[int, int], int] = {}
+    photos, parts = tracks.photo.tolist(), cell.tolist()
+    for number in order.tolist():
+        span = range(first[number], first[number + 1])
+        own = [(photos[ray], parts[ray]) for ray in span]
+        enough = most if len(own) > 2 else most // _ENOUGH
+        needed = any(have[photo] < enough and (photo, part) not in full for photo, part in own)
+        joined = [(a[0], b[0]) for i, a in enumerate(own) for b in own[i + 1 :]] if len(own) <= 8 else []
+        if not needed and not any(pairs.get(pair, 0) < LEAST_OF_PAIR for pair in joined):
+            continue
+        taken.append(number)
+        full.update(own)
+        for photo, _ in own:
+            have[photo] += 1
+        for pair in joined:
+            pairs[pair] = pairs.get(pair, 0) + 1
+    return np.array(sorted(taken), dtype=np.intp)
