@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 FILM, OPERATED, DRIVABLE, JOINED, EXCHANGED = "film", "operated", "drivable", "joined", "exchanged"
-UPDATED, FIRST = "updated", "first"
+UPDATED, FIRST, FLOWN = "updated", "first", "flown"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
 adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
 their stores; adjusted, with what it is in another program, and an empty folder; on film, with an update that can be
-undone; digital and adjusted, with what it is in another program and an empty folder."""
+undone; digital and adjusted, with what it is in another program and an empty folder; planned and partly flown."""
 
 MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
 """Those of the joined project; with the other stores it has seventeen."""
@@ -82,13 +82,14 @@ _OTHERS = {
         "export nvm written.nvm", "export bal written.txt", "export dxf written.dxf", "export geopackage written.gpkg",
         "adjust model", "solve", "bundle rename MAIN OTHER", "online",
     ),
+    FLOWN: ("plan make --force", "plan show", "plan export dji drone.kmz", "plan flown --again AGAIN.PLAN"),
 }  # fmt: skip
 
 ONLY_READING = frozenset(
     {
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
         "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
-        "archive diff",
+        "archive diff", "plan forecast", "plan compare", "plan place", "plan clock",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",

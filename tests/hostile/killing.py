@@ -34,6 +34,7 @@ from hostile.killed_commands import (
     EXCHANGED,
     FILM,
     FIRST,
+    FLOWN,
     JOINED,
     KILLED,
     MANY_BUNDLES,
@@ -149,6 +150,7 @@ def prepared(folder: Path) -> Iterator[list[Case]]:
     for form, name in (("colmap", "model"), ("micmac", "Ori-Z")):
         _done(folder / FIRST, "export", form, name)
     (folder / FIRST / "empty").mkdir()
+    _partly_flown(folder)
     _load_modules(folder)
     for name in ("MAIN.DRV", "report.html"):
         (folder / DRIVABLE / name).unlink()
@@ -180,6 +182,16 @@ def _film(folder: Path) -> None:
     (folder / "FIRST.dump").write_text("\n".join(dump(folder / "FIRST.PHO")) + "\n")
     _change_film(folder)
     replace_in(folder / "FIRST.PNT", "1012.40", "1012.41")
+
+
+def _partly_flown(folder: Path) -> None:
+    """Make a project whose plan has changed since, and of which a strip has not been flown."""
+    _done(folder, "init", "--sample", "drone_rtk", str(folder / FLOWN))
+    _done(folder / FLOWN, "plan", "make")
+    replace_in(folder / FLOWN / "orip.toml", "forward = 68.5", "forward = 72.0")
+    stations = folder / FLOWN / "DRONE.STA"
+    flown = [line for line in stations.read_text().splitlines(keepends=True) if " S4 " not in line]
+    stations.write_text("".join(flown))
 
 
 def _change_film(folder: Path) -> None:
