@@ -102,7 +102,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "plan-place": DocumentType(planning.PlanPlace, ("plan place",)),
     "plan-show": DocumentType(planning.PlanShow, ("plan show",)),
     "prelim": DocumentType(preliminary.Prelim, ("prelim", "prelim update")),
-    "project-made": DocumentType(project.ProjectMade, ("init", "new")),
+    "project-made": DocumentType(project.ProjectMade, ("init", "new", "photos")),
     "record": DocumentType(project.Record, _each(_RECORDS, "show")),
     "record-edit": DocumentType(project.RecordEdit, _each(_RECORDS, "add copy edit rename delete")),
     "records": DocumentType(project.Records, _each(_RECORDS, "list")),
