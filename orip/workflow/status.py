@@ -14,9 +14,9 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.report.run_mark import run_of_page
-from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
+from orip.workflow.project.images import image_warnings
 from orip.workflow.project.outputs import outputs_of_other_names
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState
