@@ -12,7 +12,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
 from orip.geometry.plane import MARKS_NEEDED, PARAMETERS, PlaneTransformation
 from orip.interior.definitions import Definitions
-from orip.records.camera import Camera
+from orip.records.camera import Camera, Sensor
 from orip.records.coded_names import rows_of_records
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import PhotoObservations
@@ -37,6 +37,11 @@ _FEW = 0.2
 
 _SOME = 0.5
 """Part of the photos of a camera up to which they may be those of another one, or of another lens."""
+
+_FULL = 0.9
+"""Part of the picture that points reach at least if they were measured all over it."""
+
+TURNED_SENSOR = "; none would if columns and rows were exchanged"
 
 _PIXEL = 1.0
 """Tolerance at the edge of a sensor, pixels: some programs count from the centre of the first one."""
@@ -91,9 +96,15 @@ def _off_sensors(
             f"({counted_names('photo', off)})"
         )
         if not _off(xy, size[::-1]).any():
+            sides = "" if _has_sides_of_turned(sensor) else " (and width and height)"
             text += (
-                "; none would if columns and rows were exchanged: write the column first in the measurements, "
-                "or exchange columns and rows (and width and height) of the sensor"
+                f"{TURNED_SENSOR}: write the column first in the measurements, or exchange columns and rows{sides} of "
+                "the sensor"
+            )
+        elif factor := _reduced_by(xy, size):
+            text += (
+                f"; they do not if it has {factor} times as many: columns and rows seem to be those of reduced "
+                f"pictures; write columns = {factor * sensor.columns}, rows = {factor * sensor.rows}"
             )
         else:
             # photos of another lens may reach beyond the pictures of the first
@@ -103,6 +114,21 @@ def _off_sensors(
                 f"{lens}"
             )
         yield ProjectWarning("outside-frame", f"camera {definitions.cameras[key].name}", text)
+
+
+def _has_sides_of_turned(sensor: Sensor) -> bool:
+    """Tell whether width and height are those of pictures with columns and rows exchanged."""
+    sides = sensor.width / sensor.height
+    pixels, turned = sides * sensor.rows / sensor.columns, sides * sensor.columns / sensor.rows
+    return bool(abs(np.log(turned)) < abs(np.log(pixels)))
+
+
+def _reduced_by(xy: FloatArray, size: FloatArray) -> int:
+    """Return by which whole number columns and rows of a sensor are too small for what was measured; 0 for none."""
+    reach = np.max(xy, axis=0) / size
+    factor = int(np.ceil(reach.max() - _PIXEL / size.max()))
+    full = factor > 1 and reach.min() > _FULL * factor and not _off(xy, factor * size).any()
+    return factor if full else 0
 
 
 def _are_turned(off: list[str], points: Mapping[str, FloatArray], size: FloatArray) -> bool:

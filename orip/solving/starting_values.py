@@ -12,8 +12,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import without_photos
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
-from orip.mistakes.camera_values import raise_if_impossible
-from orip.mistakes.checks import block_warnings, measurement_warnings
+from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
 from orip.mistakes.ground_systems import contradicting_ground_systems
 from orip.prelim.ground import orientations_in_frame, points_in_project
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL

@@ -99,8 +99,8 @@ def equivalent_focal_length(folder: Path) -> None:
 
 
 @mistake(
-    "Principal distance in pixels", ZURICH, "camera OLYMPUS", "in pixels: C = 8.595 mm",
-    mend="Multiply by the size of a pixel; `c` is in mm.", upto="measure",
+    "Principal distance in pixels", ZURICH, "error: camera OLYMPUS", "in pixels", "write c = 8.59503",
+    mend="Multiply by the size of a pixel; `c` is in mm.",
 )  # fmt: skip
 def principal_distance_in_pixels(folder: Path) -> None:
     in_toml(folder, ("c = 8.595 ", "c = 1334.34 "))

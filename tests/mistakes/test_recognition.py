@@ -13,15 +13,18 @@ from support.synthetic_block import DISTORTED, synthetic_block
 from workflow.quiet import run_quietly
 
 from orip.errors import InputError, ProjectWarning
+from orip.interior.definitions import Definitions
 from orip.interior.orientation import orient_photo
-from orip.mistakes.camera_values import camera_warnings, raise_if_impossible
+from orip.mistakes.checks import camera_warnings, raise_if_impossible
 from orip.mistakes.contradicting_control import control_warnings, slip_of_pen
 from orip.mistakes.names import photos_under_two_names
-from orip.mistakes.outside_frame import misnamed_marks
+from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, Camera, Mark, Sensor
 from orip.records.control import ControlPoint
-from orip.records.measurement import MeasuredMarks, PhotoOrientation
+from orip.records.measurement import MeasuredMarks, PhotoObservations, PhotoOrientation
+from orip.records.names import record_key
+from orip.records.photo import Photo
 from orip.structs import replace
 
 # ------------------------------------------------------------------------------------------------------------- cameras
@@ -91,6 +94,37 @@ def test_a_camera_in_another_unit_ends_with_the_value_to_write(
     with pytest.raises(InputError, match="camera DRONE") as raised:
         raise_if_impossible([Camera("DRONE", (c, *[0.0] * 11), sensor=Sensor(5472, 3648, *sides))])
     assert words in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("c", "words"),
+    [
+        (0.0088, "in metres, but C is in mm: write c = 8.8"),
+        (3648.0, "in pixels, but C is in mm: write c = 8.8"),
+        (8800.0, "in pixels or in micrometres, but C is in mm: write c = 21.2281 or c = 8.8"),
+    ],
+)
+def test_a_principal_distance_of_no_lens_ends_with_the_value_to_write(c: float, words: str) -> None:
+    with pytest.raises(InputError, match="camera DRONE") as raised:
+        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 11), sensor=Sensor(5472, 3648, 13.2, 8.8))])
+    assert words in str(raised.value)
+
+
+def test_other_impossible_cameras_end_with_the_values_to_write() -> None:
+    known = (8.8, *[0.0] * 11)
+    sensor = Sensor(5472, 3648, 13.2, 8.8)
+    cameras = [
+        (Camera("D", known, sensor=Sensor(5472, 3648, 13200.0, 8800.0)), "write width = 13.2, height = 8.8"),
+        (Camera("D", known, sensor=Sensor(5472, 3648, 0.51969, 0.34646)), "in inches: write width = 13.2"),
+        (Camera("D", (8.8, 2744.0, 1838.0, *[0.0] * 9), sensor=sensor), "principal_point = [0.01930, -0.03377]"),
+        (Camera("D", (8.8, 0.0, 0.0, 0.0, -0.2, 0.05, *[0.0] * 6), sensor=sensor), "A3 = -0.002583, A5 = 8.338e-06"),
+    ]
+    for camera, words in cameras:
+        with pytest.raises(InputError, match="camera D:") as raised:
+            raise_if_impossible([camera])
+        assert words in str(raised.value)
+    (said,) = camera_warnings(Camera("D", (8.8, 6.62, 4.43, *[0.0] * 9), sensor=sensor))
+    assert "subtract 6.6 from x and 4.4 from y" in said.text
 
 
 def test_a_frame_in_metres_ends_with_the_value_to_write() -> None:
@@ -252,3 +286,23 @@ def test_micrometres_on_the_stage_change_nothing(tmp_path: Path) -> None:
     assert "warning" not in orip(folder, "run", "--no-report").err
     (other,) = run_quietly(folder)
     assert other.solution.points.values == pytest.approx(as_it_is.solution.points.values, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "words"),
+    [
+        (Sensor(2736, 1824, 13.2, 8.8), "write columns = 5472, rows = 3648"),
+        (Sensor(3648, 5472, 13.2, 8.8), "or exchange columns and rows of the sensor"),
+        (Sensor(3648, 5472, 8.8, 13.2), "exchange columns and rows (and width and height) of the sensor"),
+    ],
+)
+def test_the_columns_of_a_sensor_that_the_points_exceed(sensor: Sensor, words: str) -> None:
+    camera = Camera("D", (8.8, *[0.0] * 11), sensor=sensor)
+    photos = {record_key(name): Photo(name, "D") for name in ("1", "2")}
+    definitions = Definitions({record_key("D"): camera}, {}, {}, photos, {})
+    xy = np.array([[20.0, 10.0], [5450.0, 3630.0], [2700.0, 900.0], [4000.0, 1800.0]])
+    observations = PhotoObservations(
+        "B", ("1", "1", "2", "2"), ("A", "B", "A", "B"), xy, np.full((4, 2), np.nan), np.zeros(4, dtype=bool)
+    )
+    (said,) = points_outside_frames(definitions, observations, {})
+    assert words in said.text

@@ -12,8 +12,7 @@ from orip.files.text.regular_file import file_of
 from orip.files.text.shown import Parsed
 from orip.interior.in_force import Interior
 from orip.interior.replay import Replayed, replay
-from orip.mistakes.camera_values import raise_if_impossible
-from orip.mistakes.checks import measurement_warnings
+from orip.mistakes.checks import measurement_warnings, raise_if_impossible
 from orip.progress import stage
 from orip.records.measurement import Measured
 from orip.records.names import record_key
