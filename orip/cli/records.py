@@ -88,6 +88,7 @@ def _register_reading(group: typer.Typer, kind: RecordKind) -> None:
         rows = [
             {**({"bundle": row.bundle} if row.bundle else {}), **row.table, "from": row.source} for row in found.rows
         ]
+        invocation.terminal.warn(found.warnings)
         invocation.terminal.answer("records", {"command": f"{kind} list", "records": rows}, found.text)
 
     @command(group, "show", reads_only=True, without=_left_out(kind))

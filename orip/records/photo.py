@@ -52,6 +52,8 @@ class Photo(Struct, frozen=True):
         Names of the orientation elements that the adjustment holds.
     scan : Scan or None
         The photo's measurements are scan pixels.
+    image : str or None
+        Path of its image file, from the project folder.
     """
 
     name: Annotated[str, Field(example='"P101"')]
@@ -63,6 +65,7 @@ class Photo(Struct, frozen=True):
     ) * 6
     constant: Annotated[tuple[str, ...], Field(heading="Constant", example='["X0", "Y0"]')] = ()
     scan: Annotated[Scan | None, Field(example="{ pixel = 0.0127 }")] = None
+    image: Annotated[str | None, Field(text="line", example='"DSC_0102.JPG"', key_after="camera")] = None
 
 
 class Temtick(Struct, frozen=True):

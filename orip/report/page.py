@@ -97,7 +97,7 @@ def _trust(given: ReportInput) -> dict[str, Any]:
     """Return what tells whether the result can be trusted."""
     test = sigma0_test(given.solution)
     return {
-        "warnings": by_kind(ProjectWarning(*row) for row in given.solution.warnings),
+        "warnings": by_kind([*(ProjectWarning(*row) for row in given.solution.warnings), *given.image_warnings]),
         "key_numbers": key_numbers(given),
         "test": test if isinstance(test, GlobalTest) else None,
         "verdict": verdict(given, test),

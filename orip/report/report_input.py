@@ -10,6 +10,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
+from orip.errors import ProjectWarning
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import pixel_size
 from orip.records.camera import Camera
@@ -102,6 +103,8 @@ class ReportInput(Struct, frozen=True, dict=True):
         Names and digests of the measurement files as they were replayed last.
     test_level : float or None
         Error probability of the test of one observation; None: that of all tests of the block together is stated.
+    image_warnings : tuple of ProjectWarning
+        Images of photos that cannot be used.
     """
 
     solution: Solution
@@ -114,6 +117,7 @@ class ReportInput(Struct, frozen=True, dict=True):
     crs: str | None = None
     replayed: tuple[tuple[str, str], ...] = ()
     test_level: float | None = None
+    image_warnings: tuple[ProjectWarning, ...] = ()
 
     @cached_property
     def photo_vectors(self) -> Mapping[str, PhotoVectors]:

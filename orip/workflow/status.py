@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -10,8 +10,11 @@ from orip.annexes import DOWNLOAD_STEP, DRIVE_STEPS, annex
 from orip.errors import ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
+from orip.records.camera import Camera
 from orip.records.names import record_key
+from orip.records.photo import Photo
 from orip.report.run_mark import run_of_page
+from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
@@ -82,7 +85,8 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
         *_stations(state),
     )
     following = next((step.following for step in steps if step.state != "up to date"), None)
-    warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *beside)
+    images = image_warnings(project.folder, *_photos_and_cameras(state))
+    warnings = (*project.warnings, *_old_outputs(project), *_old_reports(state), *images, *beside)
     return ProjectStatus(project, counts, tuple(steps), following, warnings)
 
 
@@ -96,6 +100,13 @@ def _count(project: ProjectFolder, texts: Sequence[NamedRecord], stored: Sequenc
     """Return how many records the project has in text and store; others may keep their cameras in the same store."""
     own = (item.record for item in stored if item.origin in {None, project.definition.name})
     return len({record_key(record.name) for record in (*texts, *own)})
+
+
+def _photos_and_cameras(state: ProjectState) -> tuple[tuple[Photo, ...], Mapping[str, Camera]]:
+    """Return the photos and cameras of the stores, and those of the text that are not in them yet."""
+    text, stored = state.project.definition, state.records
+    photos = {record_key(photo.name): photo for photo in text.photos} | dict(stored.photos)
+    return tuple(photos.values()), {record_key(camera.name): camera for camera in text.cameras} | dict(stored.cameras)
 
 
 def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
+from orip.files.project.file_names import image_path_fault
 from orip.files.project.record_checks import parameter_names
 from orip.files.project.source import Located, NamePlace, ProjectSource
 from orip.files.project.tables import Fault, unknown_name
@@ -184,6 +185,8 @@ def check_photos(source: ProjectSource, references: References, line_of: LineOf)
         if photo.record.template is not None:
             for message in references.check("template", photo.record.template, where):
                 yield (*photo.place, "template"), message
+        if photo.record.image is not None and (fault := image_path_fault(photo.record.image)):
+            yield (*photo.place, "image"), f"image '{shown_token(photo.record.image)}' of {where} {fault}"
         camera = references.camera(photo.record)
         if camera is not None and camera.sensor is not None and photo.record.scan is not None:
             message = f"{where} has a scan, but its camera '{camera.name}' has a sensor; remove one of the two"

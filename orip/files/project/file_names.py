@@ -58,6 +58,16 @@ def store_path_fault(path: str, extension: str) -> str | None:
     return None if fault is None else f"{fault}; choose a shorter one"
 
 
+def image_path_fault(path: str) -> str | None:
+    """Say why a text cannot be the path of an image, or return None if it can."""
+    if not path.strip() or not path.isprintable():
+        return 'is empty or has characters that cannot be printed; write a file name such as "DSC_0102.JPG"'
+    if is_device(PurePath(path).name):
+        return "is the name of a device on Windows; write the name of an image file"
+    fault = _length_fault(path)
+    return None if fault is None else f"{fault}; choose a shorter one"
+
+
 def pattern_fault(pattern: str) -> str | None:
     """Say why a text cannot be the pattern of files, or return None if it can."""
     if not pattern.isprintable():

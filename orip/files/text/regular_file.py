@@ -63,23 +63,29 @@ def is_there(path: Path) -> bool:
         return False
 
 
-def open_regular(path: Path) -> BufferedReader:
+def open_regular(path: Path, largest: int = LARGEST_FILE) -> BufferedReader:
     """Open a regular file for reading.
+
+    Parameters
+    ----------
+    path : Path
+    largest : int, optional
+        Bytes that it may have.
 
     Raises
     ------
     NoRegularFileError
         If it is anything else; nothing waits for a pipe.
     OSError
-        If it cannot be opened, or is larger than `LARGEST_FILE`.
+        If it cannot be opened, or is larger than `largest`.
     ValueError
         If the name has a zero character.
     """
     # looked at before it is opened: opening alone may do something to a device
-    _require_regular(os.stat(path))  # noqa: PTH116  # the same look at the name as at the descriptor below
+    _require_regular(os.stat(path), largest)  # noqa: PTH116  # the same look at the name as at the descriptor below
     descriptor = os.open(path, _OPENING)
     try:
-        _require_regular(os.fstat(descriptor))
+        _require_regular(os.fstat(descriptor), largest)
         return os.fdopen(descriptor, "rb")
     except BaseException:
         os.close(descriptor)
@@ -101,7 +107,7 @@ def regular_bytes(path: Path) -> bytes:
         if len(data) > size:
             data += stream.read(LARGEST_FILE + 1 - len(data))
     if len(data) > LARGEST_FILE:
-        raise _too_large()
+        raise _too_large(LARGEST_FILE)
     return data
 
 
@@ -114,16 +120,16 @@ def beginning(path: Path, size: int) -> str:
         return ""
 
 
-def _require_regular(status: os.stat_result) -> None:
+def _require_regular(status: os.stat_result, largest: int) -> None:
     kind = kind_of_no_file(status)
     if kind is not None:
         raise NoRegularFileError(kind)
-    if status.st_size > LARGEST_FILE:
-        raise _too_large()
+    if status.st_size > largest:
+        raise _too_large(largest)
 
 
-def _too_large() -> OSError:
-    return OSError(errno.EFBIG, f"it is larger than {LARGEST_FILE >> 20} MiB")
+def _too_large(largest: int) -> OSError:
+    return OSError(errno.EFBIG, f"it is larger than {largest >> 20} MiB")
 
 
 @cache

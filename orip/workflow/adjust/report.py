@@ -22,6 +22,7 @@ from orip.report.page import report_page
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.gates import check_solution, project_gates
+from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.outputs import TextOutput, first_bytes, require_replaceable
@@ -102,6 +103,7 @@ def report_input(state: ProjectState, solution: Solution, gates: Iterable[GateRe
     return ReportInput(
         solution, tuple(gates), state.definitions.bundle(solution.bundle), records.cameras, records.photos,
         records.templates, header.report, header.crs, _measurement_files(state), header.test_level,
+        image_warnings(state.project.folder, records.photos.values(), records.cameras),
     )  # fmt: skip
 
 

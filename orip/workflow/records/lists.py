@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.errors import UsageError
+from orip.errors import ProjectWarning, UsageError
 from orip.files.project.record_values import TomlTable
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
@@ -21,6 +21,7 @@ from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, RADIAL_PLA
 from orip.records.definition import RECORD_TYPES
 from orip.records.fields import headings_of
 from orip.records.names import near_names, record_key
+from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.state import ProjectState
@@ -154,10 +155,11 @@ class RecordRow(Struct, frozen=True):
 
 
 class RecordList(Struct, frozen=True):
-    """The records of a kind, also as text."""
+    """The records of a kind, also as text, and what is wrong with the images of photos."""
 
     rows: tuple[RecordRow, ...]
     text: str
+    warnings: tuple[ProjectWarning, ...] = ()
 
 
 class ShownRecord(Struct, frozen=True):
@@ -194,8 +196,12 @@ def list_records(state: ProjectState, kind: RecordKind, bundle: str | None = Non
         columns.append(Column(heading, [_cell(row.table, key, counted=counted) for row in rows], align="left"))
     if kind == "model":
         columns.insert(0, Column("Bundle", [row.bundle for row in rows], align="left"))
+    warnings: tuple[ProjectWarning, ...] = ()
+    if kind == "photo" and any("image" in row.table for row in rows):
+        columns.append(Column("Image", [str(row.table.get("image", "-")) for row in rows], align="left"))
+        warnings = image_warnings(project.folder, state.records.photos.values(), state.records.cameras)
     columns.append(Column("From", [row.source for row in rows], align="left"))
-    return RecordList(rows, "\n".join(table_lines(columns)) + "\n")
+    return RecordList(rows, "\n".join(table_lines(columns)) + "\n", warnings)
 
 
 def show_record(state: ProjectState, record: RecordName) -> ShownRecord:
