@@ -19,6 +19,7 @@ COMMANDS: Mapping[str, str] = {
     "adjust": "orip.exchange.commands",
     "drive": "orip.multimodel.commands.drive",
     "digitise": "orip.multimodel.commands.digitise",
+    "photos": "orip.pictures.commands",
     "stations": "orip.stations.commands",
     "archive": "orip.archive.commands",
 }

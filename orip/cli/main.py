@@ -70,6 +70,7 @@ COMMANDS: Mapping[str, Listed] = {
     "dump": Listed("Print a record store as canonical text: equal data give equal text.", ("stores",)),
     "load": Listed("Replace a record store's content by that of a dump, all or nothing.", ("stores",)),
     "export-toml": Listed("Bring the record stores into the text: a complete orip.toml.", ("stores",)),
+    "photos": Listed("Make a project folder of a folder of photographs.", ()),
     "import": Listed("Make a project folder of a project of another program.", ()),
     "export": Listed("Write the result of the last adjustment in the format of another program.", ()),
     "adjust": Listed(

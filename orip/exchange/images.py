@@ -23,25 +23,14 @@ from orip.files.exif import (
     image_files,
     image_tags,
 )
+from orip.files.image_cameras import camera_model, focal_length, station_of, utm_zone, whole_of
 from orip.files.text.regular_file import open_regular
 from orip.files.text.shown import Parsed
-from orip.records.control import NOT_GIVEN, Station, StationReference
+from orip.records.control import StationReference
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
-from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import agreeing, counted, first_names
 
 _MOST_NAMED = 3
-_DIAGONAL_35MM = math.hypot(36.0, 24.0)
-_UNITS_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}
-"""Of FocalPlaneResolutionUnit: inch, cm, mm, micrometre."""
-
-_CODE_ERRORS = (5.0, 5.0, 10.0)
-"""Metres east, north, up, of positions without corrections, where the file has none."""
-
-_ANGLE_ERRORS = (1.0 * RADIANS_PER_DEGREE, 1.0 * RADIANS_PER_DEGREE, 3.0 * RADIANS_PER_DEGREE)
-_NADIR_PITCH = -math.pi / 2.0
-_NO_ROLL = 0.1 * RADIANS_PER_DEGREE
-
 _OF_FOCAL_LENGTH, _UNKNOWN_FOCAL_LENGTH = 0.03, 0.3
 """Standard deviation over the focal length: cameras round it to whole millimetres, and focus changes it; and of one
 that no tag says."""
@@ -95,7 +84,7 @@ def read_images_project(source: Path, shown: str) -> Parsed[ExchangedProject | N
     if found.complaints:
         return Parsed(None, tuple(found.complaints))
     cameras = _cameras(found.images)
-    stations = tuple(station for image in found.images for station in _station(image))
+    stations = tuple(station for image in found.images for station in station_of(image.name, image.exposure))
     places = np.array([station.position for station in stations if station.has_position]).reshape(-1, 3)
     return Parsed(
         ExchangedProject(
@@ -111,7 +100,7 @@ def read_images_project(source: Path, shown: str) -> Parsed[ExchangedProject | N
             ),
             stations=stations if len(places) else (),
             station_reference=StationReference("EPSG:4979", navigation=True),
-            crs=_utm(places) if len(places) else None,
+            crs=utm_zone(places) if len(places) else None,
             ground_unit="m" if len(places) else "unit",
             notes=tuple(_notes(found.images, places)),
         )
@@ -123,7 +112,7 @@ def _add(path: Path, found: _Read) -> None:
         tags = image_tags(path)
         columns, rows = _size(path, tags)
         exposure = exposure_of(tags)
-        focal_px, width_mm = _focal_length(tags, columns, rows)
+        focal_px, width_mm = focal_length(tags, columns, rows)
     except DAMAGED as fault:
         message = f"its data cannot be read ({type(fault).__name__}); take the file out of the folder"
         found.complaints.append(Complaint(message, path.name))
@@ -132,10 +121,8 @@ def _add(path: Path, found: _Read) -> None:
         message = "its number of columns and rows is not in it; take the file out of the folder"
         found.complaints.append(Complaint(message, path.name))
         return
-    maker, model = (_text(tags, tag) for tag in ("Image Make", "Image Model"))
-    name = model if model.lower().startswith(maker.lower()) else f"{maker} {model}"
-    kind = (name.strip(), columns, rows, f"{focal_px:.1f}")
-    is_turned = _whole(tags, "Image Orientation") not in (0, 1)
+    kind = (camera_model(tags), columns, rows, f"{focal_px:.1f}")
+    is_turned = whole_of(tags, "Image Orientation") not in (0, 1)
     found.images.append(_Image(path.name, kind, focal_px, width_mm, is_turned, exposure))
 
 
@@ -169,57 +156,6 @@ def _cameras(images: Sequence[_Image]) -> dict[tuple[str, int, int, str], Exchan
     return found
 
 
-def _focal_length(tags: ImageTags, columns: int, rows: int) -> tuple[float, float]:
-    """Return the focal length in pixels, and the width of the sensor in mm, NaN where they are not known.
-
-    From the focal length and the resolution of the sensor; else from that for 35 mm film, whose diagonal counts (CIPA
-    DC-008).
-    """
-    focal_mm = _number(tags, "EXIF FocalLength")
-    resolution = _number(tags, "EXIF FocalPlaneXResolution")
-    unit = _UNITS_MM.get(_whole(tags, "EXIF FocalPlaneResolutionUnit") or 2, math.nan)
-    # an image that was made smaller keeps the resolution of the sensor
-    width, length = _number(tags, "EXIF ExifImageWidth"), _number(tags, "EXIF ExifImageLength")
-    # a program that turned the image may have left its sides as they were
-    full, now = (max(width, length), max(columns, rows)) if length > 0.0 else (width, columns)
-    scale = now / full if full > 0.0 else 1.0
-    if focal_mm > 0.0 and resolution > 0.0 and math.isfinite(unit):
-        pixel = unit / resolution / scale
-        if 1e-4 < pixel < 0.1:
-            return focal_mm / pixel, pixel * columns
-    equivalent = _number(tags, "EXIF FocalLengthIn35mmFilm")
-    if equivalent > 0.0:
-        focal_px = equivalent / _DIAGONAL_35MM * math.hypot(columns, rows)
-        return focal_px, focal_mm / focal_px * columns if focal_mm > 0.0 else math.nan
-    return math.nan, math.nan
-
-
-def _station(image: _Image) -> Iterator[Station]:
-    """Yield the position of an image, with the attitude of a gimbal that does not roll."""
-    longitude, latitude, height = image.exposure.place
-    if not math.isfinite(longitude + latitude + height):
-        return
-    is_fixed = image.exposure.quality == "fixed" and all(map(math.isfinite, image.exposure.errors))
-    roll, pitch, yaw = image.exposure.angles
-    is_level = math.isfinite(roll + pitch + yaw) and abs(roll) <= _NO_ROLL
-    yield Station(
-        image.name,
-        (longitude * DEGREES_PER_RADIAN, latitude * DEGREES_PER_RADIAN, height),
-        image.exposure.errors if is_fixed else _CODE_ERRORS,
-        # a camera that looks down is one of a vehicle without pitch
-        angles=(0.0, pitch - _NADIR_PITCH, yaw) if is_level else NOT_GIVEN,
-        angle_error=_ANGLE_ERRORS if is_level else NOT_GIVEN,
-        time=image.exposure.time,
-    )
-
-
-def _utm(places: np.ndarray) -> str:
-    """Return the zone of UTM of places (n, 3), longitude and latitude in degrees."""
-    longitude, latitude = np.median(places[:, :2], axis=0).tolist()
-    zone = int((longitude + 180.0) % 360.0 // 6.0) + 1
-    return f"EPSG:{(32600 if latitude >= 0.0 else 32700) + zone}"
-
-
 def _notes(images: Sequence[_Image], places: np.ndarray) -> Iterator[str]:
     without = [image.name for image in images if not math.isfinite(image.focal_px)]
     if without:
@@ -242,7 +178,7 @@ def _notes(images: Sequence[_Image], places: np.ndarray) -> Iterator[str]:
         yield f"{counted(unplaced, 'image')} without a position in EXIF or XMP."
     yield (
         f"Positions are longitude, latitude and height of EXIF or XMP in the .STA file, and count as ellipsoidal; the "
-        f"project's crs is the zone of UTM, {_utm(places)}: change it to the system that results are wanted in."
+        f"project's crs is the zone of UTM, {utm_zone(places)}: change it to the system that results are wanted in."
     )
 
 
@@ -265,23 +201,7 @@ def _size(path: Path, tags: ImageTags) -> tuple[int, int]:
                     return int(columns), int(rows)
                 place += 2 + int.from_bytes(marker[2:4], "big")
     for names in (("EXIF ExifImageWidth", "EXIF ExifImageLength"), ("Image ImageWidth", "Image ImageLength")):
-        columns, rows = (_whole(tags, name) for name in names)
+        columns, rows = (whole_of(tags, name) for name in names)
         if 0 < columns < 1 << 20 and 0 < rows < 1 << 20:
             return columns, rows
     return 0, 0
-
-
-def _number(tags: ImageTags, name: str) -> float:
-    """Return the first number of a tag; NaN if it has none."""
-    values = getattr(tags.exif.get(name), "values", None) or [math.nan]
-    return float(values[0]) if not isinstance(values, str) else math.nan
-
-
-def _whole(tags: ImageTags, name: str) -> int:
-    value = _number(tags, name)
-    return int(value) if math.isfinite(value) else 0
-
-
-def _text(tags: ImageTags, name: str) -> str:
-    text = "".join(letter for letter in str(tags.exif.get(name, "")) if letter.isprintable())
-    return " ".join(text.split())[:40]

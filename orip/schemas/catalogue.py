@@ -87,7 +87,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "online-demo": DocumentType(measuring.OnlineDemo, ("online",)),
     "online-reconsidered": DocumentType(measuring.OnlineReconsidered, ("online",)),
     "prelim": DocumentType(preliminary.Prelim, ("prelim", "prelim update")),
-    "project-made": DocumentType(project.ProjectMade, ("init", "new")),
+    "project-made": DocumentType(project.ProjectMade, ("init", "new", "photos")),
     "record": DocumentType(project.Record, _each(_RECORDS, "show")),
     "record-edit": DocumentType(project.RecordEdit, _each(_RECORDS, "add copy edit rename delete")),
     "records": DocumentType(project.Records, _each(_RECORDS, "list")),

@@ -287,7 +287,7 @@ class StationsImport(Part, frozen=True):
 class ProjectMade(Part, frozen=True):
     """A project that was made, and the command that comes next."""
 
-    command: Literal["init", "new"]
+    command: Literal["init", "new", "photos"]
     project: str
     folder: str
     next: str

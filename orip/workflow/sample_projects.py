@@ -137,7 +137,7 @@ def make_project(name: str, user: str, folder: Path) -> ProjectMade:
     """
     names = {"name": name, **({"user": user} if user else {})}
     text = f"{_HEADING}\n{toml_table('[project]', names)}"
-    _write(folder, {PROJECT_FILE: text}, "orip init NAME DIR")
+    write_project_texts(folder, {PROJECT_FILE: text}, "orip init NAME DIR")
     return ProjectMade(name, folder, (PROJECT_FILE,), "camera add NAME c=...")
 
 
@@ -156,7 +156,7 @@ def make_started_project(start: Start, folder: Path) -> ProjectMade:
     texts = starting_texts(start)
     if start.crs:
         geodetic_of(start.crs)  # raises where it is not known, or no projected system
-    _write(folder, texts, "orip new NAME DIR")
+    write_project_texts(folder, texts, "orip new NAME DIR")
     return ProjectMade(start.name, folder, tuple(texts), _NEXT[start.kind])
 
 
@@ -167,11 +167,20 @@ _NEXT: Mapping[BlockKind, str] = {
 }
 
 
-def _write(folder: Path, texts: Mapping[str, str], example: str) -> None:
+def write_project_texts(folder: Path, texts: Mapping[str, str], example: str) -> None:
     """Write texts of a new project, all or, where one is there already, none.
 
     If it is killed while it writes, there is no half project: a new folder appears as a whole, and in an existing one
     orip.toml is written last. When repeated, it goes on from there.
+
+    Raises
+    ------
+    InputError
+        If orip.toml would be refused.
+    UsageError
+        If the folder has one of the files; `example` is the command that names another one.
+    OripError
+        If the folder or the disk refuses.
     """
     faults = parse_project(texts[PROJECT_FILE]).complaints
     if faults:

@@ -1,0 +1,113 @@
+"""`orip photos`: cameras, positions and what is left out of a folder of photographs."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli.command_line import orip
+
+Image = pytest.importorskip("PIL.Image")
+IFDRational = pytest.importorskip("PIL.TiffImagePlugin").IFDRational
+pytest.importorskip("exifread")
+
+COLUMNS, ROWS = 480, 320
+
+
+def _photo(path: Path, seed: int, *, model: str = "TEST CAM", blur: int = 1) -> None:
+    grey = np.random.default_rng(seed).integers(0, 255, (ROWS // blur, COLUMNS // blur)).astype(np.uint8)
+    picture = Image.fromarray(grey).resize((COLUMNS, ROWS), Image.Resampling.BICUBIC)
+    exif = Image.Exif()
+    exif[0x0110], exif[0x0112] = model, 6
+    own = exif.get_ifd(0x8769)
+    own[0x9003] = f"2026:05:01 10:00:{seed:02}"
+    own[0x920A], own[0xA20E], own[0xA210] = (
+        IFDRational(24, 1),
+        IFDRational(200, 1),
+        3,
+    )  # mm; pixels a cm: 24 mm over 480 columns
+    picture.save(path, quality=95, exif=exif)
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    images = tmp_path / "flight"
+    images.mkdir()
+    for number in range(1, 6):
+        _photo(images / f"A{number}.jpg", number)
+    return images
+
+
+def _made(folder: Path, *options: str):
+    done = orip(folder.parent, "photos", folder.name, "made", *options)
+    assert done.code == 0, done.err
+    return done.err, tomllib.loads((folder.parent / "made" / "orip.toml").read_text())
+
+
+def test_the_project_has_the_camera_of_exif_and_passes_init(folder):
+    said, project = _made(folder)
+    (camera,) = project["camera"]
+    assert camera["c"] == pytest.approx(24.0)
+    assert camera["sensor"] == {"columns": COLUMNS, "rows": ROWS, "width": 24.0, "height": 16.0}
+    assert [photo["image"] for photo in project["photo"]] == [f"../flight/A{n}.jpg" for n in range(1, 6)]
+    assert "from focal plane" in said
+    assert orip(folder.parent / "made", "init").code == 0
+    assert "warning" not in orip(folder.parent / "made", "status").err
+
+
+def test_the_width_that_is_given_counts(folder):
+    said, project = _made(folder, "--sensor-width", "36")
+    assert project["camera"][0]["sensor"]["width"] == 36.0
+    assert "from --sensor-width" in said
+
+
+def test_what_is_no_photo_of_the_block_is_named_and_left_out(folder):
+    shutil.copy(folder / "A1.jpg", folder / "copy.jpg")
+    _photo(folder / "soft.jpg", 9, blur=16)
+    (folder / "empty.jpg").touch()
+    (folder / "dir.jpg").mkdir()
+    Image.new("L", (1920, 1080)).save(folder / "screen.png")
+    said, project = _made(folder)
+    for name, why in {
+        "copy.jpg": "same picture as A1.jpg", "soft.jpg": "blurred",
+        "empty.jpg": "empty", "dir.jpg": "a folder", "screen.png": "screenshot",
+    }.items():  # fmt: skip
+        (line,) = [line for line in said.splitlines() if line.startswith(f"left out {name}:")]
+        assert why in line
+    assert [photo["name"] for photo in project["photo"]] == [f"A{n}" for n in range(1, 6)]
+
+
+def test_another_camera_has_a_record_of_its_own(folder):
+    _photo(folder / "B1.jpg", 8, model="OTHER CAM")
+    _, project = _made(folder)
+    assert {photo["name"]: photo["camera"] for photo in project["photo"]}["B1"] == "OTHER_CAM"
+    assert len(project["camera"]) == 2
+
+
+def test_control_of_a_table(folder):
+    (folder.parent / "gcp.csv").write_text("name;X;Y;Z\nK1;10.0;20.0;3.0\nK2;11.5;22.0;3.5\n")
+    _made(folder, "--control", "gcp.csv", "--control-error", "0.01")
+    lines = (folder.parent / "made" / "made.PNT").read_text().splitlines()[1:]
+    assert lines == ["K1 10.0 20.0 3.0 0.01 0.01 0.01", "K2 11.5 22.0 3.5 0.01 0.01 0.01"]
+    (folder.parent / "bad.csv").write_text("K1;10.0;20.0\n")
+    done = orip(folder.parent, "photos", folder.name, "other", "--control", "bad.csv")
+    assert done.code == 3
+    assert "bad.csv:1" in done.err
+    assert not (folder.parent / "other").exists()
+
+
+def test_nothing_is_written_over_a_project(folder):
+    _made(folder)
+    before = (folder.parent / "made" / "orip.toml").read_bytes()
+    done = orip(folder.parent, "photos", folder.name, "made")
+    assert done.code == 2
+    assert (folder.parent / "made" / "orip.toml").read_bytes() == before
+
+
+def test_a_folder_without_images(tmp_path):
+    (tmp_path / "none").mkdir()
+    assert "no image" in orip(tmp_path, "photos", "none").err
+    assert orip(tmp_path, "photos", "missing").code == 3
