@@ -14,12 +14,12 @@ from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo
 from orip.report.run_mark import run_of_page
-from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import outputs_of_other_names
 from orip.workflow.project.run_id import Step
 from orip.workflow.project.state import Part, ProjectState
+from orip.workflow.records.images import image_warnings
 from orip.workflow.steps import initialise_step, measure_step, solve_step
 
 STATUS_FROM: tuple[Part, ...] = ("definitions", "digests", "replay", "heads")

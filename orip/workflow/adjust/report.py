@@ -22,12 +22,12 @@ from orip.report.page import report_page
 from orip.report.report_input import ReportInput
 from orip.report.run_mark import run_of_page
 from orip.workflow.adjust.gates import check_solution, project_gates
-from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
 from orip.workflow.project.outputs import TextOutput, first_bytes, require_replaceable
 from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.texts import Digests, is_measurement_file
+from orip.workflow.records.images import image_warnings
 
 REPORTED_FROM: tuple[Part, ...] = ("definitions", "replay")
 """What a report needs of the stores besides the solution."""

@@ -21,13 +21,13 @@ from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, RADIAL_PLA
 from orip.records.definition import RECORD_TYPES
 from orip.records.fields import headings_of
 from orip.records.names import near_names, record_key
-from orip.workflow.observations.images import image_warnings
 from orip.workflow.project.definitions import StoredDefinitions
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.state import ProjectState
 from orip.workflow.records.changes import RecordValue, shown_value, values_of
 from orip.workflow.records.document import DocumentRecord, RecordKind, records_of, referents, stored_document
 from orip.workflow.records.edits import RecordName, bundle_of_models, find
+from orip.workflow.records.images import image_warnings
 from orip.workflow.records.reconcile import with_polynomial
 
 DistortionForm = Literal["polynomial", "isp", "curve"]
