@@ -177,7 +177,10 @@ def number_of(tags: ImageTags, name: str) -> float:
     """Return the first number of a tag; NaN if it has none."""
     values = getattr(tags.exif.get(name), "values", None) or [math.nan]
     try:
-        return float(values[0]) if not isinstance(values, str) else math.nan
+        first = values[0]
+        if isinstance(first, tuple):  # what exifread makes of types with a floating point
+            (first,) = first
+        return float(first) if not isinstance(values, str) else math.nan
     except (TypeError, ValueError, ArithmeticError, LookupError):  # a damaged file may have anything there
         return math.nan
 

@@ -19,6 +19,7 @@ from orip.files.project.toml_text import toml_table, toml_value
 from orip.files.text.decimal_numbers import is_number
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import Parsed
+from orip.geometry.ground_crs import geodetic_of
 from orip.pictures.folder_survey import Survey, SurveyedPhoto, sessions_of, survey_folder
 from orip.records.names import name_fault, record_key
 from orip.structs import replace
@@ -83,6 +84,8 @@ def make_photo_project(source: Path, folder: Path, settings: PhotoSettings) -> P
     UsageError
         If there is a project already.
     """
+    if settings.crs is not None:
+        geodetic_of(settings.crs)  # raises where it is not known, or no projected system
     name = fit_file_name(folder.resolve().name)
     control = None if settings.control is None else control_text(settings.control, settings.control_error)
     survey = survey_folder(source, settings.sensor_width)

@@ -111,3 +111,22 @@ def test_a_folder_without_images(tmp_path):
     (tmp_path / "none").mkdir()
     assert "no image" in orip(tmp_path, "photos", "none").err
     assert orip(tmp_path, "photos", "missing").code == 3
+
+
+def test_a_focal_length_with_a_floating_point_is_read(folder):
+    for path in folder.iterdir():
+        with Image.open(path) as picture:
+            picture.load()
+            exif = picture.getexif()
+        exif.get_ifd(0x8769)[0x920A] = 24.0  # Pillow writes a double
+        picture.save(path, quality=95, exif=exif)
+    said, document = _made(folder)
+    assert "focal length not in EXIF" not in said
+    assert document["camera"][0]["c"] == pytest.approx(24.0, abs=0.01)
+
+
+def test_a_crs_that_is_not_known_is_refused_before_anything_is_written(folder):
+    done = orip(folder.parent, "photos", folder.name, "made", "--crs", "EPSG:99999")
+    assert done.code != 0
+    assert "EPSG:99999" in done.err
+    assert not (folder.parent / "made").exists()
