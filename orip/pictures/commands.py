@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from orip.annexes import COMMANDS
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
@@ -33,6 +32,7 @@ class PhotosOptions(NamedTuple):
     crs: Annotated[
         str | None, typer.Option("--crs", metavar="CODE", help="Such as EPSG:25832; of control and results.")
     ] = None
+    run: Annotated[bool, typer.Option("--run", help="Measure tie points and adjust: orip match and orip run.")] = False
 
 
 def register(app: typer.Typer) -> None:
@@ -54,6 +54,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip photos flight3 quarry --control gcp.csv --crs EPSG:25832
         """
+        from orip.pictures.photo_images import require_packages
         from orip.pictures.photo_project import PhotoSettings, make_photo_project
 
         for name, value in (("--sensor-width", options.sensor_width), ("--control-error", options.control_error)):
@@ -64,14 +65,41 @@ def register(app: typer.Typer) -> None:
         target = invocation.folder / (project if project is not None else f"{source.resolve().name}_orip")
         control = None if options.control is None else invocation.folder / options.control
         settings = PhotoSettings(options.sensor_width, control, options.control_error, options.crs)
-        _tell(invocation.terminal, make_photo_project(source, target, settings))
+        if options.run:
+            require_packages()
+        made = make_photo_project(source, target, settings)
+        if not options.run:
+            _tell(invocation.terminal, made)
+            return
+        if not invocation.terminal.json:
+            _tell(invocation.terminal, made)
+        raise typer.Exit(_adjusted(invocation.terminal, target))
+
+
+def _adjusted(terminal: Terminal, folder: Path) -> int:
+    """Measure tie points in a new project and adjust it; return the exit code of the adjustment."""
+    from orip.cli.run import run_project
+    from orip.pictures.match import MatchRequest, match_photos
+    from orip.pictures.match_command import tell
+    from orip.pictures.tie_points import TieSettings
+    from orip.threads import limited_threads
+    from orip.workflow.project.commit import commit
+    from orip.workflow.records.commands import read_records
+
+    state = read_records(folder)
+    with limited_threads(terminal.threads):
+        outcome = commit(
+            match_photos(state, MatchRequest(state.project.bundle_name(None), None, TieSettings()))
+        ).outcome
+    if not terminal.json:
+        tell(terminal, outcome)
+    return run_project(terminal, folder)
 
 
 def _tell(terminal: Terminal, made: PhotoProject) -> None:
     from orip.pictures.photo_project import camera_words
 
-    following = "match" if "match" in COMMANDS else "init"
-    following = f"orip -C {shlex.quote(str(made.folder))} {following}"
+    following = f"orip -C {shlex.quote(str(made.folder))} match"
     if terminal.json:
         terminal.document(
             "project-made",
@@ -91,7 +119,7 @@ def _tell(terminal: Terminal, made: PhotoProject) -> None:
         terminal.say(f"note     {note}")
     for path, fault in survey.left_out:
         terminal.say(f"left out {path.name}: {fault}")
-    stations = f", {counted(made.stations, 'exposure station')}" if made.stations else ", no positions in the images"
+    stations = f", {counted(made.stations, 'exposure station')}" if made.stations else ", no positions"
     control = f", {counted(made.control, 'control point')}" if made.control else ""
     terminal.say(f"wrote    {made.folder / 'orip.toml'}: {counted(len(survey.photos), 'photo')}{stations}{control}")
     terminal.say(f"next     {following}", "bold")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from orip.geometry.ground_crs import geodetic_of
 from orip.pictures.folder_survey import Survey, SurveyedPhoto, sessions_of, survey_folder
 from orip.records.names import name_fault, record_key
 from orip.structs import replace
+from orip.wording import counted
 from orip.workflow.sample_projects import write_project_texts
 
 _UNKNOWN_WIDTH_MM = 36.0
@@ -92,7 +93,10 @@ def make_photo_project(source: Path, folder: Path, settings: PhotoSettings) -> P
     names = _names(survey.photos)
     cameras = _cameras(survey.photos, names)
     stations, crs = _stations(survey.photos, names, settings)
-    texts = {"orip.toml": _project_text(name, folder, survey, names, cameras, crs)}
+    if not stations and settings.control is not None:
+        survey = replace(survey, notes=(*survey.notes, *_positions_left_out(survey.photos)))
+    is_free = control is None and not stations
+    texts = {"orip.toml": _project_text(name, folder, survey, names, cameras, crs, is_free=is_free)}
     if control is not None:
         texts[f"{name}.PNT"] = control
     if stations:
@@ -189,6 +193,16 @@ def _stations(
     return heading + stations_text(found, is_geographic=True), crs
 
 
+def _positions_left_out(photos: Sequence[SurveyedPhoto]) -> Iterator[str]:
+    """Say that positions cannot be used beside control points of a system that is not named."""
+    count = sum(bool(station_of("a", photo.exposure)) for photo in photos)
+    if count:
+        yield (
+            f"{counted(count, 'photo')} with a position in the image: left out, as the system of the control points is "
+            "not named; --crs EPSG:25832, or whatever it is, uses them"
+        )
+
+
 def camera_words(camera: ImageCamera) -> str:
     """Say what a camera is and from which the size of its sensor is known."""
     focal = f"{camera.focal_mm:g} mm" if camera.focal_mm else "focal length not in EXIF"
@@ -222,7 +236,14 @@ def _camera_text(made: CameraMade) -> str:
 
 
 def _project_text(
-    name: str, folder: Path, survey: Survey, names: Mapping[Path, str], cameras: Sequence[CameraMade], crs: str | None
+    name: str,
+    folder: Path,
+    survey: Survey,
+    names: Mapping[Path, str],
+    cameras: Sequence[CameraMade],
+    crs: str | None,
+    *,
+    is_free: bool,
 ) -> str:
     camera_of = {photo: made.name for made in cameras for photo in made.photos}
     parts = [
@@ -238,8 +259,11 @@ def _project_text(
     if survey.left_out:
         lines = [f"# image = {toml_value(_from(folder, path))}: {fault}\n" for path, fault in survey.left_out]
         parts.append("# Left out; to use one all the same, write a record of it.\n" + "".join(lines))
-    bundle = toml_table("[[bundle]]", {"name": "MAIN", "measurement_precision": "0.5px"})
-    parts.append(f"# The adjustment: the a-priori error of a photo coordinate, where a measurement has none.\n{bundle}")
+    datum = {"datum": "free"} if is_free else {}
+    bundle = toml_table("[[bundle]]", {"name": "MAIN", "measurement_precision": "0.5px", **datum})
+    free = "# There is no control: a free network, without scale and place.\n" if is_free else ""
+    error = "# The adjustment: the a-priori error of a photo coordinate, where a measurement has none.\n"
+    parts.append(f"{error}{free}{bundle}")
     return "\n".join(parts)
 
 
