@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import measuring, planning, preliminary, project, result
+from orip.schemas import instruments, measuring, planning, preliminary, project, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
@@ -65,7 +65,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     ),
     "control-list": DocumentType(project.ControlLines, _each(_CONTROL, "list")),
     "covariance": DocumentType(result.Covariance, ("results",)),
-    "detect": DocumentType(measuring.Detect, _each(["detect"], "board sheet tags")),
+    "detect": DocumentType(instruments.Detect, _each(["detect"], "board sheet tags")),
     "digitise": DocumentType(measuring.Digitised, _each(["digitise"], "template photo points fiducials ticks")),
     "digitise-ground": DocumentType(measuring.GroundDigitised, ("digitise ground",)),
     "drive-download": DocumentType(measuring.Download, ("drive download",)),
@@ -81,10 +81,10 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "export-toml": DocumentType(project.ExportToml, ("export-toml",)),
     "formats": DocumentType(project.Formats, ("import", "export")),
     "import": DocumentType(project.Import, ("import",)),
-    "gnss": DocumentType(measuring.Gnss, ("gnss",)),
-    "imu": DocumentType(measuring.Imu, ("imu",)),
+    "gnss": DocumentType(instruments.Gnss, ("gnss",)),
+    "imu": DocumentType(instruments.Imu, ("imu",)),
     "init": DocumentType(project.Init, ("init",)),
-    "match": DocumentType(measuring.Match, ("match",)),
+    "match": DocumentType(instruments.Match, ("match",)),
     "measure": DocumentType(measuring.Measure, ("measure",)),
     "model-coordinates": DocumentType(preliminary.ModelCoordinates, ("prelim show",)),
     "observation-edit": DocumentType(

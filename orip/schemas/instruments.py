@@ -1,0 +1,117 @@
+"""Types of the documents of pictures, receivers and inertial units: targets, tie points, positions, trajectories."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from orip.schemas.project import Part, Warned
+
+
+class RejectedTarget(Part, frozen=True):
+    """What was not measured in a picture, and why; its name, where it is known by its place; pixels."""
+
+    name: str
+    column: float
+    row: float
+    reason: str
+
+
+class DetectedPhoto(Part, frozen=True):
+    """How many marks were measured in a picture; `fault`: why none."""
+
+    photo: str
+    image: str
+    marks: int
+    fault: str
+    rejected: list[RejectedTarget]
+
+
+class Detect(Part, frozen=True):
+    """Targets of pictures, and the files that they were, or would be, written to; or the board that was drawn."""
+
+    command: Literal["detect"]
+    file: str
+    photos: list[DetectedPhoto]
+    files: list[str]
+    dry_run: bool
+
+
+class MatchedPhoto(Part, frozen=True):
+    """A photo of which tie points were measured."""
+
+    name: str
+    features: int
+    rays: int
+
+
+class Match(Part, frozen=True):
+    """Tie points that were measured in the images of the photos, and the rays that were rejected, by the reason."""
+
+    command: Literal["match"]
+    file: str
+    photos: list[MatchedPhoto]
+    pairs: int
+    compared_pairs: int
+    tracks: int
+    contradictory_tracks: int
+    points: int
+    rays: int
+    rejected_rays: dict[str, int]
+    error_factor: float | None
+    warnings: list[Warned]
+
+
+class DoubtedEpochs(Part, frozen=True):
+    """Successive epochs that are not to be trusted: seconds since 1980-01-06, GPS time, and why."""
+
+    begin: float
+    end: float
+    epochs: int
+    why: str
+
+
+class Gnss(Part, frozen=True):
+    """Positions of a receiver: m, m², geocentric; place, covariance and closure of one that stands, else null."""
+
+    command: Literal["gnss"]
+    file: str
+    dry_run: bool
+    way: Literal["static", "kinematic", "epochs"]
+    engine: str
+    base: list[float]
+    epochs: int
+    epochs_in_common: int
+    fixed: int
+    floating: int
+    place: list[float] | None
+    covariance: list[list[float]] | None
+    closure: list[float] | None
+    doubted: list[DoubtedEpochs]
+    warnings: list[Warned]
+
+
+class NoiseFactors(Part, frozen=True):
+    """By which the standard deviations given of unit, positions and velocities were multiplied."""
+
+    unit: float
+    position: float
+    velocity: float
+
+
+class Imu(Part, frozen=True):
+    """A smoothed trajectory: seconds since 1980-01-06, m, radians; medians of standard deviations east, north, up."""
+
+    command: Literal["imu"]
+    files: list[str]
+    dry_run: bool
+    time_system: str
+    begin: float
+    end: float
+    positions: int
+    residual_rms: list[float]
+    factors: NoiseFactors
+    place_sd: list[float]
+    angle_sd: list[float]
+    gyro_bias: list[float]
+    accelerometer_bias: list[float]
+    warnings: list[Warned]
