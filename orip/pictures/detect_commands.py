@@ -206,7 +206,7 @@ def _rings(text: str) -> list[tuple[str, int]]:
 
 
 def _print_board(invocation: Invocation, board: Board, path: Path, *, force: bool) -> None:
-    from orip.files.text.atomic import replace_bytes, replace_text, reporting_failure
+    from orip.files.text.atomic import write_output
     from orip.pictures.targets.printing import describe_board, pdf_bytes, svg_text
 
     ending = path.suffix.lower()
@@ -217,11 +217,7 @@ def _print_board(invocation: Invocation, board: Board, path: Path, *, force: boo
     if target.exists() and not force:
         message = f"{path} already exists; name another file, or replace it with --force"
         raise UsageError(message)
-    with reporting_failure(path, "name another file"):
-        if ending == ".svg":
-            replace_text(target, svg_text(board))
-        else:
-            replace_bytes(target, pdf_bytes(board))
+    write_output(target, svg_text(board) if ending == ".svg" else pdf_bytes(board))
     if invocation.terminal.json:
         content = {"file": str(path), "photos": [], "files": [str(path)], "dry_run": False}
         invocation.terminal.document("detect", {"command": "detect", **content})

@@ -83,7 +83,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip gnss flight.obs base.obs flight.nav
         """
-        from orip.files.text.atomic import replace_text, reporting_failure
+        from orip.files.text.atomic import reporting_failure, write_output
         from orip.stations.gnss.processing import GnssFiles, process_gnss
 
         folder = invocation.folder
@@ -101,8 +101,7 @@ def register(app: typer.Typer) -> None:
         result = process_gnss(files)
         added = None if point is None else _add_point(invocation, result, point, dry_run=dry_run)
         if not dry_run:
-            with reporting_failure(target.name, "nothing was written"):
-                replace_text(target, result.text)
+            write_output(target, result.text)
         _tell(invocation, result, target, dry_run=dry_run)
         if added is not None:
             invocation.terminal.point("would add" if dry_run else "added", f"{point} to {added}")

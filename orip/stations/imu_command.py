@@ -77,7 +77,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip imu imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
         """
-        from orip.files.text.atomic import replace_bytes, reporting_failure
+        from orip.files.text.atomic import write_output
         from orip.stations.inertial.processing import ImuFiles, process_imu
 
         folder = invocation.folder
@@ -92,8 +92,7 @@ def register(app: typer.Typer) -> None:
         result = process_imu(files)
         if not dry_run:
             for path, data in ((deviations, result.smrmsg), (target, result.sbet)):
-                with reporting_failure(path.name, "name another file with --output"):
-                    replace_bytes(path, data)
+                write_output(path, data)
         _tell(invocation, result, target, dry_run=dry_run)
 
 

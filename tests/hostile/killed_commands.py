@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 FILM, OPERATED, DRIVABLE, JOINED, EXCHANGED = "film", "operated", "drivable", "joined", "exchanged"
-UPDATED, FIRST, FLOWN = "updated", "first", "flown"
+UPDATED, FIRST, FLOWN, PICTURED = "updated", "first", "flown", "pictured"
 """Projects to begin with: on film, with control of all kinds and texts changed since it was adjusted; half digitised;
 adjusted, with templates and models to drive in; on film, of so many bundles that one connection cannot attach all of
 their stores; adjusted, with what it is in another program, and an empty folder; on film, with an update that can be
-undone; digital and adjusted, with what it is in another program and an empty folder; planned and partly flown."""
+undone; digital and adjusted, with what it is in another program and an empty folder; planned and partly flown;
+a folder of images."""
 
 MANY_BUNDLES = tuple(f"B{number:02d}" for number in range(12))
 """Those of the joined project; with the other stores it has seventeen."""
@@ -83,6 +84,7 @@ _OTHERS = {
         "adjust model", "solve", "bundle rename MAIN OTHER", "online",
     ),
     FLOWN: ("plan make --force", "plan show", "plan export dji drone.kmz", "plan flown --again AGAIN.PLAN"),
+    PICTURED: ("photos images new", "detect board --print board.svg", "detect board --print board.pdf"),
 }  # fmt: skip
 
 ONLY_READING = frozenset(
@@ -110,6 +112,11 @@ ONLINE = "".join(
 
 OF_ARCHIVES = frozenset({"archive run", "archive report", "archive simulate"})
 """Write in many projects, or in a folder of results; killed in tests/archive/test_killed_archives.py."""
+
+
+WHOLE_TEXTS = frozenset({"match", "detect tags", "detect sheet", "gnss", "imu"})
+"""Compute for long and write whole files in the end, as others do that are killed: `orip.files.text.atomic`; what
+`match` keeps for its next run is tested with it."""
 
 
 def _of_control() -> Iterator[str]:

@@ -25,6 +25,7 @@ from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
+import numpy as np
 from cli.command_line import commands_put_together_once
 from cli.command_line import orip as called
 from cli.test_digitise_commands import emulator, new_cliff
@@ -40,6 +41,7 @@ from hostile.killed_commands import (
     MANY_BUNDLES,
     ONLINE,
     OPERATED,
+    PICTURED,
     UPDATED,
 )
 from hostile.system_calls import CAN_COUNT, ended_by, let_count
@@ -151,6 +153,7 @@ def prepared(folder: Path) -> Iterator[list[Case]]:
         _done(folder / FIRST, "export", form, name)
     (folder / FIRST / "empty").mkdir()
     _partly_flown(folder)
+    _pictured(folder / PICTURED)
     _load_modules(folder)
     for name in ("MAIN.DRV", "report.html"):
         (folder / DRIVABLE / name).unlink()
@@ -192,6 +195,16 @@ def _partly_flown(folder: Path) -> None:
     stations = folder / FLOWN / "DRONE.STA"
     flown = [line for line in stations.read_text().splitlines(keepends=True) if " S4 " not in line]
     stations.write_text("".join(flown))
+
+
+def _pictured(folder: Path) -> None:
+    """Make a folder with a folder of photographs."""
+    from PIL import Image
+
+    (folder / "images").mkdir(parents=True)
+    for number in range(3):
+        grey = np.random.default_rng(number).integers(0, 255, (120, 160)).astype(np.uint8)
+        Image.fromarray(grey).save(folder / "images" / f"A{number}.png")
 
 
 def _change_film(folder: Path) -> None:

@@ -166,6 +166,20 @@ def replace_bytes(path: Path, data: bytes) -> None:
     _replace(path, [data])
 
 
+def write_output(path: Path, data: str | bytes, consequence: str = "name another file") -> None:
+    """Write an output of a command that no project vouches for, and remove what a killed run has left beside it.
+
+    Raises
+    ------
+    OripError
+        If it cannot be written, with what to do.
+    """
+    with reporting_failure(str(path), consequence):
+        with suppress(OSError):
+            remove_leftovers(path.parent)
+        replace_bytes(path, data.encode() if isinstance(data, str) else data)
+
+
 def require_no_link(path: Path) -> None:
     """Refuse to edit a text through a link: a new text in place of the link would separate what was shared, unnoticed.
 
