@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from orip.workflow.project.state import ProjectState
 
 Images = Annotated[
-    list[Path] | None, typer.Argument(metavar="[IMAGES]...", help="Files named like their photos, or folders of them.")
+    list[Path] | None,
+    typer.Argument(metavar="[IMAGES]...", help="Files named as their photos, or folders; else those of 'image'."),
 ]
 
 Kind = Literal["charuco", "chess", "circles", "tags"]

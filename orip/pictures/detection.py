@@ -148,8 +148,16 @@ def _green(path: Path, shown: str) -> Grey:
 
 
 def _pictures(state: ProjectState, images: Sequence[Path]) -> list[tuple[Photo, Path, Camera | None]]:
-    """Return the photos that pictures belong to: their names are those of the files, whatever the ending."""
+    """Return the photos that pictures belong to: their names are those of the files, whatever the ending.
+
+    Without pictures those that the photos name themselves are meant.
+    """
     photos, cameras = _records(state)
+    if not images:
+        named = [photo for photo in photos.values() if photo.image]
+        folder = state.project.folder
+        if named:
+            return [(one, folder / str(one.image), cameras.get(record_key(one.camera))) for one in named]
     complaints: list[Complaint] = []
     found: list[tuple[Photo, Path, Camera | None]] = []
     seen: dict[str, str] = {}
@@ -164,7 +172,10 @@ def _pictures(state: ProjectState, images: Sequence[Path]) -> list[tuple[Photo, 
         else:
             found.append((photo, path, cameras.get(record_key(photo.camera))))
     if complaints or not found:
-        raise InputError(complaints or [Complaint("name the pictures, or a folder of them: JPEG, PNG or TIFF")])
+        raise InputError(
+            complaints
+            or [Complaint("name the pictures, or a folder of them: JPEG, PNG or TIFF; or write image in [[photo]]")]
+        )
     return found
 
 

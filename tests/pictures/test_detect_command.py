@@ -70,6 +70,16 @@ def test_a_camera_is_calibrated_with_a_printed_board(project: Path, pictures: Pa
     assert camera["C"]["sd"] < 0.002
 
 
+def test_without_pictures_those_that_the_photos_name_are_measured(project: Path, pictures: Path) -> None:
+    path = project / "orip.toml"
+    text = path.read_text(encoding="utf-8")
+    picture = pictures / "V1.png"
+    path.write_text(text.replace('name = "V1"\n', f'name = "V1"\nimage = "{picture.as_posix()}"\n'), encoding="utf-8")
+    code, said = detect(project, "board", *DESCRIBED)
+    assert code == 0, said
+    assert "marks in 1 of 1 photos written to DETECTED.MEA" in said
+
+
 def test_a_second_run_replaces_its_own_file_and_leaves_control_alone(project: Path, pictures: Path) -> None:
     arguments = ("board", str(pictures / "V1.png"), *DESCRIBED)
     assert detect(project, *arguments)[0] == 0
