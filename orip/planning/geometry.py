@@ -19,6 +19,9 @@ MOST_PHOTOS = 100_000
 Terrain = Callable[[FloatArray], FloatArray]
 """Heights (n,) of places (n, 2)."""
 
+_TERRAIN_NODES = 120
+"""Of each side of the area: what rises between them, such as a tower, is not seen."""
+
 
 class Frame(NamedTuple):
     """The camera as a flight sees it: principal distance, sides along and across the flight, size of a pixel; mm."""
@@ -132,7 +135,7 @@ def strips_over(corners: FloatArray, frame: Frame, wanted: Wanted, terrain: Terr
     turn = np.array([[math.sin(azimuth), math.cos(azimuth)], [math.cos(azimuth), -math.sin(azimuth)]])
     own = corners @ turn.T  # along, across
     low, high = own.min(axis=0) - wanted.margin, own.max(axis=0) + wanted.margin
-    ground = _grid(low, high, 40) @ turn
+    ground = _grid(low, high, _TERRAIN_NODES) @ turn
     heights = terrain(ground)
     reference = float(np.nanmean(heights))
     clear = _clearance(frame, wanted, terrain, ground, heights, reference)

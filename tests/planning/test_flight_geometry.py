@@ -62,7 +62,7 @@ def test_overlaps_hold_over_the_highest_ground():
         return 20.0 * np.exp(-(np.linalg.norm(places - 250.0, axis=1) ** 2) / 2e4)
 
     strips = strips_over(SQUARE / 10.0, DRONE, Wanted(82.0, 0.7, 0.6), hill, 0.0)
-    x, y = np.meshgrid(np.linspace(0.0, 500.0, 40), np.linspace(0.0, 500.0, 40))
+    x, y = np.meshgrid(np.linspace(0.0, 500.0, 120), np.linspace(0.0, 500.0, 120))
     heights = hill(np.column_stack([x.ravel(), y.ravel()]))
     clear = heights.mean() + 82.0 - heights.max()
     assert np.allclose(gaps(strips), (0.3 * clear, 0.4 * clear * 1.5), rtol=1e-9)
