@@ -122,7 +122,7 @@ def _unpacked(path: Path, shown: str) -> bytes | Complaint:
         return faults[0]
     if data.startswith(_GZIP):
         try:
-            data = _gunzip(data)
+            data = gunzip(data)
         except (EOFError, zlib.error, OSError) as error:
             return Complaint(f"the file cannot be unpacked ({error}); give the whole file", shown)
     for begin, what in _COMPRESSED:
@@ -131,7 +131,8 @@ def _unpacked(path: Path, shown: str) -> bytes | Complaint:
     return _without_compact_form(data, shown)
 
 
-def _gunzip(data: bytes) -> bytes:
+def gunzip(data: bytes) -> bytes:
+    """Return what is in a gzip; raises zlib.error or gzip.BadGzipFile where it is damaged, cut off or too large."""
     decompressor = zlib.decompressobj(wbits=31)
     text = decompressor.decompress(data, LARGEST_FILE)
     if not decompressor.eof:

@@ -57,7 +57,6 @@ def align(imu: ImuSamples, fixes: Fixes, gravity: LocalGravity) -> Alignment:
     first = max(moving - 3, 0)
     turned = np.eye(3)
     change_b, change_n, squares = [], [], 0.0
-    used_until = first
     for at in range(first, len(fixes.time) - 1):
         begin, end = float(fixes.time[at]), float(fixes.time[at + 1])
         integral, turned = _integrated(imu, begin, end, bias, turned)
@@ -67,12 +66,10 @@ def align(imu: ImuSamples, fixes: Fixes, gravity: LocalGravity) -> Alignment:
         change_b.append(integral)
         change_n.append(difference - gravity.at(fixes.place[at]) * (end - begin))
         squares += float(difference[:2] @ difference[:2])
-        used_until = at + 1
         if squares > _ENOUGH**2 or end - fixes.time[first] > _LONGEST_S:
             break
     rotation, deviation = _fitted(np.array(change_b), np.array(change_n), squares)
     back = _turned_between(imu, float(fixes.time[0]), float(fixes.time[first]), bias)
-    assert used_until > first
     return Alignment(float(fixes.time[0]), rotation @ back.T, bias, float(np.sqrt(squares)), deviation)
 
 

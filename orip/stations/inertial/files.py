@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import zlib
 from pathlib import Path
 
@@ -13,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from orip.arrays import FloatArray
 from orip.errors import Complaint
 from orip.files.text.lines import read_bytes
-from orip.files.text.regular_file import LARGEST_FILE
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.epochs import SECONDS_PER_WEEK
+from orip.stations.gnss.receiver_data import gunzip
 from orip.stations.inertial.samples import ImuSamples
 
 COLUMNS = ("time", "fx", "fy", "fz", "wx", "wy", "wz")
@@ -62,11 +61,7 @@ def read_imu(path: Path, shown: str, form: ImuForm) -> Parsed[ImuSamples]:
     complaints = list(faults)
     if data is not None and data.startswith(b"\x1f\x8b"):
         try:
-            decompressor = zlib.decompressobj(wbits=31)
-            data = decompressor.decompress(data, LARGEST_FILE)
-            if not decompressor.eof:
-                message = "cut off, or too large"
-                raise gzip.BadGzipFile(message)
+            data = gunzip(data)
         except (OSError, EOFError, zlib.error) as error:
             complaints.append(Complaint(f"the file cannot be unpacked ({error}); give the whole file", shown))
     table = np.zeros((0, len(COLUMNS)))
