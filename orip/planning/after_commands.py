@@ -47,16 +47,13 @@ def _register_flown(group: typer.Typer) -> None:
         Example: orip plan flown --again AGAIN.PLAN
         """
         from orip.files.control.stations_text import stations_text
-        from orip.planning.designed import design_of, planned_stations, require_other_file
+        from orip.planning.designed import design_of, logged_stations, planned_stations, read_plan, require_other_file
         from orip.planning.flown import compare_flight
         from orip.planning.plan import frame_of
         from orip.workflow.project.outputs import TextOutput, require_replaceable, write_output
 
-        given = _given(invocation.folder, bundle)
-        project, log = given.state.project, given.control.stations
-        if not log:
-            message = "the project has no .STA file of what was flown; run 'orip stations import' first"
-            raise InputError.single(message)
+        given = read_plan(invocation.folder, bundle)
+        project, log = given.state.project, logged_stations(given)
         planned = planned_stations(given)
         frame = frame_of(given.camera, "height")
         size, nodes = np.array([frame.along, frame.across]), design_of(given, planned).points
@@ -203,10 +200,3 @@ def _tell_clock(
     )
     for line in wrong:
         terminal.say(f"         {shown}:{line}: this mark does not fit, and was left out")
-
-
-def _given(folder: Path, bundle: str | None) -> Given:
-    from orip.planning.designed import given_plan
-    from orip.workflow.project.state import read_checked_project
-
-    return given_plan(read_checked_project(folder), bundle)

@@ -1,16 +1,13 @@
-"""A plan in a project: its settings and texts read, its design, variants of it, and places of control."""
+"""A plan in a project: its settings and texts read, its exposures, design and forecast."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec import Struct
 
-from orip.arrays import FloatArray
-from orip.bundle.unknowns import CONSTANT
 from orip.errors import InputError, UsageError
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.regular_file import is_there
@@ -20,28 +17,27 @@ from orip.planning.forecast import (
     Forecast,
     design_block,
     forecast,
-    planned_control,
     points_of_box,
     tie_points,
 )
 from orip.planning.geometry import Terrain
-from orip.planning.placement import Candidate, Criterion, Placement, place
 from orip.planning.plan import PlannedFlight, frame_of, plan_flight, plan_rings
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.planning.wanted_precision import height_for
+from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, Station
 from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
 from orip.records.plan import PlanSettings
 from orip.structs import replace
-from orip.workflow.project.state import ProjectState
+from orip.workflow.project.state import ProjectState, read_checked_project
 from orip.workflow.project.texts import raise_complaints
 
 PLAN_ENDING = ".PLAN"
 
 _TOML = "orip.toml"
 
-_WEAK = 0.3
-"""Part of the height above ground that positions are known by while control is sought, where they are not observed."""
+_HEIGHT_OVER_SIZE = 0.7
+"""Where the height that gives a standard deviation is sought first: that of a usual overlap."""
 
 
 class Given(Struct, frozen=True):
@@ -99,6 +95,11 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
     return Given(settings, camera, chosen, terrain, control.value, state)
 
 
+def read_plan(folder: Path, bundle: str | None) -> Given:
+    """Read what the plan of a project folder is made from; see `given_plan`."""
+    return given_plan(read_checked_project(folder), bundle)
+
+
 def camera_of(cameras: Sequence[Camera], name: str) -> Camera:
     """Return the camera of a name, or the only one."""
     found = [camera for camera in cameras if not name or record_key(camera.name) == record_key(name)]
@@ -111,6 +112,42 @@ def camera_of(cameras: Sequence[Camera], name: str) -> Camera:
 
 def made_plan(given: Given) -> PlannedFlight:
     """Return the plan that the settings ask for."""
+    if given.settings.sd is None:
+        return _made(given)
+    return _made(with_height(given))
+
+
+def with_height(given: Given) -> Given:
+    """Return what a plan is made from with the height at which points get the standard deviation that is wanted.
+
+    Raises
+    ------
+    InputError
+        If `pixel` or `height` is given too, no height gives it, or it is no flight.
+    """
+    settings = given.settings
+    assert settings.sd is not None, "it is asked for where it is given"
+    if settings.kind == "rings" or settings.pixel is not None or settings.height is not None:
+        message = '[plan] has sd beside kind = "rings", pixel or height; sd is for flights, and gives the height itself'
+        raise InputError.single(message, _TOML)
+    frame, precision = frame_of(given.camera, settings.across), given.bundle.measurement_precision
+    size = precision.value if precision.unit == "mm" else precision.value * frame.pixel
+    bare = replace(given, settings=replace(settings, sd=None))
+
+    def at(height: float) -> Given:
+        return replace(bare, settings=replace(bare.settings, height=height))
+
+    def sd_at(height: float) -> float:
+        plan = _made(at(height))
+        found = forecast_of(at(height), plan.stations).point_sd[:, 2]
+        known = found[np.isfinite(found)]
+        return float(np.median(known)) if 2 * len(known) > len(found) else float("inf")
+
+    unit = given.state.project.definition.ground_unit
+    return at(height_for(settings.sd, _HEIGHT_OVER_SIZE * settings.sd * frame.c / size, sd_at, unit))
+
+
+def _made(given: Given) -> PlannedFlight:
     settings, camera = given.settings, given.camera
     if settings.kind == "rings":
         return plan_rings(settings, camera)
@@ -168,6 +205,20 @@ def planned_stations(given: Given) -> tuple[Station, ...]:
     return parsed.value
 
 
+def logged_stations(given: Given) -> tuple[Station, ...]:
+    """Return the stations of the .STA file: what was flown.
+
+    Raises
+    ------
+    InputError
+        If there are none.
+    """
+    if not given.control.stations:
+        message = "the project has no .STA file of what was flown; run 'orip stations import' first"
+        raise InputError.single(message)
+    return given.control.stations
+
+
 def design_of(given: Given, stations: Sequence[Station]) -> Design:
     """Return the design of planned exposures, with tie points on the ground or in the object."""
     settings, definition = given.settings, given.state.project.definition
@@ -188,138 +239,6 @@ def forecast_of(given: Given, stations: Sequence[Station]) -> Forecast:
     return forecast(design_block(design_of(given, stations)))
 
 
-class Variant(Struct, frozen=True):
-    """A variant of a plan: what is different, its plan and forecast."""
-
-    name: str
-    plan: PlannedFlight
-    forecast: Forecast
-
-
-def variant_of(given: Given, text: str) -> Variant:
-    """Return the forecast of a plan with other settings: ``cross_strips=2 forward=70``; empty: as it is.
-
-    ``rtk=0.02`` gives positions that error (``rtk=none``: none), ``unknown=C,A3`` or ``unknown=none`` the camera's
-    unknowns, ``control=5`` as many points at the best places.
-
-    Raises
-    ------
-    UsageError
-        If a word is not KEY=VALUE of a setting.
-    """
-    changed, count = given, 0
-    for word in text.split():
-        key, equals, value = word.partition("=")
-        if key == "control" and value.isdigit():
-            count = int(value)
-        elif equals and key in _CHANGES:
-            changed = _CHANGES[key](changed, _number(value, word) if key == "rtk" and value != "none" else value)
-        else:
-            changed = replace(changed, settings=_with_setting(changed.settings, key, value, word))
-    plan = made_plan(changed)
-    if count:
-        found = place_control(changed, plan.stations, count, "largest", 100)
-        points = (*changed.control.points, *found.points)
-        changed = replace(changed, control=replace(changed.control, points=points))
-    return Variant(text or "as planned", plan, forecast_of(changed, plan.stations))
-
-
-class PlacedControl(Struct, frozen=True):
-    """Control points at the best places, and what they are worth."""
-
-    points: tuple[ControlPoint, ...]
-    placement: Placement
-
-
-def place_control(
-    given: Given, stations: Sequence[Station], count: int, criterion: Criterion, places: int
-) -> PlacedControl:
-    """Return control points at the best of many places of the ground.
-
-    Parameters
-    ----------
-    given : Given
-    stations : sequence of Station
-        Planned exposures.
-    count : int
-    criterion : {"largest", "mean", "camera"}
-        Of the points at all these places, or of C.
-    places : int
-        About so many are candidates.
-
-    Raises
-    ------
-    UsageError
-        If there are fewer places than points.
-    """
-    design = design_of(given, stations)
-    above = _above_ground(given, stations)
-    if all(station.position_error[0] < 0.0 for station in stations) and not design.control.points:
-        weak = tuple(replace(station, position_error=(_WEAK * above,) * 3) for station in stations)
-        design = replace(design, stations=weak)
-    block = design_block(design)
-    solved = forecast(block).solved
-    rays = np.bincount(block.photo_points.point, minlength=len(block.point_names))
-    tied = np.array([name.startswith("T") for name in block.point_names])
-    free = (solved.problem.unknowns.points != CONSTANT).all(axis=1)
-    free &= ~solved.normals.removed[solved.problem.unknowns.points].any(axis=1)
-    rows = np.flatnonzero(tied & free & (rays >= 3))
-    rows = rows[_thinned(block.point_start[rows], places)]
-    if len(rows) < count:
-        message = f"{count} points are wanted of {len(rows)} places that three photos show; ask for fewer"
-        raise UsageError(message)
-    columns = solved.problem.unknowns.points[rows].ravel()
-    lens = solved.problem.unknowns.cameras[0][CAMERA_PARAMETERS.index("C")]
-    has_lens = lens != CONSTANT and not solved.normals.removed[lens]
-    if criterion == "camera" and not has_lens:
-        message = (
-            "C is not unknown, or nothing determines it without control; add it to unknown, or choose another goal"
-        )
-        raise UsageError(message)
-    order = np.concatenate([[lens], columns]) if has_lens else columns
-    covariance = solved.normals.inverse_at(np.sort(order))
-    at = np.searchsorted(np.sort(order), order)
-    covariance = covariance[np.ix_(at, at)]
-    first = 1 if has_lens else 0
-    variance = np.full(3, given.settings.control_error**2)
-    candidates = [
-        Candidate(block.point_names[row], first + 3 * number + np.arange(3), np.eye(3), variance)
-        for number, row in enumerate(rows.tolist())
-    ]
-    targets = (
-        np.concatenate([first + np.arange(len(columns)), [0]])
-        if criterion == "camera"
-        else first + np.arange(len(columns))
-    )
-    found = place(covariance, candidates, targets, count, criterion)
-    chosen = block.ground.to_project(block.point_start[rows[list(found.chosen)]])
-    names = _new_names(count, {point.name for point in given.control.points})
-    return PlacedControl(planned_control(names, chosen, given.settings.control_error), found)
-
-
-def _above_ground(given: Given, stations: Sequence[Station]) -> float:
-    places = np.array([station.position for station in stations])
-    if given.settings.kind == "rings":
-        return float(np.median(np.linalg.norm(places - given.settings.centre, axis=1)))
-    return float(np.median(places[:, 2] - given.terrain(places[:, :2])))
-
-
-def _thinned(points: FloatArray, most: int) -> Any:
-    """Return which of many points to keep: those nearest to a coarser grid."""
-    if len(points) <= most:
-        return np.arange(len(points))
-    low, extent = points[:, :2].min(axis=0), np.ptp(points[:, :2], axis=0)
-    step = float(np.sqrt(max(extent[0] * extent[1], 1e-12) / most))
-    cell = np.floor((points[:, :2] - low) / step).astype(np.int64)
-    _, first = np.unique(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1], return_index=True)
-    return np.sort(first)
-
-
-def _new_names(count: int, taken: set[str]) -> list[str]:
-    numbers = (f"GCP{number}" for number in range(1, 10 * count + len(taken) + 1))
-    return [name for name in numbers if name not in taken][:count]
-
-
 def _terrain(
     settings: PlanSettings, points: Sequence[ControlPoint], folder: Path, shown: Callable[[Path], str]
 ) -> Terrain:
@@ -329,44 +248,3 @@ def _terrain(
         return terrain_of_points(points, "the .PNT file")
     path = folder / settings.terrain
     return terrain_of_raster(path, shown(path))
-
-
-def _number(text: str, word: str) -> float:
-    from orip.files.text.decimal_numbers import is_number, parse_number
-
-    if not is_number(text):
-        message = f"--variant {word}: write a number after ="
-        raise UsageError(message)
-    return parse_number(text)
-
-
-def _with_setting(settings: PlanSettings, key: str, value: str, word: str) -> PlanSettings:
-    from orip.files.project.reader import parse_project
-
-    known = [name for name in PlanSettings.__struct_fields__ if isinstance(getattr(settings, name), int | float)]
-    if key not in {*known, "pixel", "height", "direction"}:
-        message = f"--variant {word}: write KEY=VALUE; keys are: {', '.join([*known, *_CHANGES, 'control'])}"
-        raise UsageError(message)
-    text = f'project = {{ name = "V" }}\n[plan]\n{key} = {value}\n'
-    parsed = parse_project(text)
-    if parsed.complaints or parsed.value is None or parsed.value.definition.plan is None:
-        message = f"--variant {word}: {'; '.join(fault.message for fault in parsed.complaints)}"
-        raise UsageError(message)
-    return replace(settings, **{key: getattr(parsed.value.definition.plan, key)})
-
-
-def _with_rtk(given: Given, value: Any) -> Given:
-    error = None if value == "none" else (value, value, 1.8 * value)
-    return replace(given, settings=replace(given.settings, position_error=error))
-
-
-def _with_unknown(given: Given, value: Any) -> Given:
-    names = () if value == "none" else tuple(value.upper().split(","))
-    wrong = [name for name in names if name not in CAMERA_PARAMETERS]
-    if wrong:
-        message = f"--variant unknown={value}: parameters are {', '.join(CAMERA_PARAMETERS)}"
-        raise UsageError(message)
-    return replace(given, camera=replace(given.camera, unknown=names))
-
-
-_CHANGES: Mapping[str, Callable[[Given, Any], Given]] = {"rtk": _with_rtk, "unknown": _with_unknown}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -79,14 +80,10 @@ def compare_flight(
     wanted : int
         Photos that are to show a node, where the plan has as many.
     """
-    there = [station for station in log if station.has_position]
-    places = np.array([station.position for station in planned])
-    made = np.array([station.position for station in there]).reshape(-1, 3)
-    pairs = _matched(places, made, _NEAR * _least_base(planned, places))
+    flown, pairs = _paired(planned, log)
     again = tuple(one for row, one in enumerate(planned) if row not in pairs)
     in_strips = Counter(station.strip for station in planned)
     missing = Counter(station.strip for station in again)
-    flown = _with_angles(there, made, planned, places, {log_row: row for row, log_row in pairs.items()})
     asked = np.minimum(counted(planned, frame * (1.0 - 2.0 * _BORDER), c, nodes), wanted)
     found = counted(flown, frame, c, nodes)
     return Flown(
@@ -97,8 +94,22 @@ def compare_flight(
         asked,
         found,
         found + counted(again, frame, c, nodes),
-        np.array([float(np.linalg.norm(places[row] - made[log_row])) for row, log_row in pairs.items()]),
+        np.array([math.dist(planned[row].position, flown[log_row].position) for row, log_row in pairs.items()]),
     )
+
+
+def as_flown(planned: Sequence[Station], log: Sequence[Station]) -> tuple[Station, ...]:
+    """Return the stations of a log, with planned angles where it has none; those without a position are left out."""
+    return _paired(planned, log)[0]
+
+
+def _paired(planned: Sequence[Station], log: Sequence[Station]) -> tuple[tuple[Station, ...], dict[int, int]]:
+    """Return the stations of a log with angles, and which of them was which of the plan."""
+    there = [station for station in log if station.has_position]
+    places = np.array([station.position for station in planned])
+    made = np.array([station.position for station in there]).reshape(-1, 3)
+    pairs = _matched(places, made, _NEAR * _least_base(planned, places))
+    return _with_angles(there, made, planned, places, {log_row: row for row, log_row in pairs.items()}), pairs
 
 
 def _least_base(planned: Sequence[Station], places: FloatArray) -> float:

@@ -202,11 +202,19 @@ def design_block(design: Design) -> Block:
     )
     block = photos_in_frame(block)
     block = replace(block, point_start=block.ground.to_local(points))
-    return _with_points_in_photos(_seen(block), {point.name for point in known}, control)
+    seen = with_rays(block, _precision(block.definition, design.camera))
+    return _with_points_in_photos(seen, {point.name for point in known}, control)
 
 
-def _seen(block: Block) -> Block:
-    """Return the block with its points in all photos whose frame they are in."""
+def with_rays(block: Block, error: FloatArray) -> Block:
+    """Return a block of one camera with its points in all photos whose frame they are in.
+
+    Parameters
+    ----------
+    block : Block
+    error : array (2,)
+        A-priori errors of x and y, mm.
+    """
     camera = block.cameras[0]
     half = (0.5 - _EDGE) * _size(camera)
     places_near = _nearby(block, half)
@@ -222,7 +230,6 @@ def _seen(block: Block) -> Block:
         point.append(near[shown])
         image.append(xy[shown])
     photos, points = np.concatenate(photo), np.concatenate(point)
-    error = _precision(block.definition, camera)
     xy = np.concatenate(image) + camera.parameters[1:3]
     return replace(
         block,

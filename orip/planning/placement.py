@@ -83,19 +83,32 @@ def place(
         Not more than there are candidates.
     criterion : {"largest", "mean", "camera"}
     """
-    judged = targets[-1:] if criterion == "camera" else targets
-    greedy: list[int] = []
-    matrix = covariance.copy()
-    curve = [_value(matrix.diagonal()[judged], criterion)]
-    for _ in range(count):
-        best = _best(matrix, candidates, judged, criterion, set(greedy))
-        matrix = _with(matrix, candidates[best])
-        greedy.append(best)
-        curve.append(_value(matrix.diagonal()[judged], criterion))
-    starts = [greedy, _spread(covariance, candidates, count), *_random(len(covariance), len(candidates), count)]
+    judged = _judged(targets, criterion)
+    greedy = place_greedily(covariance, candidates, targets, count, criterion)
+    starts = [greedy.chosen, _spread(covariance, candidates, count), *_random(len(covariance), len(candidates), count)]
     ends = [_exchanged(covariance, candidates, judged, criterion, start) for start in starts]
     chosen, value = min(ends, key=lambda end: end[1])
-    return Placement(tuple(sorted(chosen)), value, tuple(curve))
+    return Placement(tuple(sorted(chosen)), value, greedy.curve)
+
+
+def place_greedily(
+    covariance: FloatArray, candidates: Sequence[Candidate], targets: IntArray, count: int, criterion: Criterion
+) -> Placement:
+    """Choose one candidate after the other, each the best with those before it; see `place`."""
+    judged = _judged(targets, criterion)
+    chosen: list[int] = []
+    matrix = covariance
+    curve = [_value(matrix.diagonal()[judged], criterion)]
+    for _ in range(count):
+        best = _best(matrix, candidates, judged, criterion, set(chosen))
+        matrix = _with(matrix, candidates[best])
+        chosen.append(best)
+        curve.append(_value(matrix.diagonal()[judged], criterion))
+    return Placement(tuple(chosen), curve[-1], tuple(curve))
+
+
+def _judged(targets: IntArray, criterion: Criterion) -> IntArray:
+    return targets[-1:] if criterion == "camera" else targets
 
 
 def with_all(covariance: FloatArray, candidates: Sequence[Candidate]) -> FloatArray:

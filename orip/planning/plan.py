@@ -28,8 +28,9 @@ from orip.records.plan import PlanSettings
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
-_ONLY_COMPARED = -1.0
-"""A-priori error of a planned value that is not observed: it has no influence."""
+ONLY_COMPARED = (-1.0, -1.0, -1.0)
+ANGLES_ONLY_COMPARED = (-RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE, -RADIANS_PER_DEGREE)
+"""A-priori errors of planned positions and angles that are not observed: they have no influence."""
 
 
 class PlannedFlight(Struct, frozen=True):
@@ -164,7 +165,7 @@ def looking_along(direction: FloatArray, roll: float) -> FloatArray:
 
 def _height(settings: PlanSettings, frame: Frame) -> float:
     if (settings.pixel is None) == (settings.height is None):
-        message = "give one of pixel (size on the ground) and height (above ground) in [plan]"
+        message = "give one of pixel (size on the ground), height (above ground) and sd (of heights) in [plan]"
         raise InputError.single(message, "orip.toml")
     if settings.height is not None:
         return settings.height
@@ -306,9 +307,9 @@ def _station(
     return Station(
         f"P{number:04d}",
         (x, y, z),
-        settings.position_error or (_ONLY_COMPARED,) * 3,
+        settings.position_error or ONLY_COMPARED,
         (omega, phi, kappa),
-        (_ONLY_COMPARED * RADIANS_PER_DEGREE,) * 3
+        ANGLES_ONLY_COMPARED
         if degrees is None
         else (degrees[0] * RADIANS_PER_DEGREE, degrees[1] * RADIANS_PER_DEGREE, degrees[2] * RADIANS_PER_DEGREE),
         None,

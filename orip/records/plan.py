@@ -29,8 +29,9 @@ class PlanSettings(Struct, frozen=True):
         In place of a file, in the project's system.
     corridor : float
         Width to both sides together of a line, which `area` or `corners` is; 0: it is an area.
-    pixel, height : float or None
-        Size of a pixel on the ground, or height above it: one of the two, ground unit.
+    pixel, height, sd : float or None
+        Size of a pixel on the ground, height above it, or the standard deviation of the heights of points that is
+        wanted (their median): one of the three, ground unit.
     forward, side : float
         Overlaps, percent.
     across : {"width", "height"}
@@ -84,6 +85,7 @@ class PlanSettings(Struct, frozen=True):
     corridor: Annotated[float, Field(least=0, units=_LENGTH, example="80.0")] = 0.0
     pixel: Annotated[float | None, Field(above=0, units=_LENGTH, example="0.01")] = None
     height: Annotated[float | None, Field(above=0, units=_LENGTH, example="80.0")] = None
+    sd: Annotated[float | None, Field(above=0, units=_LENGTH, example="0.01")] = None
     forward: Annotated[float, Field(least=0, most=99, units=("%",), example="80.0")] = 80.0
     side: Annotated[float, Field(least=0, most=99, units=("%",), example="60.0")] = 60.0
     across: Annotated[Side, Field(example='"width"')] = "width"

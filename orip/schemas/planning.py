@@ -78,12 +78,33 @@ class PlacedPoint(Part, frozen=True):
     error: float | None
 
 
+class PlacedDistance(Part, frozen=True):
+    """A distance to be measured between two points, with its a-priori error."""
+
+    name: str
+    start: str
+    end: str
+    distance: float
+    error: float
+
+
+class PlacedPhoto(Part, frozen=True):
+    """A photo to be taken: X0, Y0, Z0, and omega, phi, kappa in degrees."""
+
+    name: str
+    position: list[float]
+    angles: list[float]
+
+
 class PlanPlace(Part, frozen=True):
-    """Places of control, the goal with all of them, and with none and the best first of a greedy choice."""
+    """What helps most, the goal with all of it, and with none and the best first of a greedy choice."""
 
     command: Literal["plan place"]
+    what: Literal["control", "check", "distances", "photos"]
     goal: Literal["largest", "mean", "camera"]
     points: list[PlacedPoint]
+    distances: list[PlacedDistance]
+    photos: list[PlacedPhoto]
     value: float
     curve: list[float]
 

@@ -12,6 +12,7 @@ from planning.test_plan_commands import project, stations
 from orip.errors import InputError
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.planning.clock import fit_clock, seconds_of_marks
+from orip.records.control import NOT_GIVEN
 from orip.structs import replace
 
 DRIFT, JITTER, OFFSET, START = 20e-6, 1e-4, 812.347, 345600.0
@@ -118,6 +119,16 @@ def test_a_flight_as_planned_misses_nothing(flight):
     (flight / "PLANNED.STA").write_text(stations_text(stations(flight)))
     found = orip(flight, "plan", "flown", "--json").document
     assert (found["again"], found["gaps"], found["missed_strips"]) == ([], 0, [])
+
+
+def test_the_forecast_of_a_flight_as_planned_is_that_of_the_plan(flight):
+    bare = [replace(one, angles=NOT_GIVEN, angle_error=NOT_GIVEN) for one in stations(flight)]
+    (flight / "PLANNED.STA").write_text(stations_text(bare))
+    as_planned = orip(flight, "plan", "forecast", "--json").document
+    assert orip(flight, "plan", "forecast", "--flown", "--json").document == as_planned
+    (flight / "PLANNED.STA").write_text(stations_text(bare[::2]))
+    thinned = orip(flight, "plan", "forecast", "--flown", "--json").document
+    assert thinned["redundancy"] < as_planned["redundancy"]
 
 
 def test_without_a_log_there_is_nothing_to_compare(flight):
