@@ -38,7 +38,7 @@ def test_what_cannot_be_reached_is_said():
 
 
 def test_a_flight_is_planned_for_it(tmp_path):
-    folder = project(tmp_path / "p", pixel="", sd="0.03", tie_points="15", unknown="[]")
+    folder = project(tmp_path / "p", pixel="", sd="0.03", tie_points="15", cross_strips="2", cross_height="1.2")
     made = orip(folder, "plan", "make", "--json").document
     found = orip(folder, "plan", "forecast", "--json").document["point_sd_median"][2]
     assert 0.029 <= found <= 0.03
