@@ -1,4 +1,4 @@
-"""`orip plan flown` and `orip plan clock`: a flight beside its plan, and its exposure log in GPS time."""
+"""`orip plan flown` and `orip plan clock`: what was flown beside its plan, and an exposure log in GPS time."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 
 from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.errors import Complaint, InputError
+from orip.planning.follow_command import register_follow
 from orip.wording import first_names
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ _NAMED = 8
 
 def register_after(group: typer.Typer) -> None:
     """Add the commands."""
+    register_follow(group)
     _register_flown(group)
     _register_clock(group)
 

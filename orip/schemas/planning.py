@@ -118,6 +118,16 @@ class PlanExport(Part, frozen=True):
     heights: str
 
 
+class PlanFollow(Part, frozen=True):
+    """A flight that was followed: exposures by name, and lines of the receiver that were damaged."""
+
+    command: Literal["plan follow"]
+    flown: list[str]
+    missed: list[str]
+    left: list[str]
+    damaged_lines: int
+
+
 class PlanFlown(Part, frozen=True):
     """What was flown of a plan, places of the ground that too few photos show, and how many stay so."""
 

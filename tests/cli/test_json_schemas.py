@@ -67,7 +67,8 @@ def test_documents_are_as_their_schemas_say(documents: list[dict[str, Any]]) -> 
         "detect", "digitise-ground", "drive-emulate", "drive-watch", "gnss", "import", "imu", "match",
         "online-demo", "online-reconsidered", "results",
         "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
-        "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown", "plan-forecast", "plan-place", "plan-show",
+        "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown", "plan-follow", "plan-forecast", "plan-place",
+        "plan-show",
     }  # fmt: skip
     assert {identifier(name) for name in DOCUMENTS} - names == {identifier(name) for name in elsewhere}
 
