@@ -49,6 +49,10 @@ MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next` and `digitise points --online`: `tell_next`, `answered_online`."""
 
 
+PICTURES_OF_REPORT = "orip.pictures.report_pictures"
+"""Pictures of photos in reports: `picture_source`."""
+
+
 def annex(module: str) -> Any:
     """Return a module of an annex, by one of the names above."""
     return import_module(module)

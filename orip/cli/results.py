@@ -120,6 +120,11 @@ Certificate = Annotated[
 ]
 Report = Annotated[bool, typer.Option("--report/--no-report", help="Also write the report, one HTML page.")]
 
+Pictures = Annotated[
+    bool,
+    typer.Option("--pictures/--no-pictures", help="Show in the report the photos whose images are there."),
+]
+
 
 def tell_report(terminal: Terminal, written: WrittenReport) -> None:
     """Say where the report is."""
@@ -138,6 +143,7 @@ def _register_report(app: typer.Typer) -> None:
         client: Client = False,
         certificate: Certificate = False,
         force: ForceOption = False,
+        pictures: Pictures = True,
     ) -> None:
         """Write the report of the last adjustment: one HTML page that needs no network.
 
@@ -155,7 +161,7 @@ def _register_report(app: typer.Typer) -> None:
         page = output.with_suffix(".html") if output is not None and pdf else output
         if output is not None and pdf:
             require_replaceable(given.project, output, force=force)
-        written = commit(report(given, page, force=force, kind=kind)).outcome
+        written = commit(report(given, page, force=force, kind=kind, pictures=pictures)).outcome
         terminal = invocation.terminal
         document = {"command": "report", "run": written.run, "bundle": written.bundle, "file": written.shown}
         tell_report(terminal, written)

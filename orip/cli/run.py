@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -15,7 +15,7 @@ from orip.cli import observations as measure
 from orip.cli.completion import bundles
 from orip.cli.method import AllPhotos, MethodOptions, exit_code, solve_watcher, tell_solution
 from orip.cli.options import LINK_VARIABLE, Invocation, command
-from orip.cli.results import Report, tell_report
+from orip.cli.results import Pictures, Report, tell_report
 from orip.cli.terminal import Terminal, warning_rows
 from orip.threads import limited_threads
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from orip.workflow.records.reconcile import Prefer
     from orip.workflow.run import RunSettings
 
+
+Shown = Literal["all", "no pictures", "no report"]
 
 OneBundle = Annotated[
     str | None, typer.Argument(metavar="BUNDLE", autocompletion=bundles, help="Adjust this bundle only; default: all.")
@@ -41,6 +43,7 @@ def register(app: typer.Typer) -> None:
         prefer: init.PreferOption = None,
         all_photos: AllPhotos = False,
         report: Report = True,
+        pictures: Pictures = True,
     ) -> None:
         """Do the whole project: init, measure, preliminary values, solve all bundles, drive tables, reports.
 
@@ -51,8 +54,10 @@ def register(app: typer.Typer) -> None:
         from orip.workflow.run import RunSettings
 
         settings = RunSettings(bundle, options.method(), tuple(options.check or ()))
-        terminal, folder = invocation.terminal, invocation.folder
-        raise typer.Exit(run_project(terminal, folder, settings, prefer, all_photos=all_photos, report=report))
+        shown: Shown = "no report" if not report else "all" if pictures else "no pictures"
+        raise typer.Exit(
+            run_project(invocation.terminal, invocation.folder, settings, prefer, all_photos=all_photos, shown=shown)
+        )
 
 
 def run_project(
@@ -62,7 +67,7 @@ def run_project(
     prefer: Prefer | None = None,
     *,
     all_photos: bool = False,
-    report: bool = True,
+    shown: Shown = "all",
 ) -> int:
     """Do all that `orip run` does in a folder, and return the exit code."""
     from orip.files.result.json_text import result_document, result_text
@@ -82,10 +87,11 @@ def run_project(
     with limited_threads(terminal.threads):
         state = read_checked_project(folder, *INITIALISED_FROM)
         outcomes = run(state, prefer, watcher, settings or EVERYTHING)
-    if report and outcomes:
+    if shown != "no report" and outcomes:
         state = state.read_again(*REPORTED_FROM)
         for outcome in outcomes:
-            tell_report(terminal, commit(report_of(state, outcome.solution, outcome.gates)).outcome)
+            reported = report_of(state, outcome.solution, outcome.gates, pictures=shown == "all")
+            tell_report(terminal, commit(reported).outcome)
     solutions = [outcome.solution for outcome in outcomes]
     if terminal.json and len(solutions) == 1:
         terminal.data(result_text(solutions[0]))

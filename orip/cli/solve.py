@@ -12,7 +12,7 @@ import typer
 from orip.annexes import DIVIDED_BLOCK, annex
 from orip.cli.method import AllPhotos, MethodOptions, exit_code, solve_watcher, tell_solution
 from orip.cli.options import BundleArgument, Invocation, command
-from orip.cli.results import Report, tell_report
+from orip.cli.results import Pictures, Report, tell_report
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
 from orip.structs import replace
@@ -132,6 +132,7 @@ def register(app: typer.Typer) -> None:
         bundle: BundleArgument = None,
         all_photos: AllPhotos = False,
         report: Report = True,
+        pictures: Pictures = True,
     ) -> None:
         """Adjust a bundle; write result.json, residuals.csv, BUNDLE_RESULT.OUT, BUNDLE_ERROR.OUT and report.html.
 
@@ -158,7 +159,8 @@ def register(app: typer.Typer) -> None:
             outcome, state = solved.outcome, given.state
             del given, change
             if report:
-                reported = report_of(state.read_again(*REPORTED_FROM), outcome.solution, outcome.gates)
+                state = state.read_again(*REPORTED_FROM)
+                reported = report_of(state, outcome.solution, outcome.gates, pictures=pictures)
                 tell_report(terminal, commit(reported).outcome)
             if terminal.json:
                 terminal.data(result_text(outcome.solution))

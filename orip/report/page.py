@@ -22,6 +22,7 @@ from orip.report.control_points import compared_table, distance_table, group_tab
 from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan
 from orip.report.drawings.block_view import block_view
 from orip.report.drawings.ellipses import ellipse_views
+from orip.report.drawings.photo_chips import chip_drawings
 from orip.report.drawings.residual_vectors import photo_anchors, vector_sheets
 from orip.report.first_page import gate_table, key_numbers, method_facts, order_facts, verdict
 from orip.report.photos import (
@@ -32,6 +33,7 @@ from orip.report.photos import (
     station_table,
     strip_table,
 )
+from orip.report.pictures import report_pictures
 from orip.report.precision import (
     antenna_table,
     convergence_charts,
@@ -64,7 +66,8 @@ def report_page(given: ReportInput) -> str:
 
 def _content(given: ReportInput) -> dict[str, Any]:
     solution = given.solution
-    vectors = vector_sheets(given)
+    pictures = report_pictures(given)
+    vectors = vector_sheets(given, thumbnails=pictures.thumbnails)
     anchors = photo_anchors(vectors)
     return {
         "version": __version__,
@@ -82,6 +85,9 @@ def _content(given: ReportInput) -> dict[str, Any]:
         **_unknowns(given, anchors),
         "vectors": vectors,
         "anchors": anchors,
+        "pictures": pictures.note,
+        "chips_of_control": chip_drawings(pictures.of_control),
+        "chips_of_worst": chip_drawings(pictures.of_worst),
         "strong": STRONG,
         "block": _as_data(block_view(given)),
         "size": _size(solution),

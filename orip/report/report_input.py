@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -84,6 +84,30 @@ def _in_pairs(values: FloatArray, rows: IntArray) -> FloatArray:
     return values[np.stack([rows, rows + 1], axis=1)]
 
 
+CHIP_PIXELS = 64
+"""Columns and rows of the image that a chip shows."""
+
+
+class AskedImage(Struct, frozen=True):
+    """What is to be shown of the image of a photo: a thumbnail, and chips from their first columns and rows (n, 2)."""
+
+    photo: str
+    thumbnail: bool
+    chips: IntArray
+
+
+class GivenImage(Struct, frozen=True):
+    """Its pictures as data addresses, in that order; `fault` says why there are none."""
+
+    thumbnail: str = ""
+    chips: tuple[str, ...] = ()
+    fault: str = ""
+
+
+PictureSource = Callable[[Sequence[AskedImage]], Sequence[GivenImage]]
+"""Makes the pictures that are asked for, in their order."""
+
+
 class ReportInput(Struct, frozen=True, dict=True):
     """A solution with the definitions that it is based on.
 
@@ -105,6 +129,8 @@ class ReportInput(Struct, frozen=True, dict=True):
         Error probability of the test of one observation; None: that of all tests of the block together is stated.
     image_warnings : tuple of ProjectWarning
         Images of photos that cannot be used.
+    pictures : PictureSource or None
+        Pictures of photos for the page; None: it has none.
     """
 
     solution: Solution
@@ -118,6 +144,7 @@ class ReportInput(Struct, frozen=True, dict=True):
     replayed: tuple[tuple[str, str], ...] = ()
     test_level: float | None = None
     image_warnings: tuple[ProjectWarning, ...] = ()
+    pictures: PictureSource | None = None
 
     @cached_property
     def photo_vectors(self) -> Mapping[str, PhotoVectors]:

@@ -101,6 +101,17 @@ def test_many_rays_are_as_precise_as_they_say(noise: float, blur: float) -> None
     assert np.sqrt(squares / freedoms) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("photos", [3, 4, 6, 10])
+def test_few_photos_are_as_precise_as_they_say(photos: int) -> None:
+    squares, freedoms = 0.0, 0
+    for noise, seed in ((2.0, 1), (2.0, 2), (4.0, 3)):
+        given = scene(photos, seed, noise=noise)
+        _, square, freedom = given.errors(match_rays(given.windows(), MatchSettings()))
+        squares, freedoms = squares + square, freedoms + freedom
+    assert np.sqrt(squares / freedoms) == pytest.approx(1.0, abs=0.15)
+
+
 def test_gain_and_offset_do_not_matter() -> None:
     given = scene()
     windows = given.windows()

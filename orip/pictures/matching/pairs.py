@@ -10,9 +10,17 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.pictures.matching.features import Features, count_large_matches
+from orip.pictures.matching.retrieval import likely_pairs
+from orip.progress import stage
+from orip.threads import by_threads
 
 ALL_UP_TO = 30
 """Photos of which all pairs are compared as a whole."""
+EXAMINED_UP_TO = 120
+"""Photos of which the large features of all pairs are compared."""
+_LIKELY = 40
+"""Photos that each one of more is compared with."""
+_AT_ONCE = 400
 _SEEN = 6
 """Large features that two photos have in common by chance at most."""
 _BEST = 12
@@ -43,31 +51,34 @@ class View(Struct, frozen=True):
     reduction: float
 
 
-def promising_pairs(features: Sequence[Features], done: NDArray[np.int32] | None = None) -> list[tuple[int, int]]:
+def promising_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
     """Return pairs of photos whose large features match; of few photos all pairs.
 
-    Every photo has its best twelve partners among them: photos with little in common are not lost.
+    Every photo has its best twelve partners among them: photos with little in common are not lost. Of many photos only
+    those pairs are examined that retrieval takes for likely.
 
     Parameters
     ----------
     features : sequence of Features
-    done : ndarray (n, n), optional
-        Counts of large features in common, where they are known; negative where not.
     """
     every = list(combinations(range(len(features)), 2))
     if len(features) <= ALL_UP_TO:
         return every
+    examined = every if len(features) <= EXAMINED_UP_TO else likely_pairs(features, _LIKELY)
     score = np.zeros((len(features), len(features)), dtype=np.int32)
-    for one, other in every:
-        known = -1 if done is None else int(done[one, other])
-        score[one, other] = count_large_matches(features[one], features[other]) if known < 0 else known
+    with stage("likely pairs", len(examined)) as advance:
+        for start in range(0, len(examined), _AT_ONCE):
+            some = examined[start : start + _AT_ONCE]
+            counts = by_threads(lambda pair: count_large_matches(features[pair[0]], features[pair[1]]), some, 20)
+            score[tuple(np.transpose(some))] = counts
+            advance(start + len(some))
     score += score.T
     chosen = score >= _SEEN
     best = np.argsort(-score, axis=1, kind="stable")[:, :_BEST]
     rows = np.arange(len(features))[:, None]
     chosen[rows, best] |= score[rows, best] > 0
     chosen |= chosen.T
-    return [pair for pair in every if chosen[pair]]
+    return [pair for pair in examined if chosen[pair]]
 
 
 def neighbouring_pairs(places: NDArray[np.float64], most: int) -> list[tuple[int, int]]:

@@ -13,8 +13,8 @@ from orip.pictures.matching.patches import PatchGrid, Sampled, Template, partial
 REACH = 9
 """Places of the patch over which noise is correlated, by interpolation, by smoothing and by JPEG."""
 
-LEAST_NOISE = 0.5
-"""Grey values: what JPEG has made smooth is less precise than it looks."""
+HIDDEN_NOISE = 0.4
+"""Grey values: what whole grey values, interpolation and JPEG add that residuals do not show, from rendered photos."""
 _ROUNDS = 4
 _OF_MANY = 150
 """Rays from which it is computed how much less residuals are correlated than noise."""
@@ -71,7 +71,7 @@ def position_covariances(
     taken = 2.0 * (fit.design * carried) - fit.design * (of_parameters.astype(np.float32) @ fit.design)
     left = 1.0 - (fit.weight * taken.sum(axis=1)).sum(axis=1, dtype=np.float64)
     square = (fit.weight * fit.residual**2).sum(axis=1, dtype=np.float64) / np.maximum(left, 0.1)
-    square += (LEAST_NOISE / sampled.contrast) ** 2
+    square += (HIDDEN_NOISE / sampled.contrast) ** 2
     return _variances(square, point, share)[:, None, None] * of_parameters[:, 4:6, 4:6]
 
 

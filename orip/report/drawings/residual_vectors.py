@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray
 from orip.interior.mounting import frame_corners
+from orip.records.camera import Sensor
 from orip.records.names import record_key
 from orip.report.drawings.svg import drawing, element, number, numbers, round_step, text
 from orip.report.report_input import PhotoVectors, ReportInput
@@ -34,6 +35,7 @@ _ALPHA = 0.01
 _LOST = 0.1
 """Share of a photo's points that have lost weight, above that of the median photo, from which it stands out."""
 _MOST_TOGETHER = 1500
+_NO_PICTURES: Mapping[str, str] = {}
 
 
 class CellMeans(Struct, frozen=True):
@@ -104,19 +106,31 @@ def cell_means(vectors: Sequence[PhotoVectors], low: FloatArray, high: FloatArra
     return CellMeans(centre, mean, count[full], float(gammaincc(full.size, statistic / 2.0)))
 
 
-def vector_sheets(given: ReportInput, *, single: bool = True) -> tuple[VectorSheet, ...]:
-    """Return the drawings of each camera that has photo points; those of single photos only if they are wanted."""
-    sheets = (_sheet(given, name, single=single) for name in given.solution.cameras.names)
+def vector_sheets(
+    given: ReportInput, *, single: bool = True, thumbnails: Mapping[str, str] = _NO_PICTURES
+) -> tuple[VectorSheet, ...]:
+    """Return the drawings of each camera that has photo points.
+
+    Parameters
+    ----------
+    given : ReportInput
+    single : bool
+        Also of photos by themselves, those that stand out and those that have a thumbnail.
+    thumbnails : mapping of str to str
+        Addresses of pictures of photos, by the photos' names; residuals are drawn upon them.
+    """
+    sheets = (_sheet(given, name, thumbnails, single=single) for name in given.solution.cameras.names)
     return tuple(sheet for sheet in sheets if sheet is not None)
 
 
-def _sheet(given: ReportInput, camera: str, *, single: bool) -> VectorSheet | None:
+def _sheet(given: ReportInput, camera: str, thumbnails: Mapping[str, str], *, single: bool) -> VectorSheet | None:
     vectors = _of_camera(given, camera)
     if not vectors:
         return None
     low, high = frame_extent(given, camera, vectors)
     large = large_residual(vectors)
-    shown = outstanding(vectors) if single else []
+    alone = {photo.photo for photo in outstanding(vectors)} | set(thumbnails) if single else set()
+    shown = [photo for photo in vectors if photo.photo in alone]
     frame = _Frame(low, high, _PIXELS, large)
     means = cell_means(vectors, low, high)
     notes = []
@@ -129,7 +143,10 @@ def _sheet(given: ReportInput, camera: str, *, single: bool) -> VectorSheet | No
         notes.append(
             f"At most {MOST_VECTORS} vectors a photo are drawn: a regular sample, and all that are down-weighted."
         )
-    drawn = tuple((photo.photo, _photo_drawing(photo, frame)) for photo in shown)
+    record = given.cameras.get(record_key(camera))
+    sensor = None if record is None else record.sensor
+    grounds = {} if sensor is None else {name: frame.picture(address, sensor) for name, address in thumbnails.items()}
+    drawn = tuple((one.photo, _photo_drawing(one, frame, ground=grounds.get(one.photo, ""))) for one in shown)
     together = _photo_drawing(_together(vectors), _Frame(low, high, _MEAN_PIXELS, large), "all photos")
     mean = _mean_drawing(camera, means, low, high) if means is not None else Markup("")
     return VectorSheet(camera, together, mean, _finding(means) if means is not None else "", drawn, " ".join(notes))
@@ -238,6 +255,14 @@ class _Frame(Struct, frozen=True):
         found = iter(numbers(np.concatenate([start, shift], axis=1).ravel().tolist()))
         return "".join([f"M{x} {y}l{dx} {dy}" for x, y, dx, dy in zip(found, found, found, found, strict=True)])
 
+    def picture(self, address: str, sensor: Sensor) -> str:
+        """Return the picture of a photo, as large as its sensor."""
+        half = np.array([sensor.width, sensor.height]) / 2.0
+        (left, top), (right, bottom) = self.place(np.array([half * (-1.0, 1.0), half * (1.0, -1.0)])).tolist()
+        return element(
+            "image", href=address, x=left, y=top, width=right - left, height=bottom - top, preserveAspectRatio="none"
+        )  # fmt: skip
+
     def border(self) -> str:
         width, height = self.size
         return element("rect", x=_MARGIN, y=_MARGIN, width=width, height=height, class_="frame")
@@ -250,7 +275,7 @@ class _Frame(Struct, frozen=True):
         yield text(_MARGIN + length + 5.0, y + 4.0, f"{micrometres:g} µm")
 
 
-def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "") -> Markup:
+def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "", ground: str = "") -> Markup:
     width, height = frame.size
     chosen = np.ones(len(vectors.xy), dtype=bool) if name else _thinned(vectors)
     name = name or f"photo {vectors.photo}"
@@ -258,6 +283,7 @@ def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "") -> Mark
     base = height + 2 * _MARGIN + 10.0
     rms = f"RMS {1e3 * vectors.rms:.1f} µm"
     parts = [
+        ground,
         frame.border(),
         element("path", d=_dots(frame.place(vectors.xy[chosen])), class_="feet"),
         *(
@@ -270,7 +296,7 @@ def _photo_drawing(vectors: PhotoVectors, frame: _Frame, name: str = "") -> Mark
         text(_MARGIN, base + 20.0, f"{name}, {counted(len(vectors.xy), 'point')}", class_="label"),
     ]
     label = f"Residual vectors of {name}, {rms}"
-    return drawing(width + 2 * _MARGIN, base + 28.0, label, parts, "vectors")
+    return drawing(width + 2 * _MARGIN, base + 28.0, label, parts, "vectors on-picture" if ground else "vectors")
 
 
 def _mean_drawing(camera: str, means: CellMeans, low: FloatArray, high: FloatArray) -> Markup:

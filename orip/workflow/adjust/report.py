@@ -12,6 +12,7 @@ from typing import Literal
 
 from msgspec import Struct
 
+from orip.annexes import PICTURES_OF_REPORT, annex
 from orip.errors import OripError, UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.progress import stage
@@ -19,12 +20,13 @@ from orip.records.result_tests import GateResult
 from orip.records.solution import Solution
 from orip.report.client import certificate_page, client_page
 from orip.report.page import report_page
-from orip.report.report_input import ReportInput
+from orip.report.report_input import PictureSource, ReportInput
 from orip.report.run_mark import run_of_page
+from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Change
-from orip.workflow.project.images import image_warnings
+from orip.workflow.project.images import image_warnings, usable_images
 from orip.workflow.project.outputs import TextOutput, first_bytes, require_replaceable
 from orip.workflow.project.state import Part, ProjectState
 from orip.workflow.project.texts import Digests, is_measurement_file
@@ -50,7 +52,12 @@ ReportKind = Literal["full", "client", "certificate"]
 
 
 def report(
-    bundle: BundleState, output: Path | None, *, force: bool = False, kind: ReportKind = "full"
+    bundle: BundleState,
+    output: Path | None,
+    *,
+    force: bool = False,
+    kind: ReportKind = "full",
+    pictures: bool = True,
 ) -> Change[WrittenReport]:
     """Make the report of the last adjustment of a bundle, with the gates of orip.toml.
 
@@ -63,6 +70,8 @@ def report(
     force : bool
         Also in the place of a file that is no earlier report.
     kind : {"full", "client", "certificate"}
+    pictures : bool
+        With pictures of the photos whose images are there.
 
     Raises
     ------
@@ -72,8 +81,8 @@ def report(
     UsageError
         If another file would be replaced.
     """
-    gates = project_gates(bundle.project)
-    change = report_of(bundle.state, bundle.adjusted, check_solution(bundle.adjusted, gates), output, kind)
+    gates = check_solution(bundle.adjusted, project_gates(bundle.project))
+    change = report_of(bundle.state, bundle.adjusted, gates, output, kind, pictures=pictures)
     usual = (bundle.project.report(bundle.name, kind),)
     for written in change.outputs:
         begins = first_bytes(written.pieces())
@@ -87,12 +96,15 @@ def report_of(
     gates: Iterable[GateResult],
     output: Path | None = None,
     kind: ReportKind = "full",
+    *,
+    pictures: bool = True,
 ) -> Change[WrittenReport]:
     """Make the report of a solution, which need not be stored; the state has `REPORTED_FROM`."""
     project = state.project
     path = output if output is not None else project.report(solution.bundle, kind)
+    given = report_input(state, solution, gates)
     with stage("report"):
-        text = _PAGES[kind](report_input(state, solution, gates))
+        text = _PAGES[kind](given if pictures else replace(given, pictures=None))
     written = WrittenReport(solution.bundle, solution.run, path, project.shown(path), len(text.encode()))
     return Change(state, written, outputs=(TextOutput(path, lambda: [text], _REMEDY),))
 
@@ -101,11 +113,20 @@ def report_input(state: ProjectState, solution: Solution, gates: Iterable[GateRe
     """Return what a report of a solution is made from; the state has `REPORTED_FROM`."""
     bundle, header = state.definitions.bundle(solution.bundle), state.project.definition
     records = state.records.with_cameras_of(bundle)
+    folder, photos = state.project.folder, records.photos.values()
     return ReportInput(
         solution, tuple(gates), bundle, records.cameras, records.photos,
         records.templates, header.report, header.crs, _measurement_files(state), header.test_level,
-        image_warnings(state.project.folder, records.photos.values(), records.cameras),
+        image_warnings(folder, photos, records.cameras), _pictures(usable_images(folder, photos, records.cameras)),
     )  # fmt: skip
+
+
+def _pictures(images: Mapping[str, Path]) -> PictureSource | None:
+    """Return what makes the pictures of the report; None where no photo has an image."""
+    if not images:
+        return None
+    source: PictureSource = annex(PICTURES_OF_REPORT).picture_source(images)
+    return source
 
 
 def write_report(given: ReportInput, path: Path, kind: ReportKind = "full") -> Path:

@@ -36,6 +36,16 @@ def image_warnings(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, 
     return tuple(ProjectWarning(IMAGE_CODE, f"photo {photo.name}", fault) for photo, fault in found if fault)
 
 
+def usable_images(folder: Path, photos: Iterable[Photo], cameras: Mapping[str, Camera]) -> dict[str, Path]:
+    """Return the paths of the images of photos that name one that can be used, by `record_key`."""
+    return {
+        record_key(photo.name): path
+        for photo in photos
+        if (path := image_path(folder, photo)) is not None
+        and not image_fault(folder, photo, cameras.get(record_key(photo.camera)))
+    }
+
+
 def image_fault(folder: Path, photo: Photo, camera: Camera | None) -> str:
     """Say why the image of a photo cannot be used; empty if it can, or the photo names none."""
     path = image_path(folder, photo)
