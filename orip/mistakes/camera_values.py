@@ -143,8 +143,7 @@ def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarnin
     corners = frame_corners(camera)
     if corners is not None and not is_possible_view(found, float(np.hypot(*(corners[1] - corners[0])))):
         return []
-    column = int(solved.problem.unknowns.cameras[row, 0])
-    sd = float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
+    sd = _sd_of_principal_distance(solved, row)
     size = "" if camera.sensor is None else ", or the size of the sensor,"
     unit = _unit_clause(given, found, camera)
     text = (
@@ -165,6 +164,43 @@ def _unit_clause(given: float, found: float, camera: Camera) -> str:
     differences = {unit: abs(float(np.log(given * size / found))) for unit, size in units.items()}
     nearest = min(differences, key=differences.__getitem__)
     return f" ({given:g} is probably {nearest})" if differences[nearest] < _ALIKE else ""
+
+
+FAR_FROM_GIVEN = "far-from-given"
+
+_DETERMINED = 0.02
+"""Standard deviation of a principal distance, as a part of it, above which the adjustment hardly determines it."""
+
+
+def far_from_given(block: Block, solved: SolvedBlock) -> Iterator[ProjectWarning]:
+    """Yield a warning for each principal distance that was free and ended far from where it started.
+
+    Parameters
+    ----------
+    block : Block
+        As gathered.
+    solved : SolvedBlock
+        An adjustment that fits.
+    """
+    place = {camera.name: row for row, camera in enumerate(solved.block.cameras)}
+    for camera in block.cameras:
+        row = place.get(camera.name, -1)
+        given, found = camera.parameters[0], float(solved.state.cameras[row, 0])
+        if row < 0 or "C" not in camera.unknown or found <= 0.0 or abs(float(np.log(given / found))) < _ALIKE:
+            continue
+        sd = _sd_of_principal_distance(solved, row)
+        if sd < _DETERMINED * found:
+            text = (
+                f"C = {given:g} mm is far from the {found:.5g} ± {sd:.1g} mm that the adjustment found"
+                f"{_unit_clause(given, found, camera)}; the result does not suffer from it: check that the camera and "
+                f"its sensor are the right ones, and write c = {found:.5g}"
+            )
+            yield ProjectWarning(FAR_FROM_GIVEN, f"camera {camera.name}", text)
+
+
+def _sd_of_principal_distance(solved: SolvedBlock, row: int) -> float:
+    column = int(solved.problem.unknowns.cameras[row, 0])
+    return float(solved.deviation_scale * np.sqrt(solved.cofactors_of(np.array([column]))[0, 0]))
 
 
 def principal_distance_seen(block: Block, camera: int) -> float:

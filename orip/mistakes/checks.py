@@ -328,7 +328,7 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     """
     # measurements are checked without these
     from orip.mistakes.free_network import observations_without_weight
-    from orip.mistakes.stations import missing_strips
+    from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
     return (*photos_under_two_names(block), *names, *observations_without_weight(block), *missing_strips(block))

@@ -16,11 +16,10 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
+from orip.mistakes.camera_values import far_from_given
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
-from orip.mistakes.contradicting_positions import contradicting_positions
-from orip.mistakes.exchanged_photos import lens_of_doubted_camera, two_lenses
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
     misgiven,
@@ -45,7 +44,11 @@ from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
-from orip.mistakes.stations import misread_stations
+from orip.mistakes.stations.contradicting_positions import contradicting_positions
+from orip.mistakes.stations.doubted_camera import camera_instead_of_stations
+from orip.mistakes.stations.misread_angles import misread_angles
+from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
+from orip.mistakes.stations.two_lenses import two_lenses
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
 from orip.records.solution import Solution
@@ -93,7 +96,7 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    if found := misread_stations(readjuster.block, solved) or two_lenses(solution, readjuster):
+    if found := _of_all_stations(solution, solved, readjuster):
         return found
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
@@ -108,9 +111,17 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    if found := lens_of_doubted_camera(solution, solved, readjuster):
-        return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
+
+
+def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with all positions or angles of a file, or what photos of another lens make them appear."""
+    if found := misread_angles(solved, readjuster):
+        return found
+    read = misread_stations(readjuster.block, solved)
+    if read and read[0].code != HEIGHTS:
+        return read
+    return two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster) or read
 
 
 def _with_found_orientations(readjuster: Readjuster, known: SolvedBlock | None = None) -> SolvedBlock | None:
@@ -161,6 +172,7 @@ def _shown_by_itself(
         positions = contradicting_positions(solution)
         found = [
             *positions,
+            *far_from_given(block, solved),
             *(warning for warning in found if not concerns_position(warning, positions)),
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),

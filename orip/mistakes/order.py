@@ -25,7 +25,7 @@ from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, is_good
 from orip.mistakes.misread_photos import misread_photos
 from orip.mistakes.other_units import angle_units, control_error_units, direction_units, measurement_precision_units
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
-from orip.mistakes.stations import moved_stations
+from orip.mistakes.stations.strips import moved_stations
 from orip.records.block import Block
 from orip.records.solution import Solution
 from orip.structs import replace
@@ -35,7 +35,7 @@ _MUCH_CONTROL = 0.2
 """Part of the directions, and of the control coordinates, that loses weight where not only single ones are wrong."""
 
 _MANY_STATIONS = 0.3
-"""Part of the coordinates of stations that loses weight where they are not those of their photos."""
+"""Part of the coordinates or angles of stations that loses weight where they are not those of their photos."""
 
 _PHOTOS, _CONTROL_POINTS = 2, 3
 """Most photos and control points that are tried one by one, those that fit worst first."""
@@ -69,7 +69,8 @@ def hypotheses_of_misfit(
     if not fits:
         yield from reduced_pictures(block)
         yield from measurement_precision_units(block)
-        if readjuster.is_oriented and _has_failed(solution):
+        turned = down_weighted_share(solution, "attitude") > _MANY_STATIONS
+        if readjuster.is_oriented and (turned or _has_failed(solution)):
             yield from mirrored_photos(block)
             yield from exchanged_photos(block)
             yield from angle_units(block)

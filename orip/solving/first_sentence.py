@@ -10,13 +10,15 @@ from orip.errors import UNREAD_FILE, ProjectWarning
 from orip.mistakes.camera_values import OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
-from orip.mistakes.exchanged_photos import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.free_network import FREE_DATUM
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
-from orip.mistakes.stations import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.misread_angles import CODE as ANGLES
+from orip.mistakes.stations.misread_angles import OF_ANGLES
+from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.records.solution import Diagnosis, Solution
 from orip.structs import replace
@@ -28,7 +30,7 @@ FIRST_CAUSES = {
 
 OF_STATIONS = {
     **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
-    TWO_LENSES: OF_TWO_LENSES,
+    TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
 }  # fmt: skip
 """The same of positions of photos that are not in the system of the control: what is said of single photos, or of
 groups of the two, follows from it."""
@@ -40,7 +42,7 @@ WRONG = {
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 
 _FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
-    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "control point")),
+    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "attitudes", "control point")),
     ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
     ((HEIGHT_UNIT,), ("camera", "control point")),
 )

@@ -15,9 +15,9 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import NotSolvableError, ProjectWarning
-from orip.mistakes.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.mistakes.explanation import concerns_position, explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
+from orip.mistakes.stations.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block

@@ -8,18 +8,14 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.antennas import antenna_of, with_orientations_of_stations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
-from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.hypothesis import fit_of_adjustment
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
-from orip.records.control import Station
 from orip.records.names import record_key
-from orip.structs import replace
-from orip.wording import joined, listed_names
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
@@ -52,6 +48,11 @@ _ALIKE = 0.05
 """Spread of the differences of height systems, and what X and Y are off by, as parts of the difference at most."""
 
 
+_FITS, _BENT, _WRONG_CONTROL = 3.0, 1.5, 0.1
+"""Standard errors within which control fits, standard error of unit weight from which a block is bent, and part of the
+control that does not fit then at most."""
+
+
 class _Observed(Struct, frozen=True):
     """Positions of photos as observed and as adjusted, both (n, 3) in the project; `photo` are rows of photos."""
 
@@ -78,11 +79,18 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     if any(warning.code in SHORT_TEXTS_OF_SYSTEMS for warning in block.warnings):
         return []  # said already
     observed = _observed(block, solved)
-    if observed is None or len(observed.photo) < _FEWEST:
+    if observed is None or len(observed.photo) < _FEWEST or not _is_where_photos_are(solved):
         return []
     readings = (_in_another_order(block, observed), _in_another_height_system(block, observed), *_read(observed))
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
+
+
+def _is_where_photos_are(solved: SolvedBlock) -> bool:
+    """Tell whether photo points or control fit: a block that both do not fit has the photos anywhere."""
+    fit = fit_of_adjustment(solved)
+    off = fit.standard[fit.columns[0].where("control".__eq__)] > _FITS * fit.scale
+    return fit.scale < _BENT or np.count_nonzero(off) <= _WRONG_CONTROL * len(off)
 
 
 def _observed(block: Block, solved: SolvedBlock) -> _Observed | None:
@@ -190,57 +198,3 @@ def _readings(given: FloatArray) -> Iterator[tuple[str, FloatArray, str]]:
         text = f"when multiplied by {factor:.5g}: {{}} in {unit}, and the control in {other}; use one unit"
         yield UNIT, given * factor, f"they fit {text.format('they seem to be')}"
         yield UNIT, given * [1.0, 1.0, factor], f"their Z fits {text.format('it seems to be')}"
-
-
-def missing_strips(block: Block) -> Iterator[ProjectWarning]:
-    """Yield a warning for each antenna with an unknown of strips that its stations have not."""
-    cameras = [antenna_of(block.antennas, camera.name) for camera in block.cameras]
-    rows = {record_key(photo.name): row for row, photo in enumerate(block.photos)}
-    for row, antenna in enumerate(block.antennas):
-        keys = [f'{key} = "strip"' for key in ("shift", "drift") if getattr(antenna, key) == "strip"]
-        strips = {
-            station.strip
-            for station in block.stations
-            if station.has_position and cameras[block.photo_camera[rows[record_key(station.photo)]]] == row
-        }
-        if keys and strips == {""}:
-            text = (
-                f"{joined(keys)} needs the strips of stations, and no line of the .STA file has one (its last field): "
-                'all are one strip; write them there, or "session" in place of "strip"'
-            )
-            yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
-        elif unknown := [name for name in antenna.strips if strips and name not in strips]:
-            known = listed_names(sorted(strip for strip in strips if strip))
-            text = f"no station has strip {joined(unknown)}, which strips names; those of the .STA file are: {known}"
-            yield ProjectWarning("missing-strips", f"antenna {antenna.name}", text)
-
-
-_FEWEST_STATIONS = 6
-"""Stations of which the others still determine the ground system when one of them is left out."""
-
-
-def moved_stations(block: Block) -> Iterator[Hypothesis]:
-    """Yield the stations moved by one photo, forward and backward, in the order of their times or of the file."""
-    stations = [station for station in block.stations if station.has_position]
-    if len(stations) < _FEWEST_STATIONS:
-        return
-    if all(np.isfinite(station.time) for station in stations):
-        stations.sort(key=lambda station: station.time)
-    photos = [station.photo for station in stations]
-    for moved, names in ((stations[:-1], photos[1:]), (stations[1:], photos[:-1])):
-        text = (
-            f"they fit when they are moved by one photo: the position under {moved[0].photo} is that of {names[0]}, "
-            "and so on; correct the names in the .STA file, or match events and photos again"
-        )
-        renamed = tuple(replace(station, photo=name) for station, name in zip(moved, names, strict=True))
-        yield Hypothesis(_with_stations(block, renamed), finding("moved-stations", "exposure stations", text))
-
-
-def _with_stations(block: Block, stations: tuple[Station, ...]) -> Block:
-    """Return a block with other stations; photos that were oriented by theirs are oriented by these."""
-    oriented = {record_key(station.photo) for station in block.stations if station.has_angles}
-    orientation = block.photo_orientation.copy()
-    for row, photo in enumerate(block.photos):
-        if record_key(photo.name) in oriented:
-            orientation[row] = np.nan
-    return with_orientations_of_stations(replace(block, stations=stations, photo_orientation=orientation))

@@ -170,7 +170,7 @@ def _are_exchanged(one: _Position, other: _Position) -> bool:
 def _exchange(one: _Position, other: _Position) -> ProjectWarning:
     text = (
         f"exposure stations {one.photo} and {other.photo} fit when they are exchanged; exchange their names in the "
-        f"{one.file} file"
+        f"{one.file} file; or in the POINTS lines, if what was measured stands under the other name"
     )
     return ProjectWarning(CODE, "", text)
 

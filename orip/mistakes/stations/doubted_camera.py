@@ -1,0 +1,162 @@
+"""Cameras that are wrong and held, where the tests of groups accuse the positions of photos or the control.
+
+Another principal distance lifts the photos of a flat block, and another principal point shifts them along their axes,
+as a wrong height or a lever arm would. A camera is the cause where the positions fit as they are with it, and control
+and photos alone show the same principal distance, or nothing but a sign is to be changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import group_findings
+from orip.errors import ProjectWarning
+from orip.geometry.rotation import angles_from_rotation
+from orip.mistakes.camera_values import (
+    distortion_of_lens,
+    distortion_sign,
+    other_principal_distance,
+    principal_point_sign,
+    with_unknown,
+)
+from orip.mistakes.exchanged_photos import other_cameras
+from orip.mistakes.hypothesis import DECIDED, Hypothesis, Readjuster, fit_of_adjustment, is_good
+from orip.records.block import Block
+from orip.records.control import NOT_GIVEN
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.solution import Solution
+from orip.structs import replace
+
+_POSITIONS, _PLACES = ("station", "element"), PHOTO_PARAMETERS[:3]
+
+_DOUBTED, _MOST = 0.5, 0.5
+"""Weight factor of a position that hardly influenced the result, and part of them from which all are doubted."""
+
+_OF_CHANCE = 4.0
+"""Standard deviations by which the square sum of the positions is larger than chance gives, at most."""
+
+_OTHER_LENS, _MOVED = 0.05, 120.0
+"""Difference of principal distances, as a part of these, that is another lens and not another calibration, and ground
+units that photos rise or sink by then: heights in another system bend a flat block like another lens."""
+
+_SIGNIFICANT, _LEAST = 5.0, 0.001
+"""The same that control shows by itself: in its standard deviations, and as a part."""
+
+
+def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with a held camera, if positions of photos are doubted and fit with it as they are.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+    if not (readjuster.is_worthwhile and _are_doubted(solution)):
+        return []
+    block = readjuster.block
+    without = readjuster.adjust(_without_positions(block))
+    for row in range(len(block.cameras)):
+        for hypothesis in _signs(_from_solved(block, solved), row):
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is not None and _fits_positions(tried, without) and _is_better(tried, solved):
+                return hypothesis.findings(tried)
+        for hypothesis in _lenses(block, row):
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is None or not _is_better(tried, solved):
+                continue
+            if _is_other_lens(tried, solved, row) or _is_seen_without(hypothesis, row, block, readjuster):
+                return hypothesis.findings(tried)
+    return []
+
+
+def _are_doubted(solution: Solution) -> bool:
+    """Tell whether groups of positions are doubted, a held camera, or most positions one by one."""
+    if any(name in found.where for found in group_findings(solution) for name in ("exposure station", "camera")):
+        return True
+    rows = solution.residuals
+    weights = [
+        weight
+        for kind, component, weight in zip(rows.kind, rows.component, rows.weight_factor.tolist(), strict=True)
+        if kind in _POSITIONS and component in {*"XYZ", *_PLACES} and np.isfinite(weight)
+    ]
+    return np.count_nonzero(np.array(weights) < _DOUBTED) > _MOST * len(weights)
+
+
+def _signs(block: Block, row: int) -> Iterator[Hypothesis]:
+    yield from distortion_sign(block, row)
+    yield from principal_point_sign(block, row)
+    yield from distortion_of_lens(block, row)
+
+
+def _lenses(block: Block, row: int) -> Iterator[Hypothesis]:
+    """Yield a camera with another principal distance, and with other distortion as a frame of another size has it."""
+    photos = [photo.name for photo, of in zip(block.photos, block.photo_camera, strict=True) if of == row]
+    if "C" not in block.cameras[row].unknown:
+        yield from other_cameras(block, photos if len(photos) == 1 else ())
+        yield from other_principal_distance(block, row)
+        yield from other_principal_distance(with_unknown(block, row, "DX", "DY", "A3", "A5"), row)
+
+
+def _from_solved(block: Block, solved: SolvedBlock) -> Block:
+    """Return a block whose photos start where an adjustment of it ended."""
+    if solved.block.photos != block.photos:
+        return block
+    orientation = np.hstack([solved.state.centres, angles_from_rotation(solved.state.rotations)])
+    return replace(block, photo_orientation=orientation)
+
+
+def _without_positions(block: Block) -> Block:
+    """Return a block without observed positions of photos."""
+    stations = tuple(replace(station, position=NOT_GIVEN, position_error=NOT_GIVEN) for station in block.stations)
+    elements = tuple(
+        element for element in block.elements if not (element.group == "PHOTO" and element.kind in _PLACES)
+    )
+    return replace(block, stations=stations, elements=elements)
+
+
+def _is_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
+    weighing = solved.weighing
+    return tried.converged and bool(weighing.cost(solved.equations) - weighing.cost(tried.equations) > DECIDED)
+
+
+def _fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
+    """Tell whether the positions add no more to the sum of squares than chance does."""
+    if without is None or not is_good(fit_of_adjustment(tried)):
+        return False
+    number = sum(
+        int(np.count_nonzero(observations.rows.used))
+        for observations in tried.problem.observations
+        if observations.rows.kind.name in _POSITIONS
+    )
+    half_sum = 0.5 * number + _OF_CHANCE * np.sqrt(0.5 * number)
+    weighing = tried.weighing
+    added = weighing.cost(tried.equations) - weighing.cost(without.equations)
+    return bool(added < max(1.0, without.variance.sigma0) ** 2 * half_sum)
+
+
+def _is_other_lens(tried: SolvedBlock, solved: SolvedBlock, row: int) -> bool:
+    """Tell whether the principal distance is far another one, and the photos rise or sink far with it."""
+    place = int(np.flatnonzero(tried.block.photo_camera == min(row, len(tried.block.cameras) - 1))[0])
+    given = solved.state.cameras[row, 0]
+    other = tried.state.cameras[tried.block.photo_camera[place], 0]
+    moved = np.linalg.norm(tried.state.centres[place] - solved.state.centres[place])
+    return bool(abs(other - given) > _OTHER_LENS * given and moved > _MOVED and is_good(fit_of_adjustment(tried)))
+
+
+def _is_seen_without(hypothesis: Hypothesis, row: int, block: Block, readjuster: Readjuster) -> bool:
+    """Tell whether photos and control alone show that the principal distance is another one."""
+    free = readjuster.adjust(_without_positions(hypothesis.block))
+    if free is None or not free.converged:
+        return False
+    column = int(free.problem.unknowns.cameras[row, 0])
+    if column < 0 or free.normals.removed[column]:
+        return False
+    given = block.cameras[row].parameters[0]
+    sd = free.deviation_scale * float(np.sqrt(free.cofactors_of(np.array([column]))[0, 0]))
+    return abs(float(free.state.cameras[row, 0]) - given) > max(_SIGNIFICANT * sd, _LEAST * given)

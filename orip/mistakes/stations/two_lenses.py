@@ -1,0 +1,139 @@
+"""Photos of one camera that were taken with two lenses: their positions seem to be wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.arrays import IntArray
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.camera_values import with_unknown
+from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
+from orip.records.block import Block
+from orip.records.names import record_key
+from orip.records.solution import Solution
+from orip.structs import replace
+from orip.wording import counted_names
+
+# Another principal distance moves photos up or down, as a strip of wrong heights would be: that they are of another
+# lens shows where the points fit better with it than without any of the positions that are accused.
+
+TWO_LENSES = "two-lenses"
+
+OF_TWO_LENSES = "photos of one camera were taken with two lenses, or zoom positions"
+"""What the status says."""
+
+_POSITIONS = ("station", "element")
+
+_FITS = 4.0
+"""Standard errors within which an observation fits."""
+
+_FEWEST_PHOTOS_OF_A_LENS = 3
+"""Photos of each lens."""
+
+_PART = 0.7
+"""Part of the photos of a camera that fits badly at most: else all of it is wrong."""
+
+_EXPLAINED = 0.2
+"""Part of the photos that fit badly that still do with a camera of their own, at most."""
+
+_BETTER = 3.0
+"""Standard deviations by which the sum of squares is smaller at least with a second camera."""
+
+_OF_A_PHOTO = 15.0
+"""What the positions of one photo may add to the sum of squares after they have lost most of their weight."""
+
+_DIFFERENT, _SIGNIFICANT = 0.002, 5.0
+"""Least difference of the two principal distances, as a part of these and in standard deviations."""
+
+
+def two_lenses(solution: Solution, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that photos have another lens than their camera, if they fit with one of their own.
+
+    Parameters
+    ----------
+    solution : Solution
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+    if not readjuster.is_small:
+        return []
+    block, accused = readjuster.block, _with_wrong_positions(solution)
+    if len(accused) < _FEWEST_PHOTOS_OF_A_LENS:
+        return []
+    for camera, rows in _groups(block, accused):
+        solved = readjuster.adjust(_with_second_camera(block, camera, rows))
+        if solved is None or not is_good(fit_of_adjustment(solved)):
+            continue
+        left = _still_wrong(fit_of_adjustment(solved))
+        explains = left <= _EXPLAINED * len(accused) and _fits_better(solution, solved, len(accused))
+        if explains and (text := _text(solved, block, camera)):
+            where = counted_names("photo", [block.photos[row].name for row in rows.tolist()])
+            return [ProjectWarning(TWO_LENSES, where, text)]
+    return []
+
+
+def _with_wrong_positions(solution: Solution) -> set[str]:
+    """Return the `record_key` of photos whose observed position has lost weight."""
+    rows = solution.residuals
+    return {
+        record_key(photo)
+        for kind, photo, weight in zip(rows.kind, rows.photo, rows.weight_factor.tolist(), strict=True)
+        if photo and kind in _POSITIONS and weight < 1.0
+    }
+
+
+def _still_wrong(fit: Fit) -> int:
+    """Return of how many photos the positions do not fit."""
+    kind, photo = fit.columns[0], fit.columns[1]
+    wrong = kind.where(lambda name: name in _POSITIONS) & (fit.standard > _FITS)
+    return len(np.unique(photo.codes[wrong]))
+
+
+def _groups(block: Block, accused: set[str]) -> Iterator[tuple[int, IntArray]]:
+    """Yield cameras with the rows of their accused photos, where these are not nearly all."""
+    is_accused = np.array([record_key(photo.name) in accused for photo in block.photos])
+    for camera in range(len(block.cameras)):
+        own = block.photo_camera == camera
+        rows = np.flatnonzero(own & is_accused)
+        if (
+            _FEWEST_PHOTOS_OF_A_LENS
+            <= len(rows)
+            <= min(_PART * np.count_nonzero(own), np.count_nonzero(own) - _FEWEST_PHOTOS_OF_A_LENS)
+        ):
+            yield camera, rows
+
+
+def _with_second_camera(block: Block, camera: int, rows: IntArray) -> Block:
+    """Return a block in which photos have a camera of their own, the principal distances of both being unknown."""
+    changed = with_unknown(block, camera, "C")
+    second = replace(changed.cameras[camera], name=f"{block.cameras[camera].name}_2")
+    photo_camera = block.photo_camera.copy()
+    photo_camera[rows] = len(block.cameras)
+    return replace(changed, cameras=(*changed.cameras, second), photo_camera=photo_camera)
+
+
+def _fits_better(solution: Solution, solved: SolvedBlock, accused: int) -> bool:
+    """Tell whether the observations that keep their weight fit better, and not the positions of photos alone."""
+    gained = (solution.sigma0**2 - solved.variance.sigma0**2) * solution.redundancy_used
+    return gained > max(_BETTER * float(np.sqrt(2.0 * solution.redundancy_used)), _OF_A_PHOTO * accused)
+
+
+def _text(solved: SolvedBlock, block: Block, camera: int) -> str:
+    """Return what the two principal distances are; "" where they hardly differ."""
+    places = [camera, len(solved.block.cameras) - 1]
+    one, other = (float(solved.state.cameras[place, 0]) for place in places)
+    columns = np.array([int(solved.problem.unknowns.cameras[place, 0]) for place in places])
+    cofactors = solved.cofactors_of(columns)
+    sd = solved.deviation_scale * np.sqrt(np.diag(cofactors))
+    of_difference = solved.deviation_scale * float(np.sqrt([1.0, -1.0] @ cofactors @ [1.0, -1.0]))
+    if abs(one - other) < max(_DIFFERENT * one, _SIGNIFICANT * of_difference):
+        return ""
+    name = block.cameras[camera].name
+    return (
+        f"they fit with C = {other:.5g} ± {sd[1]:.1g} mm, the other photos of camera {name} with {one:.5g} ± "
+        f"{sd[0]:.1g} mm: they seem to be taken with another lens, zoom or focus; define a second [[camera]] in "
+        "orip.toml and name it in these photos"
+    )
