@@ -102,6 +102,9 @@ COMMANDS: Mapping[str, Listed] = {
     "detect": Listed("Targets in pictures: boards, tags, sheets of coded dots.", ()),
     "plan": Listed("Plan a flight or a network, and forecast its precision.", ()),
     "match": Listed("Measure tie points in the images of the photos, and write them to TIES.MEA.", ()),
+    "restitute": Listed(
+        "Points, lines and areas from stereo measurements, with standard deviations, in the .GEO file.", ()
+    ),
     "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""

@@ -7,15 +7,13 @@ vectors go from the given place of a control or check point to the adjusted one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
-from msgspec import Struct, field
 
 from orip.arrays import FloatArray
 from orip.exchange.sources.names import distinct_names
 from orip.records.exchanged import ExchangedProject, PoseReading
+from orip.records.map_layers import Layer, Shapes
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 """Rotations as orip has them."""
@@ -28,15 +26,6 @@ MOST_RAYS = 100_000
 
 _CORNERS = 36
 _OF_EXTENT = 0.01
-
-
-class Layer(Struct, frozen=True):
-    """A table of places: their names, and numbers (n, k) by columns, the first three of which are coordinates."""
-
-    name: str
-    columns: tuple[str, ...]
-    names: tuple[str, ...]
-    values: FloatArray
 
 
 def point_layer(project: ExchangedProject) -> Layer:
@@ -60,32 +49,6 @@ def photo_layer(project: ExchangedProject) -> Layer:
     rows = [[*photo.position, *(photo.position_deviation or [math.nan] * 3), *photo.rotation] for photo in photos]
     values = np.array(rows, dtype=np.float64).reshape(-1, len(PHOTO_COLUMNS))
     return Layer("photos", PHOTO_COLUMNS, tuple(photo.name for photo in photos), values)
-
-
-class Shapes(Struct, frozen=True):
-    """Lines or closed areas.
-
-    Parameters
-    ----------
-    name : str
-        With the factor by which they are drawn larger, if they are.
-    geometry : {"LINESTRING", "POLYGON"}
-    places : tuple of arrays (k, 2) or (k, 3)
-    texts : mapping of str to tuple of str
-        Columns of names.
-    numbers : mapping of str to array
-    """
-
-    name: str
-    geometry: Literal["LINESTRING", "POLYGON"]
-    places: tuple[FloatArray, ...]
-    texts: Mapping[str, tuple[str, ...]]
-    numbers: Mapping[str, FloatArray] = field(default_factory=dict)
-
-    @property
-    def has_height(self) -> bool:
-        """Return whether places have three coordinates."""
-        return bool(self.places) and self.places[0].shape[1] == 3
 
 
 def shapes(project: ExchangedProject) -> tuple[Shapes, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,6 +78,43 @@ def crs_from_geographic(geographic: FloatArray, source: str, target: str) -> Flo
     transformer, _, _ = _to_geographic(source, target, np.array(middle))
     x, y, z = given.T
     return np.column_stack(transformer.transform(x, y, z, direction="INVERSE")).astype(np.float64)
+
+
+def to_wgs84(crs: str | None) -> Callable[[FloatArray], FloatArray]:
+    """Return the conversion of places (n, 3) of a project to longitude and latitude (degrees) and ellipsoidal height.
+
+    Without a crs they stay as they are.
+
+    Raises
+    ------
+    InputError
+        If the system is not known; by the conversion, if it has no longitude and latitude at a place.
+    """
+    if crs is None:
+        return lambda xyz: xyz
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import CRSError, ProjError
+
+    try:
+        whole = CRS.from_user_input(crs)
+        metres = 1.0
+        if len(whole.axis_info) == 2:  # heights are in the unit of the map then, above the ellipsoid
+            metres = whole.axis_info[0].unit_conversion_factor
+            whole = whole.to_3d()
+        transformer = Transformer.from_crs(whole, CRS.from_epsg(4979), always_xy=True)
+    except (CRSError, ProjError) as fault:
+        message = f"crs {crs}: {fault}; correct it in orip.toml"
+        raise InputError.single(message) from fault
+
+    def convert(xyz: FloatArray) -> FloatArray:
+        found = np.column_stack(transformer.transform(xyz[:, 0], xyz[:, 1], xyz[:, 2] * metres)).astype(np.float64)
+        if not np.isfinite(found).all():
+            x, y, _ = xyz[int(np.flatnonzero(~np.isfinite(found).all(axis=1))[0])].tolist()
+            message = f"crs {crs} has no longitude and latitude at {x:.3f}, {y:.3f}; check crs in orip.toml"
+            raise InputError.single(message)
+        return found
+
+    return convert
 
 
 def _to_geographic(source: str, target: str, middle: FloatArray) -> tuple[pyproj.Transformer, pyproj.CRS, pyproj.CRS]:

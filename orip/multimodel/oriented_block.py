@@ -10,26 +10,10 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, Number
 from orip.geometry.rotation import rotated, rotated_back
+from orip.geometry.stereo import PARALLEL, Meeting, axes_of_model, meeting, y_parallax
 from orip.multimodel.photo_loop import DrivenPhoto, camera_model, driven_photo
 from orip.records.drive_table import DriveCode, DriveModel, DrivePhoto, DriveTable, Triple
 from orip.records.names import record_key
-
-# Model axes, in ground units: the origin is the left projection centre, x runs along the base to the right projection
-# centre, z is the mean of both cameras' z axes made perpendicular to the base and points towards the cameras, y = z ×
-# x.
-#
-# The y-parallax is that of the photos rectified to the model's axes: with a ray's direction (dx, dy, dz) there, it is
-# the difference left minus right of −C dy / dz, with C the mean principal distance, in mm. It is zero exactly when the
-# two rays lie in one plane with the base, that is, when they meet.
-
-_PARALLEL = 1e-10
-"""Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
-
-_NO_BASE = 1e-9
-"""Part of the distance of the projection centres from the origin up to which they coincide."""
-
-_ALONG_BASE = 1e-6
-"""Least component of the mean viewing direction across the base that determines the model's z axis."""
 
 
 class ObjectPlaces(NamedTuple):
@@ -92,7 +76,7 @@ class ModelLoop(Struct, frozen=True):
         if left is None or right is None:
             return ObjectPlace((np.nan,) * 3, np.nan, DriveCode.NOT_INVERTIBLE)
         sine_square, along_left, along_right, middle = self._meeting(left, right)
-        if not sine_square > _PARALLEL:
+        if not sine_square > PARALLEL:
             return ObjectPlace((np.nan,) * 3, np.nan, DriveCode.PARALLEL_RAYS)
         if along_left <= 0.0 or along_right <= 0.0:
             return ObjectPlace(middle, np.nan, DriveCode.BEHIND_CAMERA)
@@ -107,7 +91,7 @@ class ModelLoop(Struct, frozen=True):
             sine_square, along_left, along_right, middle = self._meeting(*columns)
             parallax = self._y_parallax(*columns)
         code = np.where((along_left <= 0.0) | (along_right <= 0.0), DriveCode.BEHIND_CAMERA, DriveCode.NONE)
-        code[~(sine_square > _PARALLEL)] = DriveCode.PARALLEL_RAYS
+        code[~(sine_square > PARALLEL)] = DriveCode.PARALLEL_RAYS
         code = np.where(left.code | right.code, DriveCode.NOT_INVERTIBLE, code)
         return ObjectPlaces(np.stack(middle, axis=1), parallax, code)
 
@@ -126,53 +110,17 @@ class ModelLoop(Struct, frozen=True):
         """Return a vector given along the model axes along the ground axes."""
         return rotated(self.axes, x, y, z)
 
-    def _meeting(
-        self, left: tuple[Number, ...], right: tuple[Number, ...]
-    ) -> tuple[Number, Number, Number, tuple[Number, Number, Number]]:
-        """Return the square of the sine between rays, how far along each they come nearest, and the middle there.
-
-        The middle of the common perpendicular has the least square sum of distances to two lines.
-        """
-        bx, by, bz = (b - a for a, b in zip(self.photos[0].centre, self.photos[1].centre, strict=True))
-        (ax, ay, az), (cx, cy, cz) = left, right
-        aa, cc, ac = ax * ax + ay * ay + az * az, cx * cx + cy * cy + cz * cz, ax * cx + ay * cy + az * cz
-        nx, ny, nz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
-        square = nx * nx + ny * ny + nz * nz
-        ba, bc = bx * ax + by * ay + bz * az, bx * cx + by * cy + bz * cz
-        # parallel rays meet nowhere; the floor keeps plain numbers from dividing by zero
-        along_left, along_right = (ba * cc - bc * ac) / (square + 1e-300), (ba * ac - bc * aa) / (square + 1e-300)
-        x0, y0, z0 = self.photos[0].centre
-        middle = (
-            x0 + 0.5 * (bx + along_left * ax + along_right * cx),
-            y0 + 0.5 * (by + along_left * ay + along_right * cy),
-            z0 + 0.5 * (bz + along_left * az + along_right * cz),
-        )
-        return square / (aa * cc), along_left, along_right, middle
+    def _meeting(self, left: tuple[Number, ...], right: tuple[Number, ...]) -> Meeting[Number]:
+        return meeting(self.photos[0].centre, self.photos[1].centre, left, right)
 
     def _y_parallax(self, left: tuple[Number, ...], right: tuple[Number, ...]) -> Number:
         c = 0.5 * (self.photos[0].camera.principal_distance + self.photos[1].camera.principal_distance)
-        (_, y1, z1), (_, y2, z2) = rotated_back(self.axes, *left), rotated_back(self.axes, *right)
-        # a ray in the plane of the base has no such image; the floor keeps plain numbers from dividing by zero
-        return -c * (y1 / (z1 - 1e-300) - y2 / (z2 - 1e-300))
+        return y_parallax(self.axes, c, left, right)
 
 
 def model_axes(left: DrivePhoto, right: DrivePhoto) -> FloatArray | None:
-    """Return the matrix (3, 3) from model axes to ground axes.
-
-    None where there are no such axes: the centres coincide, or both cameras look along the base.
-    """
-    first, second = np.array(left.centre), np.array(right.centre)
-    base = second - first
-    length = float(np.linalg.norm(base))
-    if not _NO_BASE * float(np.abs([first, second]).max()) < length < np.inf:
-        return None
-    ex = base / length
-    mean = 0.5 * (np.array(left.rotation[2::3]) + np.array(right.rotation[2::3]))
-    across = mean - (mean @ ex) * ex
-    if not float(np.linalg.norm(across)) > _ALONG_BASE:
-        return None
-    ez = across / np.linalg.norm(across)
-    return np.column_stack([ex, np.cross(ez, ex), ez])
+    """Return the matrix (3, 3) from model axes to ground axes; see `axes_of_model`."""
+    return axes_of_model(left.centre, right.centre, left.rotation[2::3], right.rotation[2::3])
 
 
 def model_loop(model: DriveModel, photos: dict[str, tuple[int, DrivePhoto, DrivenPhoto]]) -> ModelLoop:

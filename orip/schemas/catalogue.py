@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import instruments, measuring, planning, preliminary, project, result
+from orip.schemas import instruments, measuring, planning, preliminary, project, restitution, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
@@ -19,7 +19,7 @@ SchemaName = Literal[
     "online-demo", "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
     "plan-follow", "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
     "records", "relative", "report", "result", "result-part", "results", "sample-written", "samples",
-    "similarities",
+    "restitute-compute", "restitute-export", "restitute-show", "similarities",
     "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
@@ -109,6 +109,9 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "records": DocumentType(project.Records, _each(_RECORDS, "list")),
     "relative": DocumentType(preliminary.Relative, ("prelim relative",)),
     "report": DocumentType(result.Report, ("report",)),
+    "restitute-compute": DocumentType(restitution.RestituteCompute, ("restitute compute",)),
+    "restitute-export": DocumentType(restitution.RestituteExport, ("restitute export",)),
+    "restitute-show": DocumentType(restitution.RestituteShow, ("restitute show",)),
     "result": DocumentType(result.Result, ("result.json", "solve", "run", "adjust"), version=2),
     "result-part": DocumentType(result.PartOfResult, ("results",)),
     "results": DocumentType(result.Results, ("run",), version=2),

@@ -67,6 +67,7 @@ _OTHERS = {
     DRIVABLE: (
         "update cameras", "drive table", "drive download --link {}",
         "digitise ground 1103 --model 1-1 --to PRE --link {} --simulate DAY1.MEA",
+        "restitute compute STEREO.STE", "restitute export dxf map.dxf",
     ),
     JOINED: (
         "init", "measure", "photo rename left OTHER", "photo delete left --with-referents --yes",
@@ -91,7 +92,7 @@ ONLY_READING = frozenset(
     {
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
         "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
-        "archive diff", "plan forecast", "plan compare", "plan place", "plan clock",
+        "archive diff", "restitute show", "plan forecast", "plan compare", "plan place", "plan clock",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",

@@ -28,7 +28,7 @@ ALLOWED = {
     ("files/stores/transaction.py", "connect"): "after `require_own_store`",
     ("files/stores/joint_commit.py", "connect"): "in memory, and by what `transaction` hands in",
     ("exchange/colmap/model.py", "connect"): "read only, and immutable",
-    ("exchange/gis.py", "connect"): "in memory",
+    ("files/maps/geopackage.py", "connect"): "in memory",
     ("files/result/residuals.py", "open for writing"): "in memory",
     ("archive/cluster/sub_block_files.py", "savez"): "into a `new_file`",
     ("archive/results.py", "write_table"): "in memory",

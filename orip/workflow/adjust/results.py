@@ -215,7 +215,7 @@ def covariance_matrix(bundle: BundleState, names: Sequence[str]) -> CovarianceMa
     """
     stored = bundle.adjusted
     records = _chosen_records(list(_records(stored)), names)
-    _, solved = solve_with_equations(bundle, method=_method(bundle, stored))
+    solved = solved_again(bundle)
     found = [record.figures(solved, record.row) for record in records]
     matrix = covariance(solved, found, found)
     labels = [f"{record.kind} {record.name}.{kind}" for record in records for kind in record.kinds]
@@ -226,6 +226,22 @@ def covariance_matrix(bundle: BundleState, names: Sequence[str]) -> CovarianceMa
         [labels[row] for row in kept], [units[row] for row in kept], values[kept], matrix[np.ix_(kept, kept)],
         stored.sigma0, stored.run,
     )  # fmt: skip
+
+
+def solved_again(bundle: BundleState) -> SolvedBlock:
+    """Return the last adjustment with its normal equations, which are not stored: it is computed again.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With `ADJUSTED_FROM` and solutions.
+
+    Raises
+    ------
+    InputError
+        If the bundle has not been adjusted, or what it was adjusted from has changed since.
+    """
+    return solve_with_equations(bundle, method=_method(bundle, bundle.adjusted))[1]
 
 
 def write_covariance(project: ProjectFolder, matrix: CovarianceMatrix, output: Path, *, force: bool = False) -> None:

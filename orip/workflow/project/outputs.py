@@ -129,7 +129,7 @@ def _has_nothing(store: Store) -> bool:
     return observations.read(store) is None
 
 
-_OF_PROJECTS = re.compile(r"\.(CAM|TIK|PHO|TEM|EXT|EXO|MEA|PNT|ELE|LEN|DIR|STA|PRE|DRV|OUT)", re.IGNORECASE)
+_OF_PROJECTS = re.compile(r"\.(CAM|TIK|PHO|TEM|EXT|EXO|MEA|PNT|ELE|LEN|DIR|STA|PRE|DRV|STE|GEO|OUT)", re.IGNORECASE)
 """What stores, texts and listings of a project are called; in its folder no other file is."""
 _BESIDE = frozenset({IGNORE_FILE, "names.csv", "exchange.toml", "before_update.json", PROJECT_FILE})
 _SHORTEST_LINE, _COMPARED = 40, 200

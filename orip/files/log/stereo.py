@@ -1,0 +1,119 @@
+"""Stereo measurements as text (.STE): features, below each its vertices in two photos."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from orip.errors import Complaint
+from orip.files.log.writing import DECIMALS
+from orip.files.text.lines import FieldReader, TextLine, field_lines, read_lines
+from orip.files.text.shown import Parsed
+from orip.records.names import record_key
+from orip.records.stereo import FEATURE_KINDS, LEAST_VERTICES, FeatureKind, StereoFeature, StereoVertex
+from orip.structs import replace
+
+# LINE ROAD 17
+#   101  1234.5000  987.2500   102  910.2000  985.7500
+#   101  1260.1000  990.0000   102  935.9000  988.2500  0.3
+# POINT TREE 4
+#   101  1500.0000  412.0000   102  1177.5000  409.7500
+
+HEADER_FIELDS = 3
+HEADER_FORM = "POINT, LINE or AREA, then code and name"
+
+_VERTEX_FIELDS = (6, 7)
+_VERTEX_FORM = "left photo, x, y, right photo, x, y, and an error of its own if it has one"
+
+
+def feature_header(kind: FeatureKind, code: str, name: str) -> str:
+    """Return the first line of a feature."""
+    return f"{kind} {code} {name}"
+
+
+def vertex_line(vertex: StereoVertex) -> str:
+    """Return the line of a vertex."""
+    (x1, y1), (x2, y2) = vertex.left_xy, vertex.right_xy
+    left = f"{vertex.left:<8} {x1:z11.{DECIMALS}f} {y1:z11.{DECIMALS}f}"
+    right = f"{vertex.right:<8} {x2:z11.{DECIMALS}f} {y2:z11.{DECIMALS}f}"
+    return f"  {left}  {right}" + ("" if vertex.error is None else f"  {vertex.error:g}")
+
+
+def read_stereo(path: Path, shown: str) -> Parsed[tuple[StereoFeature, ...]]:
+    """Read stereo measurements; complaints about all that is wrong in the file.
+
+    Parameters
+    ----------
+    path : Path
+    shown : str
+        The file as the user would name it.
+    """
+    text = read_lines(path, shown)
+    complaints: list[Complaint] = list(text.complaints)
+    features: list[StereoFeature] = []
+    for lines in lines_by_feature(field_lines(text.value)):
+        head = FieldReader(lines[0], shown)
+        feature = read_header(head)
+        vertices = []
+        for line in lines[1:] if feature is not None else lines[1:0]:
+            reader = FieldReader(line, shown)
+            vertex = _read_vertex(reader)
+            complaints += reader.complaints
+            if vertex is not None:
+                vertices.append(vertex)
+        if feature is not None and not head.complaints and len(lines) - 1 < LEAST_VERTICES[feature.kind]:
+            least = LEAST_VERTICES[feature.kind]
+            head.complain(f"this {feature.kind} has {len(lines) - 1} of at least {least} vertices; measure the others")
+        complaints += head.complaints
+        if feature is not None:
+            features.append(replace(feature, vertices=tuple(vertices)))
+    complaints += repeated_features([(one.code, one.name, one.line) for one in features], shown)
+    return Parsed(tuple(features), tuple(complaints))
+
+
+def lines_by_feature(lines: Iterable[TextLine]) -> Iterator[list[TextLine]]:
+    """Yield the lines of each feature, its header first."""
+    found: list[TextLine] = []
+    for line in lines:
+        if found and _is_header(line):
+            yield found
+            found = []
+        found.append(line)
+    if found:
+        yield found
+
+
+def _is_header(line: TextLine) -> bool:
+    """Tell whether a line begins a feature; a photo may be called as a kind is, and vertices have more fields."""
+    return line.fields[0].text.upper() in FEATURE_KINDS and len(line.fields) not in _VERTEX_FIELDS
+
+
+def read_header(reader: FieldReader) -> StereoFeature | None:
+    """Return a feature without vertices; None, and complaints kept, where the line is none."""
+    kind = reader.word(0, FEATURE_KINDS, "the beginning of a feature")
+    if kind is None or not reader.has_fields((HEADER_FIELDS,), HEADER_FORM):
+        return None
+    return StereoFeature(kind, reader.name(1), reader.name(2), (), reader.number)
+
+
+def repeated_features(named: Sequence[tuple[str, str, int]], shown: str) -> Iterator[Complaint]:
+    """Yield complaints about features (code, name, line) that have the code and name of another one."""
+    first: dict[tuple[str, str], int] = {}
+    for code, name, line in named:
+        before = first.setdefault((record_key(code), name), line)
+        if before != line:
+            yield Complaint(f"{code} {name} is already on line {before}; give one of them another name", shown, line)
+
+
+def _read_vertex(reader: FieldReader) -> StereoVertex | None:
+    if not reader.has_fields(_VERTEX_FIELDS, _VERTEX_FORM):
+        return None
+    left, right = reader.name(0), reader.name(3)
+    x1, y1, x2, y2 = (reader.decimal(index) for index in (1, 2, 4, 5))
+    error = reader.decimal(6) if reader.count == _VERTEX_FIELDS[1] else None
+    if error is not None and not math.isnan(error) and not error > 0.0:
+        reader.complain("the error of a measurement is above 0", 6)
+    if record_key(left) == record_key(right):
+        reader.complain("left and right are one photo; a vertex is measured in two", 3)
+    return StereoVertex(left, (x1, y1), right, (x2, y2), error, reader.number)

@@ -1,0 +1,129 @@
+"""Two photos seen in stereo: the axes of their model, where two rays meet, and the y-parallax that they leave.
+
+Numbers and arrays (n,) alike: the plate processor's loop has one point at a time.
+
+Model axes, in ground units: the origin is the left projection centre, x runs along the base to the right projection
+centre, z is the mean of both cameras' z axes made perpendicular to the base and points towards the cameras, y = z × x.
+
+The y-parallax is that of the photos rectified to the model's axes: with a ray's direction (dx, dy, dz) there, it is the
+difference left minus right of −C dy / dz, with C the mean principal distance, in mm. It is zero exactly when the two
+rays lie in one plane with the base, that is, when they meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Generic, NamedTuple
+
+import numpy as np
+
+from orip.arrays import FloatArray, Number
+from orip.geometry.rotation import rotated_back
+
+PARALLEL = 1e-10
+"""Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
+
+_NO_BASE = 1e-9
+"""Part of the distance of the projection centres from the origin up to which they coincide."""
+
+_ALONG_BASE = 1e-6
+"""Least component of the mean viewing direction across the base that determines the model's z axis."""
+
+
+class Meeting(NamedTuple, Generic[Number]):
+    """Where two rays come nearest to each other.
+
+    Attributes
+    ----------
+    sine_square : number or array (n,)
+        Square of the sine of the angle between them.
+    along_left, along_right : numbers or arrays (n,)
+        How far along each, in lengths of its direction.
+    middle : tuple (X, Y, Z)
+        The middle of the common perpendicular, which has the least square sum of distances to both.
+    """
+
+    sine_square: Number
+    along_left: Number
+    along_right: Number
+    middle: tuple[Number, Number, Number]
+
+
+def axes_of_model(
+    left: Sequence[float] | FloatArray,
+    right: Sequence[float] | FloatArray,
+    left_z: Sequence[float] | FloatArray,
+    right_z: Sequence[float] | FloatArray,
+) -> FloatArray | None:
+    """Return the matrix (3, 3) from model axes to ground axes.
+
+    None where there are no such axes: the centres coincide, or both cameras look along the base.
+
+    Parameters
+    ----------
+    left, right : arrays (3,)
+        Projection centres.
+    left_z, right_z : arrays (3,)
+        The cameras' z axes on the ground.
+    """
+    first, second = np.asarray(left), np.asarray(right)
+    base = second - first
+    length = float(np.linalg.norm(base))
+    if not _NO_BASE * float(np.abs([first, second]).max()) < length < np.inf:
+        return None
+    ex = base / length
+    mean = 0.5 * (np.asarray(left_z) + np.asarray(right_z))
+    across = mean - (mean @ ex) * ex
+    if not float(np.linalg.norm(across)) > _ALONG_BASE:
+        return None
+    ez = across / np.linalg.norm(across)
+    return np.column_stack([ex, np.cross(ez, ex), ez])
+
+
+def meeting(
+    start: tuple[float, float, float],
+    end: tuple[float, float, float],
+    left: tuple[Number, ...],
+    right: tuple[Number, ...],
+) -> Meeting[Number]:
+    """Return where the rays of two photos meet.
+
+    Parameters
+    ----------
+    start, end : tuples (X, Y, Z)
+        Projection centres of the left and the right photo.
+    left, right : tuples of three numbers or arrays (n,)
+        Directions of the rays, of any length.
+    """
+    bx, by, bz = (b - a for a, b in zip(start, end, strict=True))
+    (ax, ay, az), (cx, cy, cz) = left, right
+    aa, cc, ac = ax * ax + ay * ay + az * az, cx * cx + cy * cy + cz * cz, ax * cx + ay * cy + az * cz
+    nx, ny, nz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
+    square = nx * nx + ny * ny + nz * nz
+    ba, bc = bx * ax + by * ay + bz * az, bx * cx + by * cy + bz * cz
+    # parallel rays meet nowhere; the floor keeps plain numbers from dividing by zero
+    along_left, along_right = (ba * cc - bc * ac) / (square + 1e-300), (ba * ac - bc * aa) / (square + 1e-300)
+    x0, y0, z0 = start
+    middle = (
+        x0 + 0.5 * (bx + along_left * ax + along_right * cx),
+        y0 + 0.5 * (by + along_left * ay + along_right * cy),
+        z0 + 0.5 * (bz + along_left * az + along_right * cz),
+    )
+    return Meeting(square / (aa * cc), along_left, along_right, middle)
+
+
+def y_parallax(axes: tuple[float, ...], c: float, left: tuple[Number, ...], right: tuple[Number, ...]) -> Number:
+    """Return the y-parallax of two rays, mm.
+
+    Parameters
+    ----------
+    axes : tuple of 9 floats
+        Model axes to ground axes, row by row.
+    c : float
+        Mean principal distance, mm.
+    left, right : tuples of three numbers or arrays (n,)
+        Directions of the rays on the ground.
+    """
+    (_, y1, z1), (_, y2, z2) = rotated_back(axes, *left), rotated_back(axes, *right)
+    # a ray in the plane of the base has no such image; the floor keeps plain numbers from dividing by zero
+    return -c * (y1 / (z1 - 1e-300) - y2 / (z2 - 1e-300))
