@@ -39,6 +39,9 @@ def is_possible_view(c: float, diagonal: float) -> bool:
 
 _PRINCIPAL_POINT = slice(1, 3)
 _DISTORTION = slice(3, None)
+DISTORTION_SIGN, POINT_SIGN, DISTORTION = CAMERA_SIGNS = ("distortion-sign", "principal-point-sign", "distortion")
+"""Codes of what is wrong with a camera beside its principal distance."""
+
 _LENS = ("A3", "A5", "P1", "P2")
 """The distortion of an ordinary lens."""
 
@@ -53,7 +56,7 @@ def distortion_sign(block: Block, row: int) -> Iterator[Hypothesis]:
             "moves the image outwards: measured = ideal + distortion)"
         )
         changed = _with_factors(block, row, _DISTORTION, np.array(-1.0))
-        yield Hypothesis(changed, finding("distortion-sign", f"camera {camera.name}", text))
+        yield Hypothesis(changed, finding(DISTORTION_SIGN, f"camera {camera.name}", text))
 
 
 def principal_point_sign(block: Block, row: int) -> Iterator[Hypothesis]:
@@ -70,7 +73,7 @@ def principal_point_sign(block: Block, row: int) -> Iterator[Hypothesis]:
             "and y up, from the centre of the sensor or the fiducial marks to the principal point)"
         )
         changed = _with_factors(block, row, _PRINCIPAL_POINT, np.array(signs))
-        yield Hypothesis(changed, finding("principal-point-sign", f"camera {camera.name}", text))
+        yield Hypothesis(changed, finding(POINT_SIGN, f"camera {camera.name}", text))
 
 
 def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
@@ -82,7 +85,7 @@ def distortion_of_lens(block: Block, row: int) -> Iterator[Hypothesis]:
             'adjustment determine it: unknown = ["A3", "A5", "P1", "P2"]'
         )
         changed = with_unknown(block, row, *_LENS)
-        yield Hypothesis(changed, finding("distortion", f"camera {camera.name}", text))
+        yield Hypothesis(changed, finding(DISTORTION, f"camera {camera.name}", text))
 
 
 def with_camera(block: Block, row: int, camera: Camera) -> Block:
@@ -144,12 +147,17 @@ def _findings(solved: SolvedBlock, row: int, given: float) -> list[ProjectWarnin
     if corners is not None and not is_possible_view(found, float(np.hypot(*(corners[1] - corners[0])))):
         return []
     sd = _sd_of_principal_distance(solved, row)
-    size = "" if camera.sensor is None else ", or the size of the sensor,"
+    sensor, size, sizes = camera.sensor, "", ""
+    if sensor is not None:
+        width, height = (side * given / found for side in (sensor.width, sensor.height))
+        size = ", or the size of the sensor,"
+        sizes = f", or the sensor (with C = {given:g} mm that is {width:.4g} x {height:.4g} mm)"
     unit = _unit_clause(given, found, camera)
     text = (
         f"C = {given:g} mm does not fit the photos, {found:.4g} ± {sd:.1g} mm does{unit}: the "
-        f"principal distance{size} is probably that of another lens, zoom or camera; correct it, or let the adjustment "
-        'determine it (unknown = ["C"])'
+        f"principal distance{size} is probably that of another lens, zoom or camera; correct it (c = {found:.5g})"
+        f"{sizes}, "
+        'or let the adjustment determine it (unknown = ["C"])'
     )
     return [ProjectWarning(OTHER_LENS, f"camera {camera.name}", text)]
 
@@ -167,6 +175,9 @@ def _unit_clause(given: float, found: float, camera: Camera) -> str:
 
 
 FAR_FROM_GIVEN = "far-from-given"
+
+_FAR = 0.5
+"""Logarithm of the ratio of two principal distances from which no rough value explains the difference."""
 
 _DETERMINED = 0.02
 """Standard deviation of a principal distance, as a part of it, above which the adjustment hardly determines it."""
@@ -186,7 +197,7 @@ def far_from_given(block: Block, solved: SolvedBlock) -> Iterator[ProjectWarning
     for camera in block.cameras:
         row = place.get(camera.name, -1)
         given, found = camera.parameters[0], float(solved.state.cameras[row, 0])
-        if row < 0 or "C" not in camera.unknown or found <= 0.0 or abs(float(np.log(given / found))) < _ALIKE:
+        if row < 0 or "C" not in camera.unknown or found <= 0.0 or abs(float(np.log(given / found))) < _FAR:
             continue
         sd = _sd_of_principal_distance(solved, row)
         if sd < _DETERMINED * found:

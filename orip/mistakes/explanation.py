@@ -45,7 +45,7 @@ from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations.contradicting_positions import contradicting_positions
-from orip.mistakes.stations.doubted_camera import camera_instead_of_stations
+from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
 from orip.mistakes.stations.misread_angles import misread_angles
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.two_lenses import two_lenses
@@ -111,6 +111,8 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
+    if found := lens_of_doubted_camera(solution, solved, readjuster):
+        return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 
 
@@ -169,23 +171,16 @@ def _shown_by_itself(
     if heights:
         return [*heights, *found]
     if is_good(given):
-        positions = contradicting_positions(solution)
         found = [
-            *positions,
+            *contradicting_positions(solution),
             *far_from_given(block, solved),
-            *(warning for warning in found if not concerns_position(warning, positions)),
+            *found,
             *contradicting_distances(block, solution),
             *misnamed_points(block, solution),
             *points_under_two_numbers(block, solution, solved),
             *contradicting_check_points(block, solution),
         ]
     return found
-
-
-def concerns_position(moved: ProjectWarning, positions: Sequence[ProjectWarning]) -> bool:
-    """Tell whether a warning that a photo was given elsewhere is about a position that is named as wrong itself."""
-    named = {word.rstrip(":,") for found in positions for word in f"{found.where} {found.text.split(';')[0]}".split()}
-    return moved.where.startswith("photo ") and moved.where.removeprefix("photo ") in named
 
 
 def _fits_without(control: Sequence[ProjectWarning], given: Fit, readjuster: Readjuster) -> bool:

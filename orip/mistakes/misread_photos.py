@@ -188,6 +188,12 @@ def _readings(block: Block, photo: int) -> Iterator[Reading]:
                 "the picture in its full size, or multiply columns and rows"
             )
             yield Reading("resolution", _with_xy(block, rows, (xy + half) * factor - half), text)
+        if any(block.cameras[block.photo_camera[photo]].parameters[1:3]):  # else the photo is turned, and fits
+            text = (
+                "it fits when its picture is turned by 180°; turn it as the others are, and measure it again (or write "
+                f"{sensor.columns} - column and {sensor.rows} - row)"
+            )
+            yield Reading("turned", _with_xy(block, rows, -xy), text)
     yield from _other_cameras(block, photo)
     yield from _shifted_numbers(block, rows)
 

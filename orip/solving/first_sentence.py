@@ -1,13 +1,12 @@
-"""What the first sentence of a solution has of the warnings: which of them are causes, and what follows from these."""
+"""What the first sentence of a solution has of the warnings."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
-from orip.mistakes.camera_values import OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
 from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
 from orip.mistakes.free_network import FREE_DATUM
@@ -19,8 +18,9 @@ from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
-from orip.mistakes.vertical_photos import HEIGHT_UNIT, SHORT_TEXTS_OF_VERTICAL_PHOTOS
+from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
 from orip.records.solution import Diagnosis, Solution
+from orip.solving.consequences import REPLACED, groups_that_follow
 from orip.structs import replace
 
 FIRST_CAUSES = {
@@ -28,37 +28,14 @@ FIRST_CAUSES = {
 }  # fmt: skip
 """Warnings about the input that are listed first: misfits of the adjustment may be their consequence."""
 
-OF_STATIONS = {
-    **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS,
-    TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
-}  # fmt: skip
-"""The same of positions of photos that are not in the system of the control: what is said of single photos, or of
-groups of the two, follows from it."""
-
 WRONG = {
-    **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **OF_STATIONS, COORDINATE_UNIT: "the photo coordinates are in another unit",
-    DISTANCE_UNIT: OF_DISTANCE_UNITS,
+    **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS,
+    HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
+    COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
 }  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 
-_FOLLOW: tuple[tuple[Collection[str], tuple[str, ...]], ...] = (
-    ((*OF_STATIONS, OTHER_LENS), ("exposure station", "attitudes", "control point")),
-    ((DISTANCE_UNIT,), ("distance", "exposure station", "control point")),
-    ((HEIGHT_UNIT,), ("camera", "control point")),
-)
-"""Codes of warnings, and of which groups of observations a contradiction follows from them."""
-
-REPLACED = "given-values"
-"""Code of the warning that the adjustment did not start from the given values."""
-
 _CONTROL_POINT = "control point "
-
-
-def is_explained(found: ProjectWarning, warning: ProjectWarning) -> bool:
-    """Tell whether a photo is not where it was given because of what a warning about its measurements says."""
-    if found.code != "given-orientation" or warning.code not in EXPLAINING_WARNINGS:
-        return False
-    return found.where.removeprefix("photo ") in f"{warning.where} {warning.text}".replace(":", " ").split()
 
 
 def judged(
@@ -105,7 +82,7 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         if found.where.startswith(_CONTROL_POINT)
         and any(found.where.removeprefix(_CONTROL_POINT) in words for words in exchanged)
     }
-    follows = {word for codes, words in _FOLLOW for warning in mistaken if warning.code in codes for word in words}
+    follows = groups_that_follow(mistaken)
     solution = replace(
         solution,
         diagnosis=tuple(
@@ -123,22 +100,3 @@ def _after_causes(solution: Solution, mistaken: Sequence[ProjectWarning]) -> tup
         else found
         for found in solution.diagnosis
     )
-
-
-def without_consequences(found: Sequence[ProjectWarning], gathered: Sequence[ProjectWarning]) -> list[ProjectWarning]:
-    """Return the warnings that do not follow from one about the measurements of all photos, or of a photo.
-
-    A photo that is wrong as a whole is not where it was given, and leads an adjustment astray.
-    """
-    if any(warning.code in (COORDINATE_UNIT, RESOLUTION) for warning in gathered):
-        return []
-    photos = {
-        warning.where.removeprefix("photo ")
-        for warning in gathered
-        if warning.code in EXPLAINING_WARNINGS and warning.where.startswith("photo ")
-    }
-    return [
-        warning
-        for warning in found
-        if not (photos and warning.code == REPLACED) and not photos & set(f"{warning.where} {warning.text}".split()[:3])
-    ]

@@ -15,23 +15,16 @@ from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import NotSolvableError, ProjectWarning
-from orip.mistakes.explanation import concerns_position, explain_failure, explain_misfit, explain_start
+from orip.mistakes.explanation import explain_failure, explain_misfit, explain_start
 from orip.mistakes.hypothesis import Readjuster
-from orip.mistakes.stations.contradicting_positions import CODE as CONTRADICTING_POSITION
 from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
 from orip.records.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
-from orip.solving.first_sentence import (
-    FIRST_CAUSES,
-    OF_STATIONS,
-    REPLACED,
-    is_explained,
-    judged,
-    without_consequences,
-)
+from orip.solving.consequences import REPLACED, follows, without_consequences
+from orip.solving.first_sentence import FIRST_CAUSES, judged
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,
@@ -131,16 +124,14 @@ def solve(
         raise NotSolvableError("\n".join([*map(str, causes), str(error)])) from None
     start, solution = adjusted.start, adjusted.solution
     mistaken = _with_mistakes_of_the_block(mistaken, adjuster, adjusted)
-    mistaken, taken = (without_consequences(found, gathered.warnings) for found in (mistaken, taken))
-    causes = [warning for warning in gathered.warnings if warning.code in FIRST_CAUSES]
-    if any(warning.code in (*OF_STATIONS, CONTRADICTING_POSITION) for warning in (*causes, *mistaken)):
-        taken = []  # positions that are wrong lead nowhere, and are to be mended first
+    known = (*gathered.warnings, *mistaken)
+    causes = [
+        warning
+        for warning in gathered.warnings
+        if warning.code in FIRST_CAUSES or any(follows(found, warning) for found in mistaken)
+    ]
     others = [warning for warning in gathered.warnings if warning not in causes]
-    explained = [warning for warning in others if any(is_explained(found, warning) for found in mistaken)]
-    mistaken = [found for found in mistaken if not any(is_explained(found, warning) for warning in explained)]
-    causes += explained
-    others = [warning for warning in others if warning not in explained]
-    of_start = without_consequences(start.warnings, gathered.warnings)
+    mistaken, taken, of_start = (without_consequences(found, known) for found in (mistaken, taken, start.warnings))
     warnings = (*causes, *mistaken, *taken, *others, *of_start, *forewarnings(start.block))
     rows = tuple((warning.code, warning.where, warning.text) for warning in warnings)
     solution = replace(judged(solution, mistaken, gathered.warnings, taken), warnings=rows)
@@ -161,10 +152,6 @@ def _with_mistakes_of_the_block(
         explained = explain_misfit(
             adjusted.solution, adjusted.solved, start.block, _readjuster(start.gathered), own.solved if own else None
         )
-    if any(found.code in OF_STATIONS for found in (*explained, *adjuster.gathered.warnings)):
-        of_start = ()
-    positions = [found for found in explained if found.code == CONTRADICTING_POSITION]
-    of_start = [found for found in of_start if not concerns_position(found, positions)]
     of_place = {found.where: found for found in reversed(explained) if found.where}
     first = [of_place.get(found.where, found) for found in of_start]
     left_out = list(start.left_out)

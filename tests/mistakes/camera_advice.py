@@ -28,6 +28,7 @@ from orip.geometry.rotation import (
 
 COLUMNS, ROWS, PIXEL = 5472, 3648, 13.2 / 5472
 C, POINT, A3 = 8.8, (0.062, -0.047), 1.1e-4
+SENSOR = (13.2, 8.8)
 ORIGIN = np.array([563000.0, 5933000.0, 0.0])
 STRIPS, PHOTOS = 4, 6
 HEIGHT = 90.0
@@ -47,7 +48,7 @@ class Project(Struct):
     angles: dict[str, np.ndarray]
     camera: dict[str, object]
     distortion: dict[str, float]
-    sensor: tuple[float, float] = (13.2, 8.8)
+    sensor: tuple[float, float] = SENSOR
     second: tuple[str, ...] = ()
     order: tuple[str, ...] = field(default_factory=tuple)
 
@@ -169,6 +170,10 @@ def _angles(change: Callable[[np.ndarray], np.ndarray]) -> Making:
     return make
 
 
+def _turned(degrees: float) -> Making:
+    return _angles(lambda angles: angles + np.array([0.0, 0.0, degrees]))
+
+
 def _as_navigation(angles: np.ndarray) -> np.ndarray:
     return np.degrees(navigation_from_rotation(rotation_from_angles(np.radians(angles)[None])))[0]
 
@@ -223,7 +228,7 @@ MISTAKES: dict[str, Planted] = {
         ANY, _camera(c=24.0), "C = 24 mm .*equivalent for 35 mm", r"8\.8|correct"),
     "sensor of another camera": Planted(ANY, _sensor(23.5, 15.667), "size of the sensor", "correct"),
     "C of a longer lens": Planted(ANY, _camera(c=12.0), "C = 12 mm", r'correct|unknown = \["C"\]'),
-    "C of another zoom": Planted(WITH, _camera(c=9.3), "C = 9.3 mm|C of camera FC is off", r'correct|unknown = \["C"\]'),
+    "C of another zoom": Planted(WITH, _camera(c=9.3), "C = 9.3 mm", r'correct|unknown = \["C"\]'),
     "C an old calibration": Planted(WITH, _camera(c=8.86), "C of camera FC|C = 8.86", r'unknown = \["C"\]'),
     "C far off, free": Planted(ANY, _camera(c=24.0, unknown=["C"]), "C .*24", r"(?i)correct|write|check"),
     "principal point: sign of x": Planted(
@@ -231,25 +236,27 @@ MISTAKES: dict[str, Planted] = {
     "principal point: sign of y": Planted(
         WITH, _camera(principal_point=[X, -Y]), "principal point .*sign of y;|DY of camera", "reverse|unknown"),
     "principal point: both signs": Planted(
-        WITH, _camera(principal_point=[-X, -Y]), "principal point .*sign of x and y|D[XY] of camera", "reverse|unknown"),
+        WITH, _camera(principal_point=[-X, -Y]), "principal point .*sign of x and y", "reverse"),
     "distortion: sign": Planted(ANY, _distortion(-1.0), "distortion .*opposite sign", "reverse"),
     "distortion left out": Planted(ANY, _distortion(0.0), "distortion that is not in", "unknown"),
     "omega and phi exchanged": Planted((ANGLES,), _angles(lambda a: a[[1, 0, 2]]), "OMEGA and PHI", "exchange"),
-    "sign of kappa": Planted((ANGLES,), _angles(lambda a: a * [1, 1, -1]), "sign of KAPPA|KAPPA .*opposite sign", "reverse|sign"),
-    "sign of omega": Planted((ANGLES,), _angles(lambda a: a * [-1, 1, 1]), "sign of OMEGA|OMEGA .*opposite sign", "reverse|sign"),
-    "sign of omega and phi": Planted((ANGLES,), _angles(lambda a: a * [-1, -1, 1]), "OMEGA and PHI .*opposite sign", "reverse|sign"),
-    "kappa turned by 180": Planted((ANGLES,), _angles(lambda a: a + [0, 0, 180]), "KAPPA .*180", "180"),
-    "kappa turned by 90": Planted((ANGLES,), _angles(lambda a: a + [0, 0, 90]), "KAPPA .*90", "90"),
+    "sign of kappa": Planted((ANGLES,), _angles(lambda a: a * [1, 1, -1]), "opposite sign of KAPPA", "reverse"),
+    "sign of omega": Planted((ANGLES,), _angles(lambda a: a * [-1, 1, 1]), "opposite sign of OMEGA;", "reverse"),
+    "sign of omega and phi": Planted(
+        (ANGLES,), _angles(lambda a: a * [-1, -1, 1]), "opposite sign of OMEGA and PHI", "reverse"),
+    "kappa turned by 180": Planted((ANGLES,), _turned(180.0), "KAPPA .*180", "180"),
+    "kappa turned by 90": Planted((ANGLES,), _turned(90.0), "KAPPA .*90", "90"),
     "roll, pitch and heading": Planted((ANGLES,), _angles(_as_navigation), "roll, pitch and heading", "ANGLES ROLL"),
     "angles in gon": Planted((ANGLES,), _angles(lambda a: a / 0.9), "in gon", "degrees"),
     "angles in radians": Planted((ANGLES,), _angles(np.radians), "in radians", "degrees"),
     "measurements of two photos exchanged": Planted(
-        ANY[:3], _exchanged("DJI_0003", "DJI_0015", "measured"), "DJI_0003 and DJI_0015 (fit when they )?are exchanged", "exchange"),
+        ANY[:3], _exchanged("DJI_0003", "DJI_0015", "measured"), "DJI_0003 and DJI_0015 .*are exchanged", "exchange"),
     "measurements of neighbours exchanged": Planted(
-        ANY[:3], _exchanged("DJI_0009", "DJI_0010", "measured"), "DJI_0009 and DJI_0010 (fit when they )?are exchanged", "exchange"),
+        ANY[:3], _exchanged("DJI_0009", "DJI_0010", "measured"), "DJI_0009 and DJI_0010 .*are exchanged", "exchange"),
     "two lenses, few points": Planted(WITH, _lens(-12), "DJI_0019.*another lens", r"second \[\[camera\]\]"),
     "two lenses": Planted(WITH, _lens(-30), "DJI_0019.*another lens", r"second \[\[camera\]\]"),
-    "rows counted upwards": Planted(ANY, _pixels(lambda x, y: (x, ROWS - y)), "rows .*upward|mirror", "rows"),
+    "rows counted upwards": Planted(
+        ANY, _pixels(lambda x, y: (x, ROWS - y)), "rows .*upward|mirrored|mirror image", "rows|reverse it"),
     "rows counted upwards in one": Planted(
         ANY, _pixels(lambda x, y: (x, ROWS - y), "DJI_0008"), "DJI_0008: .*(mirror|upward)", "rows|mirror"),
     "half the resolution": Planted(ANY, _pixels(lambda x, y: (x / 2, y / 2)), "resolution", "multipl|scale"),
@@ -264,16 +271,19 @@ MISTAKES: dict[str, Planted] = {
 Doing = Callable[[Project, re.Match[str]], None]
 
 
-def _free(*kinds: str) -> Doing:
-    return lambda project, _: project.camera.update(unknown=list(kinds))
-
-
 def _set_free(project: Project, found: re.Match[str]) -> None:
     project.camera["unknown"] = re.findall(r'"(\w+)"', found["kinds"])
 
 
 def _correct_c(project: Project, found: re.Match[str]) -> None:
-    project.camera["c"] = float(found["c"])
+    # who is told that either is wrong knows which of the two is another camera's
+    if sizes := re.search(r"that is ([\d.]+) x ([\d.]+) mm", found.string) if project.sensor != SENSOR else None:
+        project.sensor = (float(sizes[1]), float(sizes[2]))
+        project.camera["unknown"] = ["C"]
+        return
+    project.camera["c"] = float(found["c"] or found["other"])
+    # as the sentence has it, so that what the sensor has done to it is determined, too
+    project.camera["unknown"] = ["C"]
 
 
 def _reverse_point(project: Project, found: re.Match[str]) -> None:
@@ -296,7 +306,7 @@ def _reverse_angles(project: Project, found: re.Match[str]) -> None:
 
 
 def _turn(project: Project, found: re.Match[str]) -> None:
-    _angles(lambda angles: angles + [0.0, 0.0, float(found["by"])])(project)
+    _turned(float(found["by"]))(project)
 
 
 def _from_navigation(project: Project, _: re.Match[str]) -> None:
@@ -337,8 +347,7 @@ ADVICE: tuple[tuple[str, Doing], ...] = (
     (r"second \[\[camera\]\]", _second),
     (r"opposite sign of (?P<axes>x and y|x|y);", _reverse_point),
     (r"distortion fits with the opposite sign", _reverse_distortion),
-    (r"equivalent for 35 mm film", _free("C")),
-    (r"write c = (?P<c>[\d.]+)", _correct_c),
+    (r"size of the sensor.*c = (?P<c>[\d.]+\d)|write c = (?P<other>[\d.]+\d)", _correct_c),
     (r"unknown = \[(?P<kinds>[^]]*)\]", _set_free),
     (r"resolution|multiplied by 2", _scaled(2.0)),
     (r"rows .*upwards|as a mirror image|as mirror images", _upwards),

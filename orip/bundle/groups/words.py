@@ -260,7 +260,10 @@ def _remedy(found: Contradiction, ground_unit: str) -> str:
         return _HELD_REMEDY.format(component=group.component)
     if found.extent == "lever arm":
         arm = ", ".join(f"{error.size:.3f}" for error in found.common)
-        return f"set lever_arm = [{arm}] in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}"
+        return (
+            f"set lever_arm = [{arm}] in [[antenna]] of orip.toml; or check the principal point of the camera, which "
+            f"shifts photos alike; or {_REMEDIES[group.kind]}"
+        )
     if found.extent == "all" and group.kind == "station":
         return f'set shift = "session" in [[antenna]] of orip.toml; or {_REMEDIES[group.kind]}'
     if found.common and group.kind == "station":

@@ -57,15 +57,13 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
     readjuster : Readjuster
         Of the block as gathered.
     """
-    if not (readjuster.is_worthwhile and _are_doubted(solution)):
-        return []
     block = readjuster.block
+    if not (readjuster.is_worthwhile and _has_positions(block) and _are_doubted(solution)):
+        return []
     without = readjuster.adjust(_without_positions(block))
     for row in range(len(block.cameras)):
-        for hypothesis in _signs(_from_solved(block, solved), row):
-            tried = readjuster.adjust(hypothesis.block)
-            if tried is not None and _fits_positions(tried, without) and _is_better(tried, solved):
-                return hypothesis.findings(tried)
+        if found := _best_sign(_from_solved(block, solved), row, solved, without, readjuster):
+            return found
         for hypothesis in _lenses(block, row):
             tried = readjuster.adjust(hypothesis.block)
             if tried is None or not _is_better(tried, solved):
@@ -73,6 +71,40 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
             if _is_other_lens(tried, solved, row) or _is_seen_without(hypothesis, row, block, readjuster):
                 return hypothesis.findings(tried)
     return []
+
+
+def _has_positions(block: Block) -> bool:
+    of_elements = any(element.group == "PHOTO" and element.kind in _PLACES for element in block.elements)
+    return of_elements or any(station.has_position for station in block.stations)
+
+
+def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return that the photos have another lens than their camera, if groups accuse it and no positions are observed."""
+    block = readjuster.block
+    if not readjuster.is_worthwhile or _has_positions(block):
+        return []
+    accused = " ".join(found.where for found in group_findings(solution))
+    for row, camera in enumerate(block.cameras):
+        for hypothesis in _lenses(block, row) if f"camera {camera.name}" in accused else ():
+            tried = readjuster.adjust(hypothesis.block)
+            if tried is not None and _is_better(tried, solved) and _is_other_lens(tried, solved, row, 0.0):
+                return hypothesis.findings(tried)
+    return []
+
+
+def _best_sign(
+    block: Block, row: int, solved: SolvedBlock, without: SolvedBlock | None, readjuster: Readjuster
+) -> list[ProjectWarning]:
+    """Return the sign of a camera's values with which all fits best, if the positions then fit as they are."""
+    best, found = np.inf, []
+    for hypothesis in _signs(block, row):
+        tried = readjuster.adjust(hypothesis.block)
+        if tried is None or not (_is_better(tried, solved) and _fits_positions(tried, without)):
+            continue
+        cost = tried.weighing.cost(tried.equations)
+        if cost < best:
+            best, found = cost, hypothesis.findings(tried)
+    return found
 
 
 def _are_doubted(solution: Solution) -> bool:
@@ -85,7 +117,7 @@ def _are_doubted(solution: Solution) -> bool:
         for kind, component, weight in zip(rows.kind, rows.component, rows.weight_factor.tolist(), strict=True)
         if kind in _POSITIONS and component in {*"XYZ", *_PLACES} and np.isfinite(weight)
     ]
-    return np.count_nonzero(np.array(weights) < _DOUBTED) > _MOST * len(weights)
+    return bool(np.count_nonzero(np.array(weights) < _DOUBTED) > _MOST * len(weights))
 
 
 def _signs(block: Block, row: int) -> Iterator[Hypothesis]:
@@ -140,19 +172,21 @@ def _fits_positions(tried: SolvedBlock, without: SolvedBlock | None) -> bool:
     return bool(added < max(1.0, without.variance.sigma0) ** 2 * half_sum)
 
 
-def _is_other_lens(tried: SolvedBlock, solved: SolvedBlock, row: int) -> bool:
+def _is_other_lens(tried: SolvedBlock, solved: SolvedBlock, row: int, least_moved: float = _MOVED) -> bool:
     """Tell whether the principal distance is far another one, and the photos rise or sink far with it."""
-    place = int(np.flatnonzero(tried.block.photo_camera == min(row, len(tried.block.cameras) - 1))[0])
+    name = solved.block.photos[int(np.flatnonzero(solved.block.photo_camera == row)[0])].name
+    own, place = ([photo.name for photo in of.block.photos].index(name) for of in (solved, tried))
     given = solved.state.cameras[row, 0]
     other = tried.state.cameras[tried.block.photo_camera[place], 0]
-    moved = np.linalg.norm(tried.state.centres[place] - solved.state.centres[place])
-    return bool(abs(other - given) > _OTHER_LENS * given and moved > _MOVED and is_good(fit_of_adjustment(tried)))
+    moved = np.linalg.norm(tried.state.centres[place] - solved.state.centres[own])
+    return bool(abs(other - given) > _OTHER_LENS * given and moved >= least_moved and is_good(fit_of_adjustment(tried)))
 
 
 def _is_seen_without(hypothesis: Hypothesis, row: int, block: Block, readjuster: Readjuster) -> bool:
     """Tell whether photos and control alone show that the principal distance is another one."""
     free = readjuster.adjust(_without_positions(hypothesis.block))
-    if free is None or not free.converged:
+    # a photo with another camera of the project leaves its own one out
+    if free is None or not free.converged or len(free.block.cameras) != len(block.cameras):
         return False
     column = int(free.problem.unknowns.cameras[row, 0])
     if column < 0 or free.normals.removed[column]:

@@ -90,7 +90,7 @@ def _is_where_photos_are(solved: SolvedBlock) -> bool:
     """Tell whether photo points or control fit: a block that both do not fit has the photos anywhere."""
     fit = fit_of_adjustment(solved)
     off = fit.standard[fit.columns[0].where("control".__eq__)] > _FITS * fit.scale
-    return fit.scale < _BENT or np.count_nonzero(off) <= _WRONG_CONTROL * len(off)
+    return bool(fit.scale < _BENT or np.count_nonzero(off) <= _WRONG_CONTROL * len(off))
 
 
 def _observed(block: Block, solved: SolvedBlock) -> _Observed | None:

@@ -1,0 +1,109 @@
+"""What follows from what: warnings and contradictions that are not said where their cause is.
+
+One table, of causes and of what follows from them. A cause is a warning; what follows are other warnings, and groups of
+observations that contradict the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+
+from msgspec import Struct
+
+from orip.errors import ProjectWarning
+from orip.mistakes.camera_values import CAMERA_SIGNS, OTHER_LENS
+from orip.mistakes.check_points import HEIGHT_SYSTEM
+from orip.mistakes.contradicting_distances import DISTANCE_UNIT
+from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
+from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
+from orip.mistakes.misread_photos import MIRRORED
+from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.stations.contradicting_positions import CODE as POSITION
+from orip.mistakes.stations.misread_angles import CODE as ANGLES
+from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
+from orip.mistakes.stations.two_lenses import TWO_LENSES
+from orip.mistakes.vertical_photos import HEIGHT_UNIT
+
+REPLACED = "given-values"
+"""Code of the warning that the adjustment did not start from the given values."""
+
+GIVEN = "given-orientation"
+_OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
+"""Codes of what is said of the values that an adjustment started from."""
+
+OF_STATIONS = frozenset(
+    (*SHORT_TEXTS_OF_SYSTEMS, *SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM, TWO_LENSES, ANGLES),
+)
+"""Causes that all stations, or their control, appear wrong by."""
+
+_GROUND = ("exposure station", "attitudes", "control point")
+
+
+class Consequence(Struct, frozen=True):
+    """What follows from a warning.
+
+    Parameters
+    ----------
+    causes : collection of str
+        Its codes.
+    warnings : collection of str, or None
+        Codes of the warnings that follow; None: all others.
+    groups : tuple of str
+        Words in the names of groups of observations whose contradictions follow.
+    of_same_photo : bool
+        Only warnings about a photo that the cause names follow.
+    """
+
+    causes: Collection[str]
+    warnings: Collection[str] | None = ()
+    groups: tuple[str, ...] = ()
+    of_same_photo: bool = False
+
+
+CONSEQUENCES: tuple[Consequence, ...] = (
+    # pixels that all are somewhere else leave nothing to be said of photos and control
+    Consequence((COORDINATE_UNIT, RESOLUTION), warnings=None),
+    # a photo that is measured wrong as a whole is anywhere, and leads the adjustment astray
+    Consequence(EXPLAINING_WARNINGS, warnings=None, of_same_photo=True),
+    # positions that are wrong lead nowhere, and photos are not where they were given
+    Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
+    Consequence((POSITION,), warnings=(REPLACED,)),
+    Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
+    # a camera displaces photos along their axes, and these the control
+    Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
+    Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
+    Consequence((HEIGHT_UNIT,), groups=("camera", "control point")),
+)
+
+
+def without_consequences(found: Iterable[ProjectWarning], causes: Sequence[ProjectWarning]) -> list[ProjectWarning]:
+    """Return the warnings that follow from none of the causes."""
+    return [warning for warning in found if not any(follows(warning, cause) for cause in causes)]
+
+
+def follows(warning: ProjectWarning, cause: ProjectWarning) -> bool:
+    """Tell whether a warning says what follows from another one; causes of a kind do not follow from each other."""
+    return any(
+        cause.code in line.causes
+        and warning.code not in line.causes
+        and (line.warnings is None or warning.code in line.warnings)
+        and (not line.of_same_photo or _is_of_same_photo(warning, cause))
+        for line in CONSEQUENCES
+    )
+
+
+def groups_that_follow(causes: Iterable[ProjectWarning]) -> set[str]:
+    """Return words of the groups whose contradictions follow from warnings."""
+    codes = {cause.code for cause in causes}
+    return {word for line in CONSEQUENCES if codes & set(line.causes) for word in line.groups}
+
+
+def _is_of_same_photo(warning: ProjectWarning, cause: ProjectWarning) -> bool:
+    """Tell whether a warning is about a photo that its cause is about, or about the start that such photos spoil."""
+    named = set(f"{cause.where} {cause.text.split(';')[0]}".replace(":", " ").replace(",", " ").split())
+    if warning.code == REPLACED:
+        return cause.where.startswith("photo ")
+    if warning.where.startswith("photo "):
+        name = warning.where.removeprefix("photo ")
+        return warning.where == cause.where or (warning.code == GIVEN and name in named)
+    return cause.where.removeprefix("photo ") in f"{warning.where} {warning.text}".split()[:3]
