@@ -1,4 +1,4 @@
-"""Cameras with the principal distance of another lens, or with a sign that is wrong."""
+"""Cameras with the principal distance of another lens, with a sign that is wrong, or with a rolling shutter."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.structs import replace
 
 if TYPE_CHECKING:
+    from orip.bundle.groups.held_readouts import ReadoutTest
     from orip.bundle.solve import SolvedBlock
 
 _LONGEST = 20.0
@@ -251,3 +252,59 @@ def _of_given_points(block: Block, camera: int) -> tuple[IntArray, FloatArray]:
     full: BoolArray = np.asarray(np.isfinite(known).all(axis=1))
     rows = np.flatnonzero(full[points.point] & (block.photo_camera[points.photo] == camera) & points.in_use)
     return rows, block.ground.to_local(known[points.point[rows]])
+
+
+# A camera whose rows are exposed one after the other has no value that is wrong: it lacks one, its readout time.
+
+ROLLING_SHUTTER = "rolling-shutter"
+
+_SIGNIFICANT = 4.4
+"""Normal deviate of an error probability of 1e-5: the residuals of a real block are not quite normal."""
+
+_MATERIAL = 0.01
+"""Mean square that the motion leaves in the residuals, in a-priori variances, from which it counts."""
+
+_EXPLAINS = 0.25
+"""Part of the misfit beyond the a-priori errors that it explains at least."""
+
+_SLOWEST = 1.0
+"""Seconds: no sensor that takes photos from the air reads out as slowly as that."""
+
+_MOST_PHOTO_POINTS = 200_000
+"""Most photo points that are linearised once more for this."""
+
+
+def rolling_shutters(solved: SolvedBlock) -> list[ProjectWarning]:
+    """Return the cameras that show a readout time, with its size; none without times of stations."""
+    from orip.bundle.groups.held_readouts import readout_test, velocities_in_strips
+
+    block = solved.block
+    if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:
+        return []
+    velocity = velocities_in_strips(block, solved.state.centres)
+    if not velocity.any():
+        return []
+    excess = max(solved.variance.sigma0**2 - 1.0, 0.0) if np.isfinite(solved.variance.sigma0) else 0.0
+    found = []
+    for row, camera in enumerate(block.cameras):
+        if camera.sensor is None:
+            continue
+        test = readout_test(solved, row, velocity)
+        least = max(_MATERIAL, _EXPLAINS * excess) * test.number
+        if abs(test.readout) > _SIGNIFICANT * test.sd and test.fall > least and abs(test.readout) < _SLOWEST:
+            found.append(ProjectWarning(ROLLING_SHUTTER, f"camera {camera.name}", _rolling(test, camera)))
+    return found
+
+
+def _rolling(test: ReadoutTest, camera: Camera) -> str:
+    first = "upper" if test.readout > 0.0 else "lower"
+    advice = (
+        '. Where the camera turns with the strips, at one speed and height, unknown = ["C", "B1", "B2"] in its '
+        "[[camera]] takes up most of it"
+    )
+    return (
+        "residuals along the flight depend on the row, as those of a rolling shutter that takes "
+        f"{1e3 * abs(test.readout):.1f} ± {1e3 * test.sd:.1g} ms from the first row to the last one ({first} row "
+        f"first); meanwhile the image moves by {test.pixels:.1f} pixels, and points and the principal distance may be "
+        "off; use photos of a mechanical shutter or images that were corrected for it"
+    ) + ("" if {"B1", "B2"} <= set(camera.unknown) else advice)

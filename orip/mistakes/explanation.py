@@ -16,7 +16,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
-from orip.mistakes.camera_values import far_from_given
+from orip.mistakes.camera_values import far_from_given, rolling_shutters
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
@@ -102,6 +102,8 @@ def explain_misfit(
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     if found := misread_vertical_photos(solution, solved, readjuster):
         return found
+    if found := rolling_shutters(solved):
+        return [*found, *_shown_by_itself(solution, solved, given, readjuster)][:_MOST_WARNINGS]
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):
         return _or_mirrored(found, elsewhere, readjuster)

@@ -28,6 +28,7 @@ from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
+from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
     angles_from_rotation,
@@ -97,7 +98,8 @@ class Case(Struct, frozen=True):
 
 def all_cases() -> list[Case]:
     return [
-        *_perspective(), *_equidistant(), *_distortion(), *_additional(), *_ground_frame(), *_plain_ground(),
+        *_perspective(), *_equidistant(), *_moving(), *_distortion(), *_additional(), *_ground_frame(),
+        *_plain_ground(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
         *_relative_poses(),
@@ -166,6 +168,36 @@ def _equidistant() -> Iterator[Case]:
             full_name(function), "point, turn, principal distance", at[rows].ravel(),
             lambda x, image=image: image(x).xy.ravel(), _block_diagonal(by_row),
         )  # fmt: skip
+
+
+def _moving() -> Iterator[Case]:
+    """Return a case of rolling shutters: a fisheye and a frame, with an angular rate that turns far, and with none."""
+    generator = np.random.default_rng(8)
+    rotation = rotation_from_angles(generator.uniform(-3.0, 3.0, (3, 3)))
+    in_photo = generator.uniform([-3.0, -3.0, -12.0], [3.0, 3.0, -8.0], (3, 3))
+    offset = (rotation @ in_photo[:, :, None])[:, :, 0]
+    velocity, rate = generator.uniform(-2.0, 2.0, (3, 3)), np.array([[0.6, -0.4, 0.5], [0.0, 0.0, 0.0], [1e-4, 0, 0]])
+    at = np.hstack([offset, np.zeros((3, 3)), np.full((3, 1), 50.0), velocity, rate, np.full((3, 1), 0.3)])
+    fisheye, fraction = np.array([True, False, False]), np.array([0.4, -0.5, 0.3])
+
+    def image(x: np.ndarray):
+        rows = x.reshape(3, 14)
+        turned = rotation_about_axes(rows[:, 3:6]) @ rotation
+        motion = Motion(rows[:, 7:10], rows[:, 10:13])
+        return moving_image_with_partials(rows[:, :3], turned, rows[:, 6], fisheye, motion, fraction, rows[:, 13])
+
+    found = image(at)
+    by_row = np.concatenate(
+        [
+            found.image.by_point, found.image.by_rotation, found.image.by_principal_distance[:, :, None],
+            found.by_velocity, found.by_rate, found.by_readout[:, :, None],
+        ],
+        axis=2,
+    )  # fmt: skip
+    yield Case(
+        full_name(moving_image_with_partials), "point, turn, principal distance, motion, readout", at.ravel(),
+        lambda x: image(x).image.xy.ravel(), _block_diagonal(by_row),
+    )  # fmt: skip
 
 
 def _rates() -> Iterator[Case]:
