@@ -7,7 +7,7 @@ and photos alone show the same principal distance, or nothing but a sign is to b
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -62,7 +62,8 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
         return []
     without = readjuster.adjust(_without_positions(block))
     for row in range(len(block.cameras)):
-        if found := _best_sign(_from_solved(block, solved), row, solved, without, readjuster):
+        started = _from_solved(block, solved)
+        if found := _best(_signs(started, row), solved, without, readjuster):
             return found
         for hypothesis in _lenses(block, row):
             tried = readjuster.adjust(hypothesis.block)
@@ -70,6 +71,9 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
                 continue
             if _is_other_lens(tried, solved, row) or _is_seen_without(hypothesis, row, block, readjuster):
                 return hypothesis.findings(tried)
+        # last, as a distortion takes up what another principal distance does
+        if found := _best(distortion_of_lens(started, row), solved, without, readjuster):
+            return found
     return []
 
 
@@ -92,12 +96,12 @@ def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: 
     return []
 
 
-def _best_sign(
-    block: Block, row: int, solved: SolvedBlock, without: SolvedBlock | None, readjuster: Readjuster
+def _best(
+    hypotheses: Iterable[Hypothesis], solved: SolvedBlock, without: SolvedBlock | None, readjuster: Readjuster
 ) -> list[ProjectWarning]:
-    """Return the sign of a camera's values with which all fits best, if the positions then fit as they are."""
+    """Return the hypothesis on a camera with which all fits best, if the positions then fit as they are."""
     best, found = np.inf, []
-    for hypothesis in _signs(block, row):
+    for hypothesis in hypotheses:
         tried = readjuster.adjust(hypothesis.block)
         if tried is None or not (_is_better(tried, solved) and _fits_positions(tried, without)):
             continue
@@ -123,7 +127,6 @@ def _are_doubted(solution: Solution) -> bool:
 def _signs(block: Block, row: int) -> Iterator[Hypothesis]:
     yield from distortion_sign(block, row)
     yield from principal_point_sign(block, row)
-    yield from distortion_of_lens(block, row)
 
 
 def _lenses(block: Block, row: int) -> Iterator[Hypothesis]:
