@@ -102,6 +102,7 @@ COMMANDS: Mapping[str, Listed] = {
     "detect": Listed("Targets in pictures: boards, tags, sheets of coded dots.", ()),
     "plan": Listed("Plan a flight or a network, and forecast its precision.", ()),
     "match": Listed("Measure tie points in the images of the photos, and write them to TIES.MEA.", ()),
+    "screen": Listed("Measure in the images of the photos, in the browser: points, control, what does not fit.", ()),
     "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""

@@ -65,7 +65,7 @@ def test_documents_are_as_their_schemas_say(documents: list[dict[str, Any]]) -> 
     # these start a server, read stdin, change the folder or need a second bundle: the tests of the commands have them
     elsewhere: set[SchemaName] = {
         "detect", "digitise-ground", "drive-emulate", "drive-watch", "gnss", "import", "imu", "match",
-        "online-demo", "online-reconsidered", "results",
+        "online-demo", "online-reconsidered", "results", "screen",
         "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
         "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown", "plan-forecast", "plan-place", "plan-show",
     }  # fmt: skip
