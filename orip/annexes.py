@@ -1,9 +1,9 @@
 """What annexes add to the kernel, by the names of their modules: the kernel imports none of them.
 
 An annex holds all of a subject in one folder (`archive`, `exchange`, `multimodel`, `online`, `pictures`, `planning`,
-`restitution`, `stations`) and stands above the kernel, beside the others. What it adds is registered here and nowhere
-else: its commands, its steps of `orip run` and `orip status`, and what commands of others offer with it. A module is
-loaded when it is asked for.
+`restitution`, `screen`, `stations`) and stands above the kernel, beside the others. What it adds is registered here and
+nowhere else: its commands, its steps of `orip run` and `orip status`, and what commands of others offer with it. A
+module is loaded when it is asked for.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "detect": "orip.pictures.detect_commands",
     "match": "orip.pictures.match_command",
     "restitute": "orip.restitution.commands",
+    "screen": "orip.screen.command",
 }
 """Modules whose `register` adds a command; the order and the texts of all commands are in `orip.cli.main`."""
 
@@ -47,7 +48,8 @@ IMPORTED_PROJECTS = "orip.exchange.project.imported"
 """`orip.import_project`: `import_folder`."""
 
 MEASURING_ONLINE = "orip.online.commands"
-"""`observations todo --next` and `digitise points --online`: `tell_next`, `answered_online`."""
+"""`observations todo --next`: `tell_next`; `digitise points --online`: `answered_online`; `screen`:
+`session_to_measure`."""
 
 
 PICTURES_OF_REPORT = "orip.pictures.report_pictures"

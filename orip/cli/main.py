@@ -105,6 +105,7 @@ COMMANDS: Mapping[str, Listed] = {
     "restitute": Listed(
         "Points, lines and areas from stereo measurements, with standard deviations, in the .GEO file.", ()
     ),
+    "screen": Listed("Measure in the images of the photos, in the browser: points, control, what does not fit.", ()),
     "archive": Listed("Many projects at once, on the cores of this machine or of many.", ()),
 }
 """In the order of `orip --help`; the texts are the first paragraphs of the commands' own."""

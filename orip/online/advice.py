@@ -33,6 +33,9 @@ _MOST_OF_A_PHOTO = 12
 _CELLS = 3
 """Parts along each side of a photo, each of which should have a point: those of von Gruber."""
 
+_PAIR = 2
+"""Coordinates of a photo point."""
+
 _COMMON = 2
 """Points that are common to two photos from which one tells where the other's points are expected."""
 
@@ -79,11 +82,16 @@ def _further_rays(block: OnlineBlock, photo: str) -> Iterator[Candidate]:
     errors = dict(zip((part.point_names[row] for row in part.photo_points.point), part.photo_points.error, strict=True))
     for name, (difference, cofactor, _) in zip(rays, block.equations.predicted(equations), strict=True):
         gain = 0.5 * float(np.log2(np.linalg.det(np.eye(len(cofactor)) + cofactor))) if len(cofactor) else 0.0
-        ellipse = _ellipse(cofactor * np.outer(errors[name], errors[name])) if len(cofactor) == 2 else None
-        xy = expected[name]
-        if block.equations.has_point(name):
+        covariance, xy = (
+            cofactor * np.outer(errors[name], errors[name]) if len(cofactor) == _PAIR else None,
+            expected[name],
+        )
+        if not block.equations.has_point(name):
+            covariance = predicted_covariances(block, [photo], name).get(photo)
+        else:
             # as if measured where the values have it; the solution is somewhere else by as much as is still linear
             xy = _moved(block, photo, xy, -difference * errors[name])
+        ellipse = None if covariance is None else _ellipse(covariance)
         yield Candidate(photo, name, xy, ellipse, gain, _why(block, name))
 
 
@@ -134,12 +142,9 @@ def _expected(block: OnlineBlock, photo: str) -> dict[str, tuple[float, float]]:
         if not measurements.photos_of(name) and measurements.control.has_coordinates(name)
     }
     names, places = sorted(tied), [block.values.points[name] for name in sorted(tied)]
-    part = measurements.as_if((photo, name, (0.0, 0.0)) for name in sorted(control - tied))
-    if part is not None:
-        # with the other ends of distances, which are not asked for
-        known = dict(zip(part.point_names, _at_values(block, part).point_start, strict=True))
-        names += sorted(control - tied)
-        places += [known[name] for name in sorted(control - tied)]
+    for name, place in given_places(block, sorted(control - tied), photo).items():
+        names.append(name)
+        places.append(place)
     if not names:
         return {}
     camera, orientation = _camera(block, photo), block.values.orientations[photo]
@@ -149,6 +154,58 @@ def _expected(block: OnlineBlock, photo: str) -> dict[str, tuple[float, float]]:
         xy = -c * rays[:, :2] / rays[:, 2:] + (dx, dy)
     seen = (rays[:, 2] * c < 0.0) & _is_inside(camera, xy)
     return _stored(block, photo, {names[row]: xy[row] for row in np.flatnonzero(seen).tolist()})
+
+
+def given_places(block: OnlineBlock, points: Collection[str], photo: str = "") -> dict[str, FloatArray]:
+    """Return the local coordinates (3,) of points that have all of them by control.
+
+    Parameters
+    ----------
+    block : OnlineBlock
+    points : collection of str
+    photo : str
+        Any that is oriented, empty: the first one.
+    """
+    measurements, oriented = block.measurements, photo or next(iter(block.values.orientations), "")
+    known = [name for name in points if measurements.control.has_coordinates(name)] if oriented else []
+    part = measurements.as_if((oriented, name, (0.0, 0.0)) for name in known)
+    if part is None:
+        return {}
+    # with the other ends of distances, which are not asked for
+    places = dict(zip(part.point_names, _at_values(block, part).point_start, strict=True))
+    return {name: places[name] for name in known if np.isfinite(places[name]).all()}
+
+
+def predicted_covariances(block: OnlineBlock, photos: Collection[str], point: str) -> dict[str, FloatArray]:
+    """Return the covariances (2, 2), mm², of the places at which oriented photos are expected to show a point.
+
+    Those in which it is measured are left out, and those of which nothing can be said.
+    """
+    lacking = [photo for photo in photos if block.measurements.at(photo, point) is None]
+    part = block.measurements.as_if((photo, point, (0.0, 0.0)) for photo in lacking)
+    if part is None:
+        return {}
+    rows = block.linearised(_at_values(block, part))
+    rays = {photo: rows[key] for photo in lacking if (key := ObservationKey("photo", photo, point)) in rows}
+    by_control: FloatArray = np.zeros((3, 3))
+    if not block.equations.has_point(point):
+        control = [other.by_point for key, other in rows.items() if key.point == point and key.kind != "photo"]
+        information = sum((one.T @ one for one in control), np.zeros((3, 3)))
+        if np.linalg.matrix_rank(information) < len(information):
+            return {}
+        by_control = np.asarray(np.linalg.inv(information), dtype=np.float64)
+    equations = [
+        ray
+        if not by_control.any()
+        else ObservationRows(None, np.zeros((_PAIR, 3)), ray.columns, ray.by_reduced, ray.right)
+        for ray in rays.values()
+    ]
+    errors = dict(zip((part.photos[row].name for row in part.photo_points.photo), part.photo_points.error, strict=True))
+    return {
+        photo: (cofactor + ray.by_point @ by_control @ ray.by_point.T) * np.outer(errors[photo], errors[photo])
+        for (photo, ray), (_, cofactor, is_open) in zip(rays.items(), block.equations.predicted(equations), strict=True)
+        if len(cofactor) == _PAIR and not is_open.any()
+    }
 
 
 def _stored(block: OnlineBlock, photo: str, places: Mapping[str, FloatArray]) -> dict[str, tuple[float, float]]:

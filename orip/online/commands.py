@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -63,6 +64,14 @@ def answered_online(invocation: Invocation, bundle: str | None) -> Iterator[Call
         with page_of(invocation, session):
             yield written
         say(session.ended())
+
+
+def session_to_measure(folder: Path, bundle: str | None) -> ServedSession:
+    """Begin a session in a project for whoever measures; see `OnlineSession`."""
+    from orip.online.page import ServedSession
+    from orip.online.session import ANSWERED_WITHIN_S, OnlineSession
+
+    return ServedSession(OnlineSession(folder, bundle, ANSWERED_WITHIN_S), folder)
 
 
 def serve_programs(invocation: Invocation, session: ServedSession, address: tuple[str, int]) -> None:

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from orip.arrays import FloatArray
+from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import part_of_block
 from orip.bundle.assemble import BlockInput
 from orip.bundle.problem import starting_state
@@ -223,7 +223,7 @@ class OnlineBlock:
     def linearised(self, part: Block) -> dict[ObservationKey, ObservationRows]:
         """Return the equations of a block at its values, its cameras held."""
         part = with_cameras_held(part)
-        known = self.values.is_placed(part)
+        known: BoolArray = np.asarray(np.isfinite(part.point_start).all(axis=1), dtype=bool)
         if not known.all():
             part = part_of_block(part, np.ones(len(part.photos), dtype=bool), known)
         before = len(self.columns.names)

@@ -7,14 +7,26 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from orip.errors import OripError
+from orip.errors import OripError, UsageError
+from orip.files.text.regular_file import natural_key
 from orip.interior.mounting import frame_corners
 from orip.online.answers import State, words_of
 from orip.online.measuring import Measuring
+from orip.online.point_views import (
+    SeenBlock,
+    Transfer,
+    View,
+    control_difference,
+    distance_along,
+    ray_images,
+    seen,
+    transferred,
+    views_of,
+)
 from orip.online.replies import Reply, reconsidered_of, reply_of, reply_to, shown
 from orip.online.sequential.observation_rows import ObservationKey
 from orip.online.session import OnlineSession
@@ -175,6 +187,68 @@ class ServedSession:
             reply = reply_of(self._session, answer)
             self.page.answered(reply)
             return reply
+
+    def points(self) -> Document | None:
+        """Return by photo all points, ``[name, x, y, state]`` as in a measurement file, and what is up in the photo.
+
+        None while something is reconsidered.
+        """
+        with self._lock:
+            if self._session.is_busy:
+                return None
+            photos, to_logs = self._seen().photos, self._session.to_logs()
+            found: dict[str, list[Any]] = {}
+            for ray in ray_states(self._session.measuring):
+                x, y = to_logs[record_key(ray.photo)].apply(np.array([ray.xy]))[0].round(4).tolist()
+                found.setdefault(ray.photo, []).append([ray.point, x, y, ray.state])
+        up = {name: (photo.to_log.matrix @ photo.upwards()).tolist() for name, photo in photos.items()}
+        return {name: {"points": found.get(name, []), "up": up.get(name)} for name in {**found, **up}}
+
+    def control(self) -> list[str]:
+        """Return the names of the points with control."""
+        return sorted(self._session.measuring.block.project.control.points, key=natural_key)
+
+    def views(self, point: str) -> tuple[list[View], list[float | None] | None]:
+        """Return where the photos show a point, best first, and its coordinates less those that control gives."""
+        with self._lock:
+            view = self._seen()
+            return views_of(view, point), control_difference(view, point)
+
+    def transferred(self, photo: str, xy: tuple[float, float], point: str) -> list[Transfer]:
+        """Return where the other photos show what is at a place of a photo, as far away as the point or its neighbours.
+
+        Raises
+        ------
+        UsageError
+            If the photo is not oriented, or nothing tells how far away it is.
+        """
+        with self._lock:
+            view = self._seen()
+            name, distance = self._distance(view, photo, xy, point)
+            return transferred(view.photos, name, np.array(xy), distance)
+
+    def ray(self, photo: str, xy: tuple[float, float], point: str) -> dict[str, Any]:
+        """Return by photo the line in which the others show the ray of a place in a photo; see `transferred`."""
+        with self._lock:
+            view = self._seen()
+            name, distance = self._distance(view, photo, xy, point)
+            return dict(ray_images(view.photos, name, np.array(xy), distance))
+
+    def _seen(self) -> SeenBlock:
+        block = self._session.measuring.block
+        return seen(block, self._session.to_logs())
+
+    def _distance(self, view: SeenBlock, photo: str, xy: tuple[float, float], point: str) -> tuple[str, float]:
+        """Return a photo's name as it is defined, and how far the ground is at a place of it."""
+        name = self._session.name_of(photo)
+        if name not in view.photos:
+            message = f"photo {name} is not oriented yet: measure more of its points first"
+            raise UsageError(message)
+        distance = distance_along(view, name, np.array(xy), point)
+        if distance is None:
+            message = f"nothing tells how far away this place of photo {name} is: measure a point near it in two photos"
+            raise UsageError(message)
+        return name, distance
 
     def on_news(self, wake: Callable[[], None]) -> None:
         """Have a function called, in any thread, when `news` may have something to say."""

@@ -13,6 +13,7 @@ from msgspec import Struct
 from orip.errors import UsageError
 from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.log.writing import DECIMALS, LogFile, edit_line, measurement_line, points_header
+from orip.geometry.plane import PlaneTransformation
 from orip.interior.in_force import stored_to_log
 from orip.online.answers import Answer, words_of
 from orip.online.first_photos import THOROUGH
@@ -334,6 +335,16 @@ class OnlineSession:
     def name_of(self, photo: str) -> str:
         """Return the name of a photo as it is defined; raise UsageError, with names like it, if it is not."""
         return self._films.photo(photo).name
+
+    def to_logs(self) -> dict[str, PlaneTransformation]:
+        """Return by `record_key`, of photos that can be measured, stored coordinates to those of a measurement file."""
+        films = self._films
+        found = {
+            key: stored_to_log(photo, films.definitions, films.interior.to_template)
+            for key, photo in films.definitions.photos.items()
+            if key in films.interior.to_photo
+        }
+        return {key: to_log for key, to_log in found.items() if to_log is not None}
 
     def to_photo(self, photo: str, stored: tuple[float, float]) -> tuple[float, float]:
         """Return the photo coordinates, mm, of stored ones."""

@@ -54,7 +54,7 @@ def register(app: typer.Typer) -> None:
 
         Example: orip photos flight3 quarry --control gcp.csv --crs EPSG:25832
         """
-        from orip.pictures.photo_images import require_packages
+        from orip.pictures.match import require_packages
         from orip.pictures.photo_project import PhotoSettings, make_photo_project
 
         for name, value in (("--sensor-width", options.sensor_width), ("--control-error", options.control_error)):

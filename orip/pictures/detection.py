@@ -15,7 +15,7 @@ from orip.files.control.text import distances_text, parse_points, points_text
 from orip.files.log.writing import points_header
 from orip.files.text.lines import read_lines
 from orip.files.text.regular_file import natural_key
-from orip.pictures.image_files import IMAGE_ENDINGS, Grey, read_colours, read_grey, read_header
+from orip.images.image_files import IMAGE_ENDINGS, Grey, read_colours, read_grey, read_header
 from orip.pictures.targets.boards import Board, board_points
 from orip.pictures.targets.marks import FoundTargets, Mark
 from orip.pictures.targets.sheets import Sheet, sheet_of

@@ -14,7 +14,7 @@ from orip.errors import InputError
 from orip.files.exif import DAMAGED, Exposure, ImageTags, exposure_of, image_tags
 from orip.files.image_cameras import ImageCamera, camera_of
 from orip.files.text.regular_file import file_digest, natural_key
-from orip.pictures.image_files import IMAGE_ENDINGS, Grey, ImageHeader, read_grey, read_header
+from orip.images.image_files import IMAGE_ENDINGS, Grey, ImageHeader, read_grey, read_header
 from orip.progress import stage
 from orip.structs import replace
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from orip.errors import Complaint, InputError, ProjectWarning, UsageError
 from orip.files.log.writing import points_header
 from orip.files.text.regular_file import beginning, file_digest
+from orip.images.image_files import read_eight_bits
+from orip.images.images_of_photos import image_fault, origin_of_pixels, paths_of_photos
+from orip.images.matching.least_squares import Fate
 from orip.pictures.matching.features import DETAIL
-from orip.pictures.matching.least_squares import Fate
 from orip.pictures.matching_cache import MatchingCache
-from orip.pictures.photo_images import image_fault, paths_of_photos, read_eight_bits, require_packages
 from orip.pictures.tie_points import Picture, TiePoints, TieSettings, features_of, find_tie_points
 from orip.records.camera import Camera
 from orip.records.names import record_key
@@ -94,6 +95,22 @@ class _Frame(Struct, frozen=True):
     size: tuple[int, int] | None
     focal: float
     origin: float
+
+
+def require_packages() -> None:
+    """Say what to install where packages for images are missing.
+
+    Raises
+    ------
+    UsageError
+    """
+    try:
+        import cv2  # noqa: F401
+        import PIL  # noqa: F401
+        import pycolmap  # noqa: F401
+    except ImportError as error:
+        message = f"matching needs the package {error.name}, which is not installed: pip install 'orip[images]'"
+        raise UsageError(message) from error
 
 
 def match_photos(state: ProjectState, request: MatchRequest) -> Change[MatchOutcome]:
@@ -174,15 +191,15 @@ def _cameras(state: ProjectState, photos: Sequence[Photo]) -> tuple[Camera, ...]
 
 
 def _frame(camera: Camera | None, scan: Scan | None) -> _Frame | None:
-    if camera is None:
+    origin = origin_of_pixels(camera, scan)
+    if camera is None or origin is None:
         return None
     c = camera.parameters[0]
     if camera.sensor is not None:
         size = (camera.sensor.columns, camera.sensor.rows)
-        return _Frame(size, c * camera.sensor.columns / camera.sensor.width, 0.0)
-    if scan is None:
-        return None
-    return _Frame(None, c / scan.pixel[0], 0.5 if scan.origin == "centre" else 0.0)
+        return _Frame(size, c * camera.sensor.columns / camera.sensor.width, origin)
+    assert scan is not None, "its pixels have an origin"
+    return _Frame(None, c / scan.pixel[0], origin)
 
 
 def _pictures(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import IntArray
 from orip.errors import InputError
-from orip.pictures.image_files import REDUCTIONS, Grey, read_colours, read_grey, read_header
+from orip.images.image_files import REDUCTIONS, Grey, read_colours, read_grey, read_header
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.report.report_input import CHIP_PIXELS, AskedImage, GivenImage, PictureSource

@@ -11,9 +11,10 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.errors import InputError
+from orip.images.images_of_photos import reason
+from orip.images.matching.least_squares import Fate, MatchSettings, Windows, match_rays
 from orip.pictures.consistency import examine_rays
 from orip.pictures.matching.features import Features, find_features, match_features
-from orip.pictures.matching.least_squares import Fate, MatchSettings, Windows, match_rays
 from orip.pictures.matching.pairs import View, neighbouring_pairs, promising_pairs, verified_matches
 from orip.pictures.matching.tracks import Tracks, join_tracks, select_tracks
 from orip.pictures.matching.windows import (
@@ -28,7 +29,6 @@ from orip.pictures.matching.windows import (
     of_rays,
 )
 from orip.pictures.matching_cache import MatchingCache
-from orip.pictures.photo_images import reason
 from orip.progress import stage
 from orip.records.camera import Camera
 from orip.threads import available_threads, by_threads

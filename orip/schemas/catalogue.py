@@ -19,7 +19,7 @@ SchemaName = Literal[
     "online-demo", "online-reconsidered", "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown",
     "plan-follow", "plan-forecast", "plan-place", "plan-show", "prelim", "project-made", "record", "record-edit",
     "records", "relative", "report", "result", "result-part", "results", "sample-written", "samples",
-    "restitute-compute", "restitute-export", "restitute-show", "similarities",
+    "restitute-compute", "restitute-export", "restitute-show", "screen", "similarities",
     "stations-import", "status", "todo", "todo-next", "update", "update-undone",
 ]  # fmt: skip
 
@@ -75,6 +75,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "drive-table": DocumentType(measuring.DriveTable, ("drive table",)),
     "drive-to": DocumentType(measuring.Driven, _each(["drive"], "goto forward model next move")),
     "drive-watch": DocumentType(measuring.Watching, ("drive watch",)),
+    "screen": DocumentType(measuring.Screen, ("screen",)),
     "drive-where": DocumentType(measuring.Where, ("drive where",)),
     "error": DocumentType(project.Error, ("any command that fails",)),
     "export": DocumentType(project.Export, ("export",)),

@@ -267,6 +267,13 @@ class Watching(Part, frozen=True):
     url: str
 
 
+class Screen(Part, frozen=True):
+    """The address of the page on which points are measured in the images of photos."""
+
+    command: Literal["screen"]
+    url: str
+
+
 class PointToAdd(Part, frozen=True):
     """A measurement that is worth making: where it is expected, and what it would tell about the block."""
 

@@ -1,9 +1,10 @@
-"""The server of the pages of `orip drive watch` and `orip online`: on the loopback interface, for one user's browser.
+"""The server of the pages of `orip drive watch`, `orip online` and `orip screen`: on the loopback interface.
 
     GET  /TOKEN/          the page
     GET  /TOKEN/scene     what stays
     GET  /TOKEN/events    what moves, as server-sent events
-    POST /TOKEN/drive, /TOKEN/next, /TOKEN/automatic, /TOKEN/press       of `drive watch`
+    GET  /TOKEN/pictures/NAME      a picture, JPEG
+    POST /TOKEN/COMMAND            what the page asks for, one JSON object
 
 Any page of the web can send requests to the loopback interface. So the address has a token that nobody else knows;
 requests under any other name of this machine are refused (a name of the web can be made to point here), and commands
@@ -39,6 +40,7 @@ LONGEST_REQUEST = 4096
 MOST_STREAMS = 64
 MOST_CONNECTIONS = 128
 
+_PICTURES = "pictures/"
 _TICK_S = 0.05
 _SIGN_OF_LIFE_S = 5.0
 """A stream on which nothing moves says so: only what is sent shows that nobody is there any more."""
@@ -51,6 +53,12 @@ _POLICY = (
 
 class RequestError(OripError):
     """What a page asks for cannot be understood."""
+
+
+def no_pictures(name: str) -> bytes:
+    """Serve a page that has no pictures."""
+    message = f"there is no picture {name[:60]!a}"
+    raise RequestError(message)
 
 
 class Watched(Protocol):
@@ -82,6 +90,8 @@ class WatchServer(ThreadingTCPServer):
     watch : Watched
     address : tuple (host, port)
         An address of this machine that no other one reaches; port 0: any that is free.
+    pictures : function of a name
+        Returns a picture as JPEG, or raises an OripError; called from several threads at once.
 
     Raises
     ------
@@ -93,8 +103,10 @@ class WatchServer(ThreadingTCPServer):
     daemon_threads = True
     request_queue_size = 64
 
-    def __init__(self, watch: Watched, address: tuple[str, int] = (HOST, 0)) -> None:
-        self.watch = watch
+    def __init__(
+        self, watch: Watched, address: tuple[str, int] = (HOST, 0), pictures: Callable[[str], bytes] = no_pictures
+    ) -> None:
+        self.watch, self.pictures = watch, pictures
         self.token = secrets.token_urlsafe(16)
         self.page = watch.page.read_bytes()
         self.scene = _json(watch.scene)
@@ -161,6 +173,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.OK, "application/json", self.server.scene)
         elif path == "events":
             self._stream()
+        elif path is not None and path.startswith(_PICTURES):
+            self._send_picture(path.removeprefix(_PICTURES))
         elif path is not None:
             self._refuse(HTTPStatus.NOT_FOUND, "there is nothing here")
 
@@ -181,6 +195,14 @@ class _Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         else:
             self._send(HTTPStatus.OK, "application/json", _json(reply))
+
+    def _send_picture(self, name: str) -> None:
+        try:
+            picture = self.server.pictures(name)
+        except OripError as error:
+            self._refuse(HTTPStatus.NOT_FOUND, str(error))
+        else:
+            self._send(HTTPStatus.OK, "image/jpeg", picture)
 
     def log_message(self, *_: object) -> None:
         """Say nothing of requests."""

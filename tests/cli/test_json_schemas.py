@@ -66,6 +66,7 @@ def test_documents_are_as_their_schemas_say(documents: list[dict[str, Any]]) -> 
     elsewhere: set[SchemaName] = {
         "detect", "digitise-ground", "drive-emulate", "drive-watch", "gnss", "import", "imu", "match",
         "online-demo", "online-reconsidered", "restitute-compute", "restitute-export", "restitute-show", "results",
+        "screen",
         "archive-diff", "archive-report", "archive-run", "archive-simulate", "archive-status",
         "plan", "plan-clock", "plan-compare", "plan-export", "plan-flown", "plan-follow", "plan-forecast", "plan-place",
         "plan-show",

@@ -93,6 +93,7 @@ ONLY_READING = frozenset(
         "status", "results", "check", "compare", "dump", "prelim relative", "prelim bridge", "prelim connect",
         "prelim absolute", "prelim show", "camera plot", "observations list", "observations todo", "archive status",
         "archive diff", "restitute show", "plan forecast", "plan compare", "plan place", "plan clock",
+        "plan follow",
         # these write what the plate processor holds, not what is in the project
         "drive goto", "drive where", "drive profile", "drive forward", "drive model", "drive next", "drive watch",
         "drive guide", "drive move", "drive lock", "drive prism", "drive foot", "drive key",
@@ -101,8 +102,8 @@ ONLY_READING = frozenset(
     | {f"control {kind} list" for kind in _CONTROL}
 )  # fmt: skip
 
-UNTIL_A_SIGNAL = frozenset({"drive emulate"})
-"""Run until somebody ends them; killed in tests/link."""
+UNTIL_A_SIGNAL = frozenset({"drive emulate", "screen"})
+"""Run until somebody ends them; killed in tests/link, and tests/screen."""
 
 ONLINE = "".join(
     f'{{"do": "measure", "photo": "{photo}", "point": "K{n}", "x": {1500 + 9 * n}.25, "y": {1600 + 7 * n}.5}}\n'

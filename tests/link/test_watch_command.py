@@ -26,7 +26,7 @@ from link.test_watch import watch_of
 from support.driven_projects import add_models
 from workflow.small_projects import contents, first_project
 
-from orip.multimodel.commands import drive as watch_module
+from orip.web import serving as watch_module
 from orip.web.page_server import WatchServer
 
 
@@ -130,7 +130,7 @@ def test_the_token_is_in_no_command_that_others_see(monkeypatch, tmp_path):
     looking = threading.Thread(target=look)
     looking.start()
     with server:
-        watch_module._serve(server, browser=True)
+        watch_module.serve_until_ended(server, browser=True)
     looking.join()
     ((page, text, mode),) = seen
     assert server.token not in str(page)

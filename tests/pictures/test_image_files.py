@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from orip.errors import InputError
-from orip.pictures.image_files import read_colours, read_grey, read_header
+from orip.images.image_files import read_colours, read_grey, read_header
 
 Image = pytest.importorskip("PIL.Image")
 cv2 = pytest.importorskip("cv2")

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pictures.rendered_plane import RenderedPlane, render
 from scipy.ndimage import map_coordinates
 
-from orip.pictures.matching.least_squares import Fate, MatchedRays, MatchSettings, Windows, match_rays
-from orip.pictures.matching.patches import Template, mean_patch, partials, patch_grid, sample_patches
-from orip.pictures.matching.sampling import sample, spline_coefficients
+from orip.images.matching.least_squares import Fate, MatchedRays, MatchSettings, Windows, match_rays
+from orip.images.matching.patches import Template, mean_patch, partials, patch_grid, sample_patches
+from orip.images.matching.sampling import sample, spline_coefficients
 from orip.pictures.matching.windows import HALF, cut_windows, in_window
 
 SIDE = 340

@@ -13,7 +13,7 @@ from reference.olympus_camera import as_reported
 from reference.published_data import REFERENCE_DATA, data_set, read_report
 from workflow.quiet import run_quietly
 
-from orip.pictures.image_files import read_colours
+from orip.images.image_files import read_colours
 from orip.pictures.targets.sheets import find_sheet, sheet_of
 
 PICTURES = REFERENCE_DATA / "pictures" / "camcal-sheet"

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from orip.cli.options import LINK_VARIABLE, BundleArgument, Invocation, command, group_of_commands
 from orip.cli.terminal import Terminal, warning_rows
-from orip.errors import InputError, OripError, ProjectWarning
+from orip.errors import InputError, ProjectWarning
 from orip.multimodel.commands import link
+from orip.web import ANY_PORT
 from orip.wording import counted
 
 if TYPE_CHECKING:
-    from orip.multimodel.link.watch import Watch
     from orip.multimodel.table_step import DriveTableOutcome
-    from orip.web.page_server import WatchServer
 
 
 _ABOUT = "Drive in the oriented block: the drive table and the plate processor.\n\nExample: orip drive table"
@@ -105,7 +100,6 @@ Listen = Annotated[
         "--listen", metavar="HOST:PORT", help="Where the page is served, on this machine. Port 0: any that is free."
     ),
 ]
-ANY_PORT = "127.0.0.1:0"
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
 
 
@@ -125,63 +119,16 @@ def watch_command(
     """
     from orip.multimodel.project_link import open_watch, watch_warnings
     from orip.web.access import listening_address
+    from orip.web.serving import page_server, serve_until_ended
 
     address = listening_address(listen, ", which is where the page can be seen")
     watch = open_watch(invocation.folder, bundle, link)
     try:
         invocation.terminal.warn(watch_warnings(invocation.folder, bundle, link))
-        with _server(watch, address) as server:
+        with page_server(watch, address) as server:
             invocation.terminal.answer("drive-watch", {"command": "drive watch", "url": server.url}, server.url)
             invocation.terminal.flush()
             invocation.terminal.say("Ctrl-C ends it")
-            _serve(server, browser=browser)
+            serve_until_ended(server, browser=browser)
     finally:
         watch.close()
-
-
-def _server(watch: Watch, address: tuple[str, int]) -> WatchServer:
-    from orip.web.page_server import WatchServer
-
-    try:
-        return WatchServer(watch, address)
-    except OSError as error:
-        host, port = address
-        why = error.strerror or error
-        message = (
-            f"port {port} of {host} cannot be taken ({why}); choose another; any that is free: --listen {ANY_PORT}"
-        )
-        raise OripError(message) from error
-
-
-@contextmanager
-def _page_to_open(server: WatchServer) -> Iterator[str]:
-    """Yield what a browser is given to open: others can see its command, and with the token they could drive."""
-    from orip.web.access import private_file
-
-    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={server.url}"><a href="{server.url}">orip</a>'
-    try:
-        path = private_file(f"watch-{server.port}.html", page)
-    except (OSError, RuntimeError):
-        yield server.url.replace(f"{server.token}/", "")  # tells to take the address that was printed
-        return
-    try:
-        yield path.as_uri()
-    finally:
-        path.unlink(missing_ok=True)
-
-
-def _serve(server: WatchServer, *, browser: bool) -> None:
-    """Serve until Ctrl-C or SIGTERM, which are the way to end and no error."""
-    import webbrowser
-
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with _page_to_open(server) if browser else nullcontext() as page:
-            if page is not None:
-                # one that runs in this terminal comes back only when it is left
-                threading.Thread(target=webbrowser.open, args=(page,), daemon=True).start()
-            server.serve_forever(poll_interval=0.1)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        signal.signal(signal.SIGTERM, before)

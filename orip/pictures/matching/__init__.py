@@ -1,4 +1,4 @@
-"""The mathematics of tie points: features compared, joined to tracks, selected, and matched by least squares.
+"""The mathematics of tie points: features compared, joined to tracks and selected, and windows to match them by.
 
 Arrays in, arrays out: no files, no projects.
 """

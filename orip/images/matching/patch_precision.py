@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.pictures.matching.patches import PatchGrid, Sampled, Template, partials
+from orip.images.matching.patches import PatchGrid, Sampled, Template, partials
 
 REACH = 9
 """Places of the patch over which noise is correlated, by interpolation, by smoothing and by JPEG."""

@@ -18,8 +18,8 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.pictures.matching.patch_precision import position_covariances
-from orip.pictures.matching.patches import (
+from orip.images.matching.patch_precision import position_covariances
+from orip.images.matching.patches import (
     PatchGrid,
     Sampled,
     Template,
@@ -28,7 +28,7 @@ from orip.pictures.matching.patches import (
     patch_grid,
     sample_patches,
 )
-from orip.pictures.matching.sampling import spline_coefficients
+from orip.images.matching.sampling import spline_coefficients
 
 
 class Fate(IntEnum):
@@ -96,6 +96,8 @@ class MatchedRays(Struct, frozen=True):
     ----------
     centre : ndarray (r, 2)
         Column and row from the centre of the window's first pixel.
+    affine : ndarray (r, 2, 2)
+        From the patch to pixels.
     covariance : ndarray (r, 2, 2)
         Square pixels.
     correlation : ndarray (r,)
@@ -104,6 +106,7 @@ class MatchedRays(Struct, frozen=True):
     """
 
     centre: NDArray[np.float64]
+    affine: NDArray[np.float64]
     covariance: NDArray[np.float64]
     correlation: NDArray[np.float64]
     fate: NDArray[np.int8]
@@ -163,7 +166,7 @@ def match_rays(windows: Windows, settings: MatchSettings) -> MatchedRays:
     fate[(fate == Fate.MATCHED) & weak] = Fate.WEAK
     rays = np.bincount(windows.point, weights=fate == Fate.MATCHED)
     fate[(fate == Fate.MATCHED) & (rays[windows.point] < 2)] = Fate.ALONE
-    return MatchedRays(state.centre, covariance, correlation, fate)
+    return MatchedRays(state.centre, state.affine, covariance, correlation, fate)
 
 
 def _refined(windows: Windows, state: _State, level: _Level, half: int, *, begins: bool) -> _State:

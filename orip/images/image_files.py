@@ -39,7 +39,7 @@ from orip.files.text.regular_file import open_regular
 
 __all__ = [
     "FEWEST_ON_A_SIDE", "IMAGE_ENDINGS", "MOST_PIXELS", "REDUCTIONS", "Grey", "ImageHeader", "Region", "read_colours",
-    "read_grey", "read_header",
+    "read_eight_bits", "read_grey", "read_header",
 ]  # fmt: skip
 
 Grey = NDArray[np.uint8 | np.uint16]
@@ -103,6 +103,29 @@ def read_grey(path: Path, region: Region | None = None, reduction: int = 1, show
         else:
             grey = _eight_bits(file, header, rows, columns, reduction)
     return np.ascontiguousarray(grey)
+
+
+def read_eight_bits(path: Path, shown: str = "") -> NDArray[np.uint8]:
+    """Return the grey values of an image as stored, (rows, columns), of 8 bits.
+
+    Of 16 bits the range between the darkest and the brightest one in a thousand becomes 8.
+
+    Raises
+    ------
+    InputError
+        If it is damaged.
+    """
+    return in_eight_bits(read_grey(path, shown=shown))
+
+
+def in_eight_bits(grey: Grey) -> NDArray[np.uint8]:
+    """Return grey values (rows, columns) in 8 bits; see `read_eight_bits`."""
+    if grey.dtype == np.uint8:
+        return grey.astype(np.uint8, copy=False)
+    low, high = np.percentile(grey[::4, ::4], [0.1, 99.9])
+    scaled = (grey.astype(np.float32) - low) * (255.0 / max(float(high - low), 1.0))
+    found: NDArray[np.uint8] = np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
+    return found
 
 
 def read_colours(path: Path, reduction: int = 1, shown: str = "") -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Which image belongs to which photo of a project, and its grey values as stored."""
+"""Which image belongs to which photo of a project, and what keeps one from being used."""
 
 from __future__ import annotations
 
@@ -6,29 +6,11 @@ import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from orip.errors import Complaint, InputError, UsageError
+from orip.errors import Complaint, InputError
 from orip.files.image_headers import IMAGE_ENDINGS, read_header
-from orip.pictures.image_files import read_grey
+from orip.records.camera import Camera
 from orip.records.names import record_key
-
-
-def require_packages() -> None:
-    """Say what to install where packages for images are missing.
-
-    Raises
-    ------
-    UsageError
-    """
-    try:
-        import cv2  # noqa: F401
-        import PIL  # noqa: F401
-        import pycolmap  # noqa: F401
-    except ImportError as error:
-        message = f"matching needs the package {error.name}, which is not installed: pip install 'orip[images]'"
-        raise UsageError(message) from error
+from orip.records.photo import Scan
 
 
 def images_by_photo(folder: Path, photos: Iterable[str]) -> tuple[dict[str, Path], list[Complaint]]:
@@ -87,25 +69,6 @@ def reason(error: InputError) -> str:
     return f"the image cannot be used: {'; '.join(complaint.message for complaint in error.complaints)}"
 
 
-def read_eight_bits(path: Path) -> NDArray[np.uint8]:
-    """Return the grey values of an image as stored, (rows, columns), of 8 bits.
-
-    Of 16 bits the range between the darkest and the brightest one in a thousand becomes 8.
-
-    Raises
-    ------
-    InputError
-        If it is damaged.
-    """
-    grey = read_grey(path)
-    if grey.dtype == np.uint8:
-        return grey.astype(np.uint8, copy=False)
-    low, high = np.percentile(grey[::4, ::4], [0.1, 99.9])
-    scaled = (grey.astype(np.float32) - low) * (255.0 / max(float(high - low), 1.0))
-    found: NDArray[np.uint8] = np.clip(np.rint(scaled), 0, 255).astype(np.uint8)
-    return found
-
-
 def paths_of_photos(
     photos: Mapping[str, str | None], folder: Path, images: Path | None
 ) -> tuple[dict[str, Path], list[Complaint]]:
@@ -124,3 +87,15 @@ def paths_of_photos(
     others = [photo for photo in photos if photo not in named]
     found, complaints = images_by_photo(images or folder, others) if others else ({}, [])
     return {photo: path for photo in photos if (path := {**found, **named}.get(photo)) is not None}, complaints
+
+
+def origin_of_pixels(camera: Camera | None, scan: Scan | None) -> float | None:
+    """Return where the outer corner of the upper left pixel is in measured coordinates, columns and rows; negated.
+
+    None where a photo is measured in millimetres: nothing tells where these are in its image.
+    """
+    if camera is not None and camera.sensor is not None:
+        return 0.0
+    if camera is None or scan is None:
+        return None
+    return 0.5 if scan.origin == "centre" else 0.0

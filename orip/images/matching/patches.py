@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from orip.pictures.matching.sampling import MARGIN, sample
+from orip.images.matching.sampling import MARGIN, sample
 
 PARAMETERS = 8
 """Four of the shape, two of the position, gain and offset."""

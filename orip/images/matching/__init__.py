@@ -1,0 +1,1 @@
+"""Least-squares matching of patches: arrays in, arrays out, no files."""

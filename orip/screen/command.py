@@ -1,0 +1,99 @@
+"""`orip screen`: measuring in the images of the photos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from orip.annexes import MEASURING_ONLINE, annex
+from orip.cli.options import BundleArgument, Invocation, command
+from orip.errors import LockedError
+from orip.threads import limited_threads
+from orip.web import ANY_PORT
+
+Images = Annotated[
+    Path | None,
+    typer.Option("--images", metavar="DIR", help="Images named as the photos (default: project folder)."),
+]
+Listen = Annotated[
+    str,
+    typer.Option(
+        "--listen", metavar="HOST:PORT", help="Where the page is served, on this machine. Port 0: any that is free."
+    ),
+]
+Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
+
+
+@contextmanager
+def only_screen(folder: Path) -> Iterator[None]:
+    """Keep other screens from the project meanwhile.
+
+    Raises
+    ------
+    LockedError
+        If another one has it.
+    """
+    from orip.files.text.own_files import locked, make_file, make_folder
+    from orip.images.tiles import TILE_FOLDER
+
+    path = folder / TILE_FOLDER / "screen"
+    with ExitStack() as held:
+        try:
+            make_folder(path.parent)
+            make_file(path)
+            held.enter_context(locked(path, "the project", timeout=0.0))
+        except LockedError:
+            message = (
+                "the project is on another screen: measure on that page, or end the 'orip screen' that serves it "
+                "(Ctrl-C) and repeat the command"
+            )
+            raise LockedError(message) from None
+        except OSError:  # a project that cannot be written to: what is measured there will say so
+            pass
+        yield
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+
+    @command(app, "screen")
+    def screen_command(
+        invocation: Invocation,
+        bundle: BundleArgument = None,
+        images: Images = None,
+        listen: Listen = ANY_PORT,
+        browser: Open = True,
+    ) -> None:
+        """Measure in the images of the photos, in the browser: points, control, what does not fit.
+
+        Every measurement is in EDITS.MEA before the page shows it, and is tested at once as by 'orip online'. The page
+        can be seen only from this machine; Ctrl-C ends it.
+
+        Example: orip screen
+        """
+        from orip.screen.measuring_screen import MeasuringScreen
+        from orip.screen.plates import plates_of
+        from orip.web.access import listening_address
+        from orip.web.serving import page_server, serve_until_ended
+        from orip.workflow.project.state import read_project
+
+        address = listening_address(listen, ", which is where the page can be seen")
+        state = read_project(invocation.folder, "definitions")
+        state.require_initialised()
+        plates = plates_of(state, None if images is None else invocation.folder / images)
+        with limited_threads(invocation.terminal.threads), only_screen(state.project.folder):
+            session = annex(MEASURING_ONLINE).session_to_measure(invocation.folder, bundle)
+            title = f"{state.project.definition.name} {state.project.bundle_name(bundle)}"
+            screen = MeasuringScreen(session, title, plates, state.project.folder)
+            with page_server(screen, address, screen.picture) as server:
+                for plate in plates.values():
+                    if plate.fault:
+                        invocation.terminal.say(f"photo {plate.photo}: {plate.fault}")
+                invocation.terminal.answer("screen", {"command": "screen", "url": server.url}, server.url)
+                invocation.terminal.flush()
+                invocation.terminal.say("Ctrl-C ends it")
+                serve_until_ended(server, browser=browser)

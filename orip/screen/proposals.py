@@ -1,0 +1,129 @@
+"""Marks that are proposed: a point that was measured in one photo, matched in the others that should show it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import FloatArray
+from orip.errors import InputError
+from orip.images.matching.least_squares import Fate
+from orip.images.matching.one_point import Expected, find_point
+from orip.images.tiles import TileStore
+from orip.screen.plates import Plate
+
+MOST_PHOTOS = 24
+"""In which a point is matched at a time."""
+
+MOST_OFF = 2.0
+"""Pixels from the epipolar line up to which a mark is accepted with all others."""
+
+_REACH = 160
+"""Pixels around a place that are looked at."""
+
+_SCALES = (0.35, 2.8)
+"""Of two photos of a point, within which they can be compared."""
+
+_REASONS = {
+    Fate.CORRELATION: "does not correlate",
+    Fate.NO_CONVERGENCE: "no convergence",
+    Fate.DRIFT: "drifted away",
+    Fate.DEFORMED: "deformed",
+    Fate.WEAK: "weak texture",
+    Fate.ALONE: "does not correlate",
+    Fate.CONTRADICTS: "contradicts others",
+}
+
+
+class Proposal(Struct, frozen=True):
+    """A mark that is proposed.
+
+    Parameters
+    ----------
+    photo : str
+    place : tuple of 2 float
+        Pixels.
+    error : float
+        Standard deviation in its largest direction, pixels.
+    off : float
+        Pixels from the epipolar line.
+    reason : str
+        Why it is not to be accepted with all others; empty: it is.
+    """
+
+    photo: str
+    place: tuple[float, float]
+    error: float
+    off: float
+    reason: str
+
+
+def propose(
+    store: TileStore, plates: Mapping[str, Plate], photo: str, pixel: tuple[float, float], transfers: Sequence[Any]
+) -> tuple[list[Proposal], list[str]]:
+    """Match a place of a photo in others.
+
+    Parameters
+    ----------
+    store : TileStore
+    plates : mapping of Plate
+        By photo.
+    photo : str
+    pixel : tuple
+        Where it shows the point.
+    transfers : sequence
+        Where the others are expected to show it, with `photo`, `expected`, `affine` and `along` as a session has them.
+
+    Returns
+    -------
+    proposals : list of Proposal
+    faults : list of str
+        Of images that cannot be read.
+
+    Raises
+    ------
+    InputError
+        If the image of the photo itself cannot be read.
+    """
+    grey, place, _ = _part(store, plates[photo], np.array(pixel))
+    used, expected, corners, faults = [], [], [], []
+    for one in transfers[:MOST_PHOTOS]:
+        plate, scale = plates.get(one.photo), float(np.sqrt(abs(np.linalg.det(one.affine))))
+        if plate is None or plate.fault or not _SCALES[0] <= scale <= _SCALES[1]:
+            continue
+        try:
+            part, at, corner = _part(store, plate, one.expected + plate.origin)
+        except InputError as fault:
+            faults.append(str(fault))
+            continue
+        used.append(one)
+        expected.append(Expected(part, at, one.affine))
+        corners.append(corner)
+    if not used:
+        return [], faults
+    found = []
+    for one, corner, point in zip(used, corners, find_point(grey, place, expected), strict=True):
+        at = point.place + corner
+        away = at - one.expected - plates[one.photo].origin
+        off = abs(float(away[0] * one.along[1] - away[1] * one.along[0]))
+        error = float(np.sqrt(max(np.linalg.eigvalsh(point.covariance)[-1], 0.0)))
+        reason = _REASONS.get(point.fate, "")
+        if not reason and off > MOST_OFF:
+            reason = f"{off:.1f} px off the epipolar line"
+        x, y = at.round(3).tolist()
+        found.append(Proposal(one.photo, (x, y), error, off, reason))
+    return found, faults
+
+
+def _part(store: TileStore, plate: Plate, place: FloatArray) -> tuple[Any, FloatArray, FloatArray]:
+    """Return the grey values around a place, the place in them, and their first column and row."""
+    assert plate.image is not None, "it has no fault"
+    grey = store.grey(plate.image, plate.shown)
+    # an image that has become smaller meanwhile has no such place
+    first = np.clip(np.floor(place).astype(int) - _REACH, 0, np.array(grey.shape[::-1]) - 1)
+    last = first + 2 * _REACH
+    part = grey[first[1] : last[1], first[0] : last[0]].copy()
+    return part, place - first, first.astype(np.float64)

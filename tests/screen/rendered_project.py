@@ -1,0 +1,109 @@
+"""A project of three rendered photos of a plane, measured but for some of its control points."""
+
+from __future__ import annotations
+
+import json
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pictures.rendered_plane import RenderedPlane, render
+
+from orip.annexes import MEASURING_ONLINE, annex
+from orip.screen.measuring_screen import MeasuringScreen
+from orip.screen.plates import plates_of
+from orip.web.page_server import WatchServer
+from orip.workflow.project.commit import commit
+from orip.workflow.project.state import read_project
+from orip.workflow.records.initialise import initialise
+
+SIDE = 420
+TOML = f"""\
+[project]
+name = "plane"
+
+[[camera]]
+name = "C"
+c = 20.0
+sensor = {{ columns = {SIDE}, rows = {SIDE}, width = 20.0, height = 20.0 }}
+
+[[bundle]]
+name = "MAIN"
+measurement_precision = "0.3px"
+"""
+NEW = {"C7": (0.42, 0.61), "C8": (0.6, 0.45), "C9": (0.52, 0.38)}
+"""Control that is not measured, in parts of the plane's side."""
+_MEASURED = {f"C{number}": (0.35 + 0.15 * (number % 3), 0.35 + 0.3 * (number // 3)) for number in range(6)}
+_TIES = {f"T{number}": (0.37 + 0.07 * (number % 5), 0.4 + 0.09 * (number // 5)) for number in range(15)}
+
+
+class Rendered:
+    """The photos, and where they show points."""
+
+    def __init__(self) -> None:
+        self.plane: RenderedPlane = render(3, SIDE, np.random.default_rng(11), noise=1.5)
+        self.size = int(1.4 * SIDE)
+
+    def pixel(self, photo: int, part: tuple[float, float]) -> tuple[float, float]:
+        """Return where a photo shows a place."""
+        x, y = self.plane.pixels(photo, np.array([part]) * self.size)[0].tolist()
+        return x, y
+
+
+def make_project(folder: Path, rendered: Rendered) -> Path:
+    """Write the project, and apply it to its stores."""
+    from PIL import Image
+
+    (folder / "images").mkdir()
+    toml, log = TOML, ""
+    for photo, grey in enumerate(rendered.plane.photos):
+        Image.fromarray(grey).save(folder / "images" / f"P{photo}.png")
+        toml += f'\n[[photo]]\nname = "P{photo}"\ncamera = "C"\nimage = "images/P{photo}.png"\n'
+        log += f"POINTS MAIN P{photo}\n"
+        for name, part in {**_MEASURED, **_TIES}.items():
+            x, y = rendered.pixel(photo, part)
+            log += f"  {name} {x:.4f} {y:.4f}\n"
+    control = {**_MEASURED, **NEW}
+    # ground Y is upwards, rows of the texture are downwards
+    lines = [
+        f"{name} {u * rendered.size:.4f} {-v * rendered.size:.4f} 0.0 0.05 0.05 0.05\n"
+        for name, (u, v) in control.items()
+    ]
+    (folder / "orip.toml").write_text(toml, encoding="utf-8")
+    (folder / "plane.MEA").write_text(log, encoding="utf-8")
+    (folder / "plane.PNT").write_text("".join(lines), encoding="utf-8")
+    commit(initialise(read_project(folder, "definitions")))
+    return folder
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[WatchServer]:
+    """Serve the screen of a project meanwhile."""
+    state = read_project(folder, "definitions")
+    session = annex(MEASURING_ONLINE).session_to_measure(folder, None)
+    screen = MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)
+    with WatchServer(screen, pictures=screen.picture) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def asked(url: str, command: str, content: Any = None, **headers: str) -> tuple[int, Any]:
+    """Return status and content of the reply to a request; without content it is a GET."""
+    data = None if content is None else json.dumps(content).encode()
+    request = urllib.request.Request(url + command, data, {"Content-Type": "application/json", **headers})
+    try:
+        with urllib.request.urlopen(request, timeout=30) as reply:
+            status, body = reply.status, reply.read()
+    except urllib.error.HTTPError as error:
+        status, body = error.code, error.read()
+    return status, json.loads(body) if body[:1] in (b"{", b"[") else body
