@@ -103,7 +103,7 @@ ONLY_READING = frozenset(
 )  # fmt: skip
 
 UNTIL_A_SIGNAL = frozenset({"drive emulate", "screen"})
-"""Run until somebody ends them; killed in tests/link, and tests/screen."""
+"""Run until somebody ends them: killed in tests/link; what a screen has said is on the disk (tests/screen)."""
 
 ONLINE = "".join(
     f'{{"do": "measure", "photo": "{photo}", "point": "K{n}", "x": {1500 + 9 * n}.25, "y": {1600 + 7 * n}.5}}\n'
