@@ -49,6 +49,9 @@ MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next` and `digitise points --online`: `tell_next`, `answered_online`."""
 
 
+PHOTOGRAPHS = "orip.pictures.commands"
+"""`orip new --photos`: `make_project`."""
+
 PICTURES_OF_REPORT = "orip.pictures.report_pictures"
 """Pictures of photos in reports: `picture_source`."""
 
