@@ -52,6 +52,9 @@ MEASURING_ONLINE = "orip.online.commands"
 `session_to_measure`."""
 
 
+PHOTOGRAPHS = "orip.pictures.commands"
+"""`orip new --photos`: `make_project`."""
+
 PICTURES_OF_REPORT = "orip.pictures.report_pictures"
 """Pictures of photos in reports: `picture_source`."""
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 import msgspec
 import typer
 
+from orip.annexes import PHOTOGRAPHS, annex
 from orip.cli.completion import samples
 from orip.cli.options import Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
@@ -135,18 +136,42 @@ def _register_new(app: typer.Typer) -> None:
         ] = None,
         kind: Kind = None,
         user: Annotated[str, typer.Option("--user", help="The operator, whose name is on all outputs.")] = "",
+        photographs: Annotated[
+            Path | None,
+            typer.Option("--photos", metavar="DIR", help="Cameras, photos and positions from these images."),
+        ] = None,
     ) -> None:
         """Make a project with commented texts to fill in: camera, photos, control, measurements.
 
-        On a terminal it asks for what no option says; elsewhere there are defaults, which the texts show.
+        On a terminal it asks for what no option says; elsewhere there are defaults, which the texts show. Of a folder
+        of photographs it makes what 'orip photos' makes.
         For projects of other programs see 'orip import'.
 
         Example: orip new QUARRY --kind drone --frame 5280x3956 --pixel 3.3 --c 12.3 --crs EPSG:25832
         """
         from orip.workflow.sample_projects import make_started_project
 
+        asks = sys.stdin.isatty() and sys.stderr.isatty() and kind is None and options == StartOptions()
+        if photographs is None and asks:
+            answer = _answer("Folder of photographs (none: texts to fill in)", "none", _is_folder(invocation.folder))
+            photographs = None if answer.lower() == "none" else Path(answer)
+        if photographs is not None:
+            _require_none(kind, user, options)
+            annex(PHOTOGRAPHS).make_project(invocation, photographs, folder or Path(name), options.crs)
+            return
         start = _start(name, user, kind, options)
         tell_made(invocation.terminal, make_started_project(start, invocation.folder / (folder or name)))
+
+
+def _is_folder(folder: Path) -> Callable[[str], bool]:
+    return lambda answer: answer.lower() == "none" or (folder / answer).is_dir()
+
+
+def _require_none(kind: str | None, user: str, options: StartOptions) -> None:
+    """Refuse what a project of photographs does not take from options."""
+    if kind or user or options != StartOptions(crs=options.crs):
+        message = "--photos takes cameras and photos from the images: besides it give --crs alone; see 'orip photos'"
+        raise UsageError(message)
 
 
 def _start(name: str, user: str, kind: Literal["drone", "object", "film"] | None, options: StartOptions) -> Start:

@@ -76,6 +76,14 @@ def register(app: typer.Typer) -> None:
         raise typer.Exit(_adjusted(invocation.terminal, target))
 
 
+def make_project(invocation: Invocation, images: Path, folder: Path, crs: str | None) -> None:
+    """Make a project of a folder of photographs, and say what was made."""
+    from orip.pictures.photo_project import PhotoSettings, make_photo_project
+
+    settings = PhotoSettings(crs=crs)
+    _tell(invocation.terminal, make_photo_project(invocation.folder / images, invocation.folder / folder, settings))
+
+
 def _adjusted(terminal: Terminal, folder: Path) -> int:
     """Measure tie points in a new project and adjust it; return the exit code of the adjustment."""
     from orip.cli.run import run_project

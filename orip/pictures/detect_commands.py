@@ -93,6 +93,12 @@ def register(app: typer.Typer) -> None:
 
 
 def _register(group: typer.Typer) -> None:
+    _register_board(group)
+    _register_tags(group)
+    _register_sheet(group)
+
+
+def _register_board(group: typer.Typer) -> None:
     @command(group, "board")
     def board_command(
         invocation: Invocation, board: BoardOptions, scale: ScaleOptions, marks: MarkOptions, images: Images = None
@@ -122,6 +128,8 @@ def _register(group: typer.Typer) -> None:
         find = partial(find_board, board=described)
         _detect(invocation, describe_board(described), find, images, marks, lines)
 
+
+def _register_tags(group: typer.Typer) -> None:
     @command(group, "tags")
     def tags_command(
         invocation: Invocation,
@@ -142,6 +150,8 @@ def _register(group: typer.Typer) -> None:
         find = partial(find_tags, dictionary=name, prefix=prefix)
         _detect(invocation, f"tags {name}", find, images, marks)
 
+
+def _register_sheet(group: typer.Typer) -> None:
     @command(group, "sheet")
     def sheet_command(
         invocation: Invocation,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from orip.errors import InputError
 from orip.files.exif import DAMAGED, Exposure, ImageTags, exposure_of, image_tags
@@ -28,8 +29,9 @@ _SCREENS = frozenset({
 _BLURRED = 0.15
 """Sharpness over the median of its camera, below which a photo is blurred."""
 _FEWEST_COMPARED = 4
-_SAME_GREY = 2.0
-"""Mean difference of grey values of two photos of one moment that are the same picture, compressed again."""
+_SAME_GREY, _SAME_SHARE = 2.0, 0.1
+"""Mean difference of grey values, and its share of their standard deviation, of a picture that was compressed again."""
+_COMPARED_SIDE = 32
 _EXAMINED_WIDTH = 2000
 """Columns, about, of the reduced image in which sharpness is looked at."""
 _BETWEEN_FLIGHTS_S = 1800.0
@@ -44,7 +46,7 @@ class SurveyedPhoto(Struct, frozen=True):
     orientation: int
     sharpness: float
     digest: str
-    small: Grey
+    small: NDArray[np.float32]
     fault: str = ""
 
 
@@ -109,11 +111,18 @@ def _examined(path: Path, sensor_width: float | None) -> SurveyedPhoto:
     reduction = next((n for n in (1, 2, 4) if header.columns // n <= _EXAMINED_WIDTH), 8)
     grey = read_grey(path, None, reduction, path.name)
     camera = camera_of(tags, header.columns, header.rows, sensor_width)
-    step = max(1, grey.shape[1] // 64)
     return SurveyedPhoto(
-        path, camera, exposure, header.orientation, _sharpness(grey), file_digest(path), grey[::step, ::step].copy(),
+        path, camera, exposure, header.orientation, _sharpness(grey), file_digest(path), _small(grey),
         _screenshot(header, camera),
     )  # fmt: skip
+
+
+def _small(grey: Grey) -> NDArray[np.float32]:
+    """Return mean grey values of squares, some 32 along the shorter side: as good as free of compression."""
+    side = max(1, min(grey.shape) // _COMPARED_SIDE)
+    rows, columns = (length // side for length in grey.shape)
+    squares = grey[: rows * side, : columns * side].reshape(rows, side, columns, side)
+    return np.asarray(squares.mean(axis=(1, 3)) * (1.0 if grey.dtype == np.uint8 else 1.0 / 256.0), dtype=np.float32)
 
 
 def _tags(path: Path) -> tuple[ImageTags, Exposure]:
@@ -167,12 +176,14 @@ def _body(photo: SurveyedPhoto) -> tuple[str, int, int]:
 
 
 def _is_same(one: SurveyedPhoto, other: SurveyedPhoto) -> bool:
-    """Tell whether two files are one picture: of the same bytes, or of one moment and content."""
+    """Tell whether two files are one picture: of the same bytes, or of the same content and not of two moments."""
     if one.digest == other.digest:
         return True
-    if one.exposure.time != other.exposure.time or one.small.shape != other.small.shape:
+    times = one.exposure.time, other.exposure.time
+    if (all(map(math.isfinite, times)) and times[0] != times[1]) or one.small.shape != other.small.shape:
         return False
-    return float(np.mean(np.abs(one.small.astype(np.float64) - other.small))) < _SAME_GREY
+    difference = float(np.mean(np.abs(one.small - other.small)))
+    return difference < min(_SAME_GREY, _SAME_SHARE * float(one.small.std()))
 
 
 def _notes(photos: Sequence[SurveyedPhoto]) -> Iterator[str]:

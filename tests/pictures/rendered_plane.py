@@ -43,28 +43,39 @@ def texture(size: int, rng: np.random.Generator) -> NDArray[np.float64]:
     return 120.0 + 35.0 * found / found.std()
 
 
-def _homography(size: int, side: int, rng: np.random.Generator, turn: float, tilt: float) -> NDArray[np.float64]:
+def _homography(
+    size: int, side: int, rng: np.random.Generator, turn: float, tilt: float, focal: float
+) -> NDArray[np.float64]:
     """Return a camera's view of the plane of `size` texels in a photo of `side` pixels: about one texel a pixel.
 
-    The principal distance is `side` pixels, the principal point the middle.
+    The principal distance is `focal` times `side` pixels, the principal point the middle.
     """
     kappa, (omega, phi) = rng.uniform(-turn, turn), rng.uniform(-tilt, tilt, 2)
     rotation = Rotation.from_euler("zxy", [kappa, omega, phi]).as_matrix()
-    height = side * rng.uniform(0.9, 1.15)
+    height = focal * side * rng.uniform(0.9, 1.15)
     middle = np.array([size / 2, size / 2, 0.0])
     middle[:2] += rng.uniform(-0.08, 0.08, 2) * side
     centre = middle - height * rotation[2]  # the camera looks at the middle
-    camera = np.array([[side, 0.0, side / 2], [0.0, side, side / 2], [0.0, 0.0, 1.0]])
+    camera = np.array([[focal * side, 0.0, side / 2], [0.0, focal * side, side / 2], [0.0, 0.0, 1.0]])
     return camera @ np.column_stack([rotation[:, :2], -rotation @ centre])
 
 
 def render(
-    count: int, side: int, rng: np.random.Generator, noise: float = 2.0, blur: float = 0.6, turn: float = 0.4
+    count: int,
+    side: int,
+    rng: np.random.Generator,
+    noise: float = 2.0,
+    blur: float = 0.6,
+    turn: float = 0.4,
+    focal: float = 1.0,
 ) -> RenderedPlane:
-    """Return photos of `side` pixels; noise in grey values, blur in pixels, turned by up to `turn` radians."""
+    """Return photos of `side` pixels; noise in grey values, blur in pixels, turned by up to `turn` radians.
+
+    The principal distance is `focal` times `side`.
+    """
     size = int(1.4 * side)
     coefficients = spline_filter(texture(size, rng), order=3, mode="grid-wrap")
-    views = [_homography(size, side, rng, turn, 0.25) for _ in range(count)]
+    views = [_homography(size, side, rng, turn, 0.25, focal) for _ in range(count)]
     fine = (np.arange(side * SUPERSAMPLING) + 0.5) / SUPERSAMPLING
     column, row = np.meshgrid(fine, fine)
     places = np.column_stack([column.ravel(), row.ravel()])

@@ -17,13 +17,13 @@ pytest.importorskip("exifread")
 COLUMNS, ROWS = 480, 320
 
 
-def _photo(path: Path, seed: int, *, model: str = "TEST CAM", blur: int = 1) -> None:
+def _photo(path: Path, seed: int, *, model: str = "TEST CAM", blur: int = 1, hour: int = 10) -> None:
     grey = np.random.default_rng(seed).integers(0, 255, (ROWS // blur, COLUMNS // blur)).astype(np.uint8)
     picture = Image.fromarray(grey).resize((COLUMNS, ROWS), Image.Resampling.BICUBIC)
     exif = Image.Exif()
     exif[0x0110], exif[0x0112] = model, 6
     own = exif.get_ifd(0x8769)
-    own[0x9003] = f"2026:05:01 10:00:{seed:02}"
+    own[0x9003] = f"2026:05:01 {hour}:00:{seed:02}"
     own[0x920A], own[0xA20E], own[0xA210] = (
         IFDRational(24, 1),
         IFDRational(200, 1),
@@ -80,6 +80,24 @@ def test_what_is_no_photo_of_the_block_is_named_and_left_out(folder):
     assert [photo["name"] for photo in project["photo"]] == [f"A{n}" for n in range(1, 6)]
 
 
+@pytest.mark.parametrize("keeps_exif", [True, False])
+def test_a_picture_that_was_compressed_again_is_left_out(folder, keeps_exif):
+    with Image.open(folder / "A2.jpg") as picture:
+        picture.load()
+        exif = picture.getexif()
+    picture.save(folder / "A9.jpg", quality=40, **({"exif": exif} if keeps_exif else {}))
+    said, project = _made(folder)
+    assert "left out A9.jpg: it is the same picture as A2.jpg" in said
+    assert len(project["photo"]) == 5
+
+
+def test_two_flights_are_named_and_not_mixed(folder):
+    for number in (6, 7):
+        _photo(folder / f"A{number}.jpg", number, hour=15)
+    said, _ = _made(folder)
+    assert "2 flights or sessions by their times" in said
+
+
 def test_another_camera_has_a_record_of_its_own(folder):
     _photo(folder / "B1.jpg", 8, model="OTHER CAM")
     _, project = _made(folder)
@@ -130,3 +148,13 @@ def test_a_crs_that_is_not_known_is_refused_before_anything_is_written(folder):
     assert done.code != 0
     assert "EPSG:99999" in done.err
     assert not (folder.parent / "made").exists()
+
+
+def test_a_new_project_of_a_folder_of_photographs(folder):
+    done = orip(folder.parent, "new", "made", "--photos", folder.name)
+    assert done.code == 0, done.err
+    assert "next     orip -C" in done.err
+    assert len(tomllib.loads((folder.parent / "made" / "orip.toml").read_text())["photo"]) == 5
+    refused = orip(folder.parent, "new", "other", "--photos", folder.name, "--kind", "drone")
+    assert refused.code == 2
+    assert "give --crs alone" in refused.err
