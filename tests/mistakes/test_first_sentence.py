@@ -11,7 +11,7 @@ import pytest
 from cli.command_line import Said, orip
 from mistakes.first_line import first_line
 from mistakes.small_folders import Folder, aerial, images, known
-from mistakes.test_misread_stations import PHOTOS, PLACES, SPREAD, told
+from mistakes.stations.test_misread_stations import PHOTOS, PLACES, SPREAD, told
 
 from orip.structs import replace
 

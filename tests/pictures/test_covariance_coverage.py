@@ -12,11 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from orip.pictures.matching.least_squares import Fate, MatchSettings, Windows, match_rays
 from pictures.rendered_plane import RenderedPlane, render
 from scipy.stats import chi2
 
 from orip import Block, Camera, ControlPoints, PhotoPoints, Photos, Solution
-from orip.pictures.matching.least_squares import Fate, MatchSettings, Windows, match_rays
 from orip.pictures.matching.windows import HALF, cut_windows, in_window
 
 SIDE, PHOTOS, TIES = 200, 5, 5
@@ -103,7 +103,7 @@ def test_regions_of_points_are_of_about_the_right_size() -> None:
 
 @pytest.mark.long
 def test_regions_of_points_hold_what_they_say() -> None:
-    ties, checks, of_ties, of_checks = inside(100, 100)
+    ties, checks, of_ties, _ = inside(100, 100)
     assert of_ties > 2000
     assert 0.93 <= ties <= 0.97
     assert 0.92 <= checks <= 0.98  # 400 of them: two standard errors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mistakes.flown_rows import flight
+from mistakes.stations.flown_rows import flight
 
 from orip.bundle.groups.held_readouts import readout_test, velocities_in_strips
 from orip.bundle.solve import SolvedBlock, solve_block
