@@ -74,12 +74,13 @@ def copying(record: RecordName, name: str, words: Sequence[str]) -> Edit:
     """Return the edit that adds a record with the values of another one, some of them changed."""
 
     def edit(document: TomlTable) -> EditedDocument:
-        table = copy.deepcopy(find(document, record).table) | {"name": name}
+        given = find(document, record).table
+        table = copy.deepcopy(given) | {"name": name}
         _require_fit_name(record.kind, name)
         if record.kind == "template":
             table.pop("photos", None)  # a photo is on one template
-        if record.kind == "bundle":
-            table.setdefault("points_of", find(document, record).table["name"])
+        if record.kind == "bundle" and record_key(name) != record_key(given["name"]):
+            table.setdefault("points_of", given["name"])
         table, faults = with_assignments(record.kind, table, words)
         return replace(_put(document, RecordName(record.kind, name, record.bundle), table, None), faults=faults)
 
