@@ -188,18 +188,21 @@ class _Dense:
         rate = np.column_stack([np.interp(times, imu.time, column) for column in imu.rate.T])
         bias = np.column_stack([np.interp(times, states.time, column) for column in states.gyro_bias.T])
         middle = (rate[1:] + rate[:-1] - bias[1:] - bias[:-1]) / 2.0
-        steps = Rotation.from_rotvec(middle * np.diff(times)[:, None])
+        steps = Rotation.from_rotvec(middle * np.diff(times)[:, None]).as_matrix()
         at_state = np.searchsorted(times, states.time)
-        found = np.empty((len(times), 3, 3))
-        for state in range(len(states.time) - 1):
-            begin, end = at_state[state], at_state[state + 1]
-            turned = [Rotation.from_matrix(states.rotation[state])]
-            for step in range(begin, end):
-                turned.append(turned[-1] * steps[step])
-            closing = (turned[-1].inv() * Rotation.from_matrix(states.rotation[state + 1])).as_rotvec()
-            part = (times[begin : end + 1] - times[begin]) / (times[end] - times[begin])
-            closed = Rotation.concatenate(turned) * Rotation.from_rotvec(part[:, None] * closing)
-            found[begin : end + 1] = closed.as_matrix()
+        counts = np.diff(at_state)
+        turned, ends = np.empty((len(times), 3, 3)), np.empty((len(counts), 3, 3))
+        turned[at_state] = states.rotation
+        for step in range(1, int(counts.max()) + 1):  # the same step of all intervals at once: there are millions
+            rows = at_state[:-1] + step
+            is_last, goes_on = counts == step, counts > step
+            ends[is_last] = turned[rows[is_last] - 1] @ steps[rows[is_last] - 1]
+            turned[rows[goes_on]] = turned[rows[goes_on] - 1] @ steps[rows[goes_on] - 1]
+        closing = Rotation.from_matrix(np.swapaxes(ends, 1, 2) @ states.rotation[1:]).as_rotvec()
+        interval = np.minimum(np.searchsorted(at_state, np.arange(len(times)), side="right") - 1, len(counts) - 1)
+        part = (times - states.time[interval]) / np.diff(states.time)[interval]
+        part[-1] = 0.0  # the last state itself
+        found = turned @ Rotation.from_rotvec(part[:, None] * closing[interval]).as_matrix()
         return np.asarray(Slerp(times, Rotation.from_matrix(found))(self.time).as_matrix())
 
     def _between(self, values: FloatArray) -> FloatArray:

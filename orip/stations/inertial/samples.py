@@ -31,8 +31,9 @@ class ImuSamples(Struct, frozen=True):
         inner = self.time[first:last]
         inner = inner[(inner > begin) & (inner < end)]
         times = np.concatenate([[begin], inner, [end]])
+        around = slice(max(first - 1, 0), last + 1)  # of hours of samples only these are looked at
         values = [
-            np.column_stack([np.interp(times, self.time, column) for column in both.T])
+            np.column_stack([np.interp(times, self.time[around], column) for column in both[around].T])
             for both in (self.force, self.rate)
         ]
         force, rate = ((part[1:] + part[:-1]) / 2.0 for part in values)
