@@ -191,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         try:
             reply = command(_request(body))
-        except RequestError as error:
+        except OripError as error:
             self._refuse(HTTPStatus.BAD_REQUEST, str(error))
         else:
             self._send(HTTPStatus.OK, "application/json", _json(reply))
