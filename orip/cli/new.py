@@ -151,20 +151,12 @@ def _register_new(app: typer.Typer) -> None:
         """
         from orip.workflow.sample_projects import make_started_project
 
-        asks = sys.stdin.isatty() and sys.stderr.isatty() and kind is None and options == StartOptions()
-        if photographs is None and asks:
-            answer = _answer("Folder of photographs (none: texts to fill in)", "none", _is_folder(invocation.folder))
-            photographs = None if answer.lower() == "none" else Path(answer)
         if photographs is not None:
             _require_none(kind, user, options)
             annex(PHOTOGRAPHS).make_project(invocation, photographs, folder or Path(name), options.crs)
             return
         start = _start(name, user, kind, options)
         tell_made(invocation.terminal, make_started_project(start, invocation.folder / (folder or name)))
-
-
-def _is_folder(folder: Path) -> Callable[[str], bool]:
-    return lambda answer: answer.lower() == "none" or (folder / answer).is_dir()
 
 
 def _require_none(kind: str | None, user: str, options: StartOptions) -> None:

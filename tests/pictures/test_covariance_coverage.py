@@ -102,7 +102,7 @@ def test_regions_of_points_are_of_about_the_right_size() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.xfail(reason="heights of matched points: about 86 % in the 95 % regions, errors of matching too small")
+@pytest.mark.xfail(reason="heights of matched points that lie close together: about 85 % are in their 95 % intervals")
 def test_regions_of_points_hold_what_they_say() -> None:
     ties, checks, of_ties, _ = inside(100, 100)
     assert of_ties > 2000
