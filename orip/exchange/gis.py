@@ -14,9 +14,9 @@ from orip.exchange.gis_layers import photo_layer, point_kinds, point_layer, shap
 from orip.files.maps.dxf import drawing, labelled_point, line, polyline
 from orip.files.maps.geojson import Conversion, collection, drawn_features, feature, finite_or_none, listed
 from orip.files.maps.geopackage import geopackage
+from orip.files.maps.layers import Layer, Shapes
 from orip.geometry.other_crs import to_wgs84
 from orip.records.exchanged import ExchangedProject
-from orip.records.map_layers import Layer, Shapes
 
 
 def write_tables(project: ExchangedProject, _original: Path | None) -> Mapping[str, bytes]:

@@ -12,8 +12,8 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.exchange.sources.names import distinct_names
+from orip.files.maps.layers import Layer, Shapes
 from orip.records.exchanged import ExchangedProject, PoseReading
-from orip.records.map_layers import Layer, Shapes
 
 READING = PoseReading("y_up", "to_ground", "omega_phi_kappa", "degree")
 """Rotations as orip has them."""

@@ -11,8 +11,8 @@ from orip.arrays import FloatArray
 from orip.files.maps.dxf import drawing, labelled_point, polyline
 from orip.files.maps.geojson import collection, drawn_features
 from orip.files.maps.geopackage import geopackage
+from orip.files.maps.layers import Shapes
 from orip.geometry.other_crs import to_wgs84
-from orip.records.map_layers import Shapes
 from orip.records.stereo import FeatureKind
 from orip.restitution.feature import Feature
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.records.map_layers import Shapes
+from orip.files.maps.layers import Shapes
 
 _GEOMETRIES = {"POINT": "Point", "LINESTRING": "LineString", "POLYGON": "Polygon"}
 _DIGITS = 10

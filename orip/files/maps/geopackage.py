@@ -12,7 +12,7 @@ from contextlib import closing
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.records.map_layers import Layer, Shapes
+from orip.files.maps.layers import Layer, Shapes
 
 _APPLICATION, _VERSION = 0x47504B47, 10300
 _CARTESIAN = -1
