@@ -23,7 +23,7 @@ COMMANDS: Mapping[str, str] = {
     "stations": "orip.stations.commands",
     "gnss": "orip.stations.gnss_command",
     "imu": "orip.stations.imu_command",
-    "plan": "orip.planning.commands",
+    "plan": "orip.planning.commands.plan",
     "archive": "orip.archive.commands",
     "detect": "orip.pictures.detect_commands",
     "match": "orip.pictures.match_command",

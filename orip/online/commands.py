@@ -26,16 +26,11 @@ if TYPE_CHECKING:
 @contextmanager
 def page_of(invocation: Invocation, session: ServedSession) -> Iterator[None]:
     """Serve the page of a session meanwhile; its address is printed."""
-    from orip.web.page_server import WatchServer
+    from orip.web.serving import served_meanwhile
 
-    server = WatchServer(session.page)
-    begin_thread(server.serve_forever, "the page")
-    invocation.terminal.say(f"the session can be watched at {server.url}")
-    try:
+    with served_meanwhile(session.page) as address:
+        invocation.terminal.say(f"the session can be watched at {address}")
         yield
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 @contextmanager

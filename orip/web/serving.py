@@ -1,4 +1,4 @@
-"""A page that is served until Ctrl-C, and opened in the browser."""
+"""A page that is served until Ctrl-C and opened in the browser, or in a thread while something else is done."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 
 from orip.errors import OripError
+from orip.threads import begin_thread
 from orip.web import ANY_PORT
 from orip.web.page_server import Watched, WatchServer, no_pictures
 
@@ -31,6 +32,18 @@ def page_server(
             f"port {port} of {host} cannot be taken ({why}); choose another; any that is free: --listen {ANY_PORT}"
         )
         raise OripError(message) from error
+
+
+@contextmanager
+def served_meanwhile(watch: Watched) -> Iterator[str]:
+    """Serve a page in a thread of its own meanwhile; give its address."""
+    server = WatchServer(watch)
+    begin_thread(server.serve_forever, "the page")
+    try:
+        yield server.url
+    finally:
+        server.shutdown()
+        server.server_close()
 
 
 @contextmanager

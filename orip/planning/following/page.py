@@ -7,8 +7,8 @@ import threading
 from collections.abc import Callable, Mapping
 from importlib.resources import files
 
-from orip.planning.following import Progress
-from orip.planning.receiver import Fix
+from orip.planning.following.progress import Progress
+from orip.planning.following.receiver import Fix
 from orip.web.page_server import Document
 
 QUALITY = {1: "alone", 2: "differential", 3: "PPS", 4: "RTK fixed", 5: "RTK float", 6: "estimated"}
@@ -22,7 +22,7 @@ class FollowedFlight:
     """A flight, and what a page shows of it. Its methods may be called from several threads at once."""
 
     def __init__(self, progress: Progress, unit: str) -> None:
-        self.page = files("orip.planning") / "pages" / "follow.html"
+        self.page = files("orip.planning.following") / "follow.html"
         self.commands: Mapping[str, Callable[[Document], Document]] = {}
         flight = progress.flight
         self.scene: Document = {

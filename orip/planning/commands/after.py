@@ -10,7 +10,7 @@ import typer
 
 from orip.cli.options import BundleOption, ForceOption, Invocation, command
 from orip.errors import Complaint, InputError
-from orip.planning.follow_command import register_follow
+from orip.planning.commands.follow import register_follow
 from orip.wording import first_names
 
 if TYPE_CHECKING:

@@ -10,14 +10,13 @@ import typer
 
 from orip.cli.options import BundleOption, Invocation, command
 from orip.errors import InputError, UsageError
-from orip.threads import begin_thread
 from orip.wording import first_names
 
 if TYPE_CHECKING:
     from orip.arrays import FloatArray
     from orip.planning.designed import Given
-    from orip.planning.following import Progress
-    from orip.planning.receiver import Fix
+    from orip.planning.following.progress import Progress
+    from orip.planning.following.receiver import Fix
 
 _NAMED = 8
 _HEIGHTS = ("sea", "ellipsoid")
@@ -51,8 +50,8 @@ def register_follow(group: typer.Typer) -> None:
         Example: orip plan follow /dev/ttyUSB0 --baud 38400 --page
         """
         from orip.planning.designed import planned_stations, read_plan
-        from orip.planning.following import begin_flight
-        from orip.planning.receiver import lines_of
+        from orip.planning.following.progress import begin_flight
+        from orip.planning.following.receiver import lines_of
 
         if heights not in _HEIGHTS:
             message = f"--heights {heights}: write one of {', '.join(_HEIGHTS)}"
@@ -83,7 +82,7 @@ def register_follow(group: typer.Typer) -> None:
 
 def _fixes(lines: Iterable[str]) -> Iterator[Fix | None]:
     """Yield positions; None for each line that is damaged."""
-    from orip.planning.receiver import read_fix
+    from orip.planning.following.receiver import read_fix
 
     for line in lines:
         try:
@@ -98,7 +97,7 @@ def _fixes(lines: Iterable[str]) -> Iterator[Fix | None]:
 def _moved(progress: Progress, place: FloatArray) -> Progress:
     import numpy as np
 
-    from orip.planning.following import move_to
+    from orip.planning.following.progress import move_to
 
     return move_to(progress, place) if np.isfinite(place).all() else progress
 
@@ -139,18 +138,13 @@ def _shown(
     if not page:
         yield lambda _progress, _fix: None
         return
-    from orip.planning.follow_page import FollowedFlight
-    from orip.web.page_server import WatchServer
+    from orip.planning.following.page import FollowedFlight
+    from orip.web.serving import served_meanwhile
 
     flight = FollowedFlight(progress, unit)
-    server = WatchServer(flight)
-    begin_thread(server.serve_forever, "the page")
-    invocation.terminal.say(f"the flight can be watched at {server.url}")
-    try:
+    with served_meanwhile(flight) as address:
+        invocation.terminal.say(f"the flight can be watched at {address}")
         yield flight.show
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 def _tell_passed(invocation: Invocation, before: Progress, now: Progress, unit: str) -> None:

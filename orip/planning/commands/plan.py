@@ -10,8 +10,8 @@ import typer
 from orip.cli.options import BundleOption, DryRunOption, ForceOption, Invocation, add_group, command
 from orip.cli.terminal import Terminal
 from orip.errors import UsageError
-from orip.planning.after_commands import register_after
-from orip.planning.choice_commands import register_compare, register_place
+from orip.planning.commands.after import register_after
+from orip.planning.commands.choice import register_compare, register_place
 
 if TYPE_CHECKING:
     from orip.planning.designed import Given
