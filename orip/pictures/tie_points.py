@@ -27,6 +27,7 @@ from orip.pictures.matching.windows import (
     in_window,
     is_inside,
     of_rays,
+    patch_reaches,
 )
 from orip.pictures.matching_cache import MatchingCache
 from orip.progress import stage
@@ -162,9 +163,11 @@ def find_tie_points(
     count = np.bincount(tracks.track, weights=inside, minlength=len(tracks))
     kept = inside & (count[tracks.track] >= 2)
     joined, tracks, place = len(tracks), tracks.take(kept), place[kept]
-    error = _FEATURE_ERROR * of_rays(tracks, [photo.scale for photo in features])
+    scale = of_rays(tracks, [photo.scale for photo in features])
+    error = _FEATURE_ERROR * scale
     most = round(_RESERVE * settings.points) if settings.refines else settings.points
-    chosen = np.isin(tracks.track, select_tracks(tracks, place, error, sizes, most))
+    half = settings.matching.half if settings.refines else 0
+    chosen = np.isin(tracks.track, select_tracks(tracks, place, error, patch_reaches(scale, half), sizes, most))
     tracks, place = tracks.take(chosen), place[chosen]
     error = np.repeat(error[chosen][:, None], 2, axis=1)
     fates: dict[Fate, int] = {}
@@ -178,7 +181,9 @@ def find_tie_points(
         factor = examined.factor
         tracks, place, error = tracks.take(good), place[good], (factor or 1.0) * error[good]
     if settings.refines:
-        chosen = np.isin(tracks.track, select_tracks(tracks, place, error.mean(axis=1), sizes, settings.points))
+        reach = patch_reaches(of_rays(tracks, [photo.scale for photo in features]), half)
+        final = select_tracks(tracks, place, error.mean(axis=1), reach, sizes, settings.points)
+        chosen = np.isin(tracks.track, final)
         tracks, place, error = tracks.take(chosen), place[chosen], error[chosen]
     return TiePoints(tracks, place, error, counts, len(matches), compared, joined, contradictory, fates, factor)
 

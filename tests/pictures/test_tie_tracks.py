@@ -53,13 +53,25 @@ def test_a_selection_is_even_and_prefers_many_rays() -> None:
     photo = np.concatenate([np.tile([0, 1, 2], 600), np.tile([0, 1], 150)])
     place = np.concatenate([np.repeat(left, 3, axis=0), np.repeat(right, 2, axis=0)])
     tracks = Tracks(track, photo, np.arange(len(track)))
-    chosen = select_tracks(tracks, place, np.ones(len(place)), [(900, 900)] * 3, 81)
+    chosen = select_tracks(tracks, place, np.ones(len(place)), np.zeros(len(place)), [(900, 900)] * 3, 81)
     first_ray = np.searchsorted(track, chosen)
     of_two = chosen >= 600
     assert 20 <= np.count_nonzero(~of_two) <= 35  # a third of 81 parts, one each
     assert np.count_nonzero(of_two) == pytest.approx(27 - np.count_nonzero(~of_two) + 12, abs=12)
     parts = cells(place[first_ray][~of_two], (900, 900), 81)
     assert len(np.unique(parts)) >= len(parts) - 12  # twelve at most are there for the pairs
+
+
+def test_patches_of_selected_tracks_do_not_overlap() -> None:
+    rng = np.random.default_rng(3)
+    place = np.repeat(rng.uniform(0, 300, (400, 2)), 3, axis=0)
+    reach = np.repeat(rng.uniform(5, 15, 400), 3)
+    tracks = Tracks(np.repeat(np.arange(400), 3), np.tile([0, 1, 2], 400), np.arange(1200))
+    chosen = select_tracks(tracks, place, np.ones(1200), reach, [(300, 300)] * 3, 81)
+    own, half = place[3 * chosen], reach[3 * chosen]
+    apart = np.abs(own[:, None] - own[None]).max(axis=2) - half[:, None] - half
+    assert (apart[~np.eye(len(own), dtype=bool)] >= 0).all()
+    assert len(chosen) > 50
 
 
 def test_features_of_a_crowded_place_do_not_displace_the_others() -> None:

@@ -77,6 +77,7 @@ def select_tracks(
     tracks: Tracks,
     place: NDArray[np.float64],
     error: NDArray[np.float64],
+    reach: NDArray[np.float64],
     sizes: Sequence[tuple[int, int]],
     most: int,
 ) -> NDArray[np.intp]:
@@ -84,7 +85,8 @@ def select_tracks(
 
     Tracks with many and precise rays come first. One is taken if in a photo that has not enough its part of the photo
     is empty, or if a pair of photos has too few points in common. Of two rays nothing confirms that they are of the
-    same point: such tracks only fill photos that lack others.
+    same point: such tracks only fill photos that lack others. Patches of one photo do not overlap: what they share of
+    its noise would be an error that the adjustment takes for two independent ones.
 
     Parameters
     ----------
@@ -93,6 +95,8 @@ def select_tracks(
         Of the rays, pixels.
     error : ndarray (r,)
         Their expected errors, or what these are proportional to.
+    reach : ndarray (r,)
+        Of their patches to each side, pixels; 0 where none is matched.
     sizes : sequence of tuple of 2 int
         Columns and rows of the photos.
     most : int
@@ -107,6 +111,7 @@ def select_tracks(
     worth = (rays - 1.0) / np.sqrt(np.bincount(tracks.track, weights=error) / np.maximum(rays, 1))
     order = np.argsort(-worth, kind="stable")
     taken: list[int] = []
+    patches = _Patches(place, reach, tracks.photo, len(sizes))
     full: set[tuple[int, int]] = set()
     have = [0] * len(sizes)
     pairs: dict[tuple[int, int], int] = {}
@@ -119,6 +124,9 @@ def select_tracks(
         joined = [(a[0], b[0]) for i, a in enumerate(own) for b in own[i + 1 :]] if len(own) <= 8 else []
         if not needed and not any(pairs.get(pair, 0) < LEAST_OF_PAIR for pair in joined):
             continue
+        if patches.overlap(span):
+            continue
+        patches.take(span)
         taken.append(number)
         full.update(own)
         for photo, _ in own:
@@ -126,3 +134,34 @@ def select_tracks(
         for pair in joined:
             pairs[pair] = pairs.get(pair, 0) + 1
     return np.array(sorted(taken), dtype=np.intp)
+
+
+class _Patches:
+    """The squares that the patches of the tracks taken so far cover in each photo."""
+
+    def __init__(
+        self, place: NDArray[np.float64], reach: NDArray[np.float64], photo: NDArray[np.intp], photos: int
+    ) -> None:
+        self._square = np.column_stack([place, reach])
+        self._photo = photo.tolist()
+        self._taken = [np.zeros((64, 3)) for _ in range(photos)]
+        self._count = [0] * photos
+
+    def overlap(self, rays: range) -> bool:
+        """Return whether a patch of these rays overlaps one that is taken."""
+        return any(self._overlaps(ray) for ray in rays)
+
+    def _overlaps(self, ray: int) -> bool:
+        photo, (x, y, reach) = self._photo[ray], self._square[ray]
+        others = self._taken[photo][: self._count[photo]]
+        near = others[:, 2] + reach
+        return bool(((np.abs(others[:, 0] - x) < near) & (np.abs(others[:, 1] - y) < near)).any())
+
+    def take(self, rays: range) -> None:
+        """Add the patches of these rays."""
+        for ray in rays:
+            photo = self._photo[ray]
+            if self._count[photo] == len(self._taken[photo]):
+                self._taken[photo] = np.concatenate([self._taken[photo], np.zeros_like(self._taken[photo])])
+            self._taken[photo][self._count[photo]] = self._square[ray]
+            self._count[photo] += 1

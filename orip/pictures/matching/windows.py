@@ -68,6 +68,19 @@ def approximate(tracks: Tracks, features: Sequence[Features]) -> Approximations:
     return Approximations(sorted_tracks.take(order), affine, level)
 
 
+def patch_reaches(scale: NDArray[np.float64], half: int) -> NDArray[np.float64]:
+    """Return how far the patches of features reach to each side, pixels.
+
+    Parameters
+    ----------
+    scale : ndarray (r,)
+        Of the features.
+    half : int
+        Places of a patch to each side.
+    """
+    return half * np.maximum(PLACES_APART * scale, 1.0)
+
+
 def of_rays(tracks: Tracks, values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the values of the rays' features, from those of each photo."""
     found = np.zeros((len(tracks.track), *values[0].shape[1:]))
