@@ -245,6 +245,9 @@ _MOST_POINTS = 5_000
 def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlock) -> list[ProjectWarning]:
     """Return a warning for each pair of tie points that are probably one point.
 
+    Points whose rays have errors of their own come from matching, which loses a point in one photo and finds it again
+    in another: that takes nothing from what it has measured, and nobody gave the numbers.
+
     Parameters
     ----------
     block : Block
@@ -264,7 +267,8 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
     warnings = []
     for first, second in named:
         rows = np.flatnonzero(np.isin(block.photo_points.point, [place[first], place[second]]))
-        if rays.meeting(rows) is not None:
+        is_matched = np.ptp(block.photo_points.error[rows], axis=0).any()
+        if not is_matched and rays.meeting(rows) is not None:
             text = (
                 "their rays meet in one place, and no photo shows both: probably one point under two numbers; give it "
                 "one number"

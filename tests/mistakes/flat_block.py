@@ -25,7 +25,11 @@ class FlatBlock:
         Of all lengths on the ground: a thousandth makes a test field on a table of it.
     from_below : bool
         Really: a ceiling.
+
+    `matched`: each ray is written with an error of its own, as matching does.
     """
+
+    matched = False
 
     def __init__(self, relief: float, seed: int = 11, scale: float = 1.0, *, from_below: bool = False) -> None:
         random = np.random.default_rng(seed)
@@ -59,7 +63,10 @@ class FlatBlock:
         ]
         log = []
         for photo, points in self.measured.items():
-            log += [f"POINTS MAIN {photo}", *(f"  {name} {x:.4f} {y:.4f}" for name, (x, y) in points.items())]
+            log.append(f"POINTS MAIN {photo}")
+            for number, (name, (x, y)) in enumerate(points.items()):
+                error = f"{0.9 + 0.01 * number + 0.001 * float(photo[1:]):.3f}px"
+                log.append(f"  {name} {x:.4f} {y:.4f}" + (f" {error} {error}" if self.matched else ""))
         errors = " ".join(f"{error:.6f}" for error in self.errors)
         control = [f"{name} {x:.6f} {y:.6f} {z:.6f} {errors}" for name, (x, y, z) in self.control.items()]
         for name, text in {"orip.toml": lines, "B.MEA": log, "B.PNT": control}.items():

@@ -104,6 +104,15 @@ def test_nothing_is_said_where_nothing_is_wrong(tmp_path: Path, relief: float, s
     assert not any(word in said.out + said.err for word in ("mirror", "resolution", "feet", "two numbers"))
 
 
+def test_points_of_matching_that_were_lost_and_found_again_are_not_complained_about(tmp_path: Path) -> None:
+    block = FlatBlock(2.0)
+    two_numbers(block)
+    block.matched = True
+    said = orip(block.write(tmp_path / "folder"), "run", "--no-report")
+    assert "status   converged" in said.out + said.err
+    assert "two numbers" not in said.out + said.err
+
+
 @pytest.mark.parametrize("relief", [2.0, 200.0])
 def test_a_ceiling_is_photographed_from_below(tmp_path: Path, relief: float) -> None:
     block = FlatBlock(relief, scale=1e-3, from_below=True)
