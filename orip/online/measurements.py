@@ -60,7 +60,7 @@ def _testable(inputs: BlockInput, part: float = 1.0) -> Control:
     known = [point.coordinates for point in control.points if None not in point.coordinates]
     if inputs.definition.datum == "free" or len(known) < 2:
         return control
-    error = part * _ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
+    error = part * ray_error(inputs) * float(np.ptp(np.array(known, dtype=np.float64), axis=0).max())
 
     def observed(point: ControlPoint) -> ControlPoint:
         x, y, z = (error if given == 0.0 else given for given in point.errors)
@@ -80,7 +80,7 @@ def _steady_stations(inputs: BlockInput) -> tuple[Station, ...]:
     return tuple(filter(is_steady, inputs.control.stations))
 
 
-def _ray_error(inputs: BlockInput) -> float:
+def ray_error(inputs: BlockInput) -> float:
     """Return the a-priori error of the direction of a ray, radians: that of photo coordinates over the typical C."""
     precision = inputs.definition.measurement_precision
     sizes = [size for pair in inputs.interior.pixel_sizes.values() for size in pair]

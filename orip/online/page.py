@@ -15,6 +15,7 @@ from orip.errors import OripError, UsageError
 from orip.files.text.regular_file import natural_key
 from orip.interior.mounting import frame_corners
 from orip.online.answers import State, words_of
+from orip.online.measurements import ray_error
 from orip.online.measuring import Measuring
 from orip.online.point_views import (
     SeenBlock,
@@ -225,7 +226,7 @@ class ServedSession:
         with self._lock:
             view = self._seen()
             name, distance = self._distance(view, photo, xy, point)
-            return transferred(view.photos, name, np.array(xy), distance)
+            return transferred(view.photos, name, np.array(xy), distance, ray_error(view.block.measurements.inputs))
 
     def ray(self, photo: str, xy: tuple[float, float], point: str) -> dict[str, Any]:
         """Return by photo the line in which the others show the ray of a place in a photo; see `transferred`."""

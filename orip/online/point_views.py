@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -128,12 +129,15 @@ class Transfer(Struct, frozen=True):
         From the one photo to the other there.
     along : array (2,)
         Unit vector of the epipolar line.
+    error : float
+        A-priori error of photo coordinates, in the same units: as far off the line can what was measured leave it.
     """
 
     photo: str
     expected: FloatArray
     affine: FloatArray
     along: FloatArray
+    error: float
 
 
 class SeenBlock(Struct, frozen=True):
@@ -247,11 +251,11 @@ def distance_along(view: SeenBlock, photo: str, log: FloatArray, point: str) -> 
 
 
 def transferred(
-    photos: Mapping[str, PhotoGeometry], photo: str, log: FloatArray, distance: float
+    photos: Mapping[str, PhotoGeometry], photo: str, log: FloatArray, distance: float, ray_error: float
 ) -> list[Transfer]:  # fmt: skip
     """Return where other photos show what is at a place (2,) of a photo, at a distance along its ray.
 
-    The surface is taken for a plane that faces both photos alike.
+    The surface is taken for a plane that faces both photos alike; `ray_error` is in radians.
     """
     here, found = photos[photo], []
     direction = here.directions(log[None])[0]
@@ -269,7 +273,8 @@ def transferred(
         length = float(np.linalg.norm(beyond))
         if np.isfinite(affine).all() and abs(np.linalg.det(affine)) > 1e-3 and np.isfinite(length):
             along = beyond / length if length > 0.0 else np.array([1.0, 0.0])
-            found.append(Transfer(name, middle, affine, along))
+            scale = math.sqrt(abs(float(np.linalg.det(there.to_log.matrix))))
+            found.append(Transfer(name, middle, affine, along, ray_error * there.parameters[0] * scale))
     return found
 
 

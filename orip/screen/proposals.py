@@ -19,7 +19,9 @@ MOST_PHOTOS = 24
 """In which a point is matched at a time."""
 
 MOST_OFF = 2.0
-"""Pixels from the epipolar line up to which a mark is accepted with all others."""
+"""Pixels from the epipolar line up to which a mark is accepted with all others; and, where that is more,"""
+MOST_ERRORS = 2.5
+"""a-priori errors of photo coordinates: the lines of a block that fits badly do."""
 
 _REACH = 160
 """Pixels around a place that are looked at."""
@@ -75,7 +77,8 @@ def propose(
     pixel : tuple
         Where it shows the point.
     transfers : sequence
-        Where the others are expected to show it, with `photo`, `expected`, `affine` and `along` as a session has them.
+        Where the others are expected to show it, with `photo`, `expected`, `affine`, `along` and `error` as a session
+        has them.
 
     Returns
     -------
@@ -111,7 +114,7 @@ def propose(
         off = abs(float(away[0] * one.along[1] - away[1] * one.along[0]))
         error = float(np.sqrt(max(np.linalg.eigvalsh(point.covariance)[-1], 0.0)))
         reason = _REASONS.get(point.fate, "")
-        if not reason and off > MOST_OFF:
+        if not reason and off > max(MOST_OFF, MOST_ERRORS * one.error):
             reason = f"{off:.1f} px off the epipolar line"
         x, y = at.round(3).tolist()
         found.append(Proposal(one.photo, (x, y), error, off, reason))
