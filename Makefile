@@ -87,7 +87,7 @@ test: bytecode
 test-all: bytecode
 	$(BIN)/python -m pytest -q -n 2 -m '' $(PYTEST_ARGS)
 
-# under other kernels of OpenBLAS than the tests, and without what is compiled
+# under other kernels of OpenBLAS than the tests, and without the compiled loop over photo points
 KERNELS :=
 
 .PHONY: test-kernels

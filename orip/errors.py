@@ -128,6 +128,19 @@ class OripError(Exception):
     exit_code: ClassVar[int] = 1
 
 
+HOW_TO_COMPILE = (
+    "install a wheel of orip, or a C compiler (Debian, Ubuntu: apt install gcc python3-dev) and orip once more"
+)
+"""What helps where the extensions were not built."""
+
+
+class NotCompiledError(OripError):
+    """An extension that is needed was not built."""
+
+    def __init__(self) -> None:
+        super().__init__(f"preliminary values need the compiled part of orip, which is not there; {HOW_TO_COMPILE}")
+
+
 class UsageError(OripError):
     """The command line asks for something that is not there."""
 

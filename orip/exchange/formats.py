@@ -21,7 +21,6 @@ from orip.exchange.gis import write_dxf, write_geojson, write_geopackage, write_
 from orip.exchange.gis_layers import READING as DRAWN
 from orip.exchange.gubaio import is_gubaio, read_gubaio
 from orip.exchange.ign import is_ign, read_ign
-from orip.exchange.images import is_images, read_images_project
 from orip.exchange.metashape.references import with_references
 from orip.exchange.metashape.sensors import is_lens, read_lens
 from orip.exchange.metashape.source import READING as METASHAPE
@@ -280,7 +279,6 @@ FORMATS: tuple[Format, ...] = (
     Format("pix4d", "Pix4D: folder 1_initial/params (orientations only)", read_pix4d, is_pix4d),
     Format("gubaio", "GUBAIO: folder with gubaio.img, gubaio.gcp, gubaio.cam", read_gubaio, is_gubaio),
     Format("ign", "IGN: folder with .OPK, camera text, .mes, .app", read_ign, is_ign),
-    Format("images", "Folder of image files: cameras, photos and positions from EXIF", read_images_project, is_images),
     Format(
         "geopackage",
         "GeoPackage for GIS: points, photos, footprints, error ellipses, residual vectors, rays",
@@ -354,5 +352,6 @@ def guessed_format(path: Path) -> Format:
         return found[0]
     names = ", ".join(one.name for one in found or FORMATS_READ)
     what = "may be of several formats" if found else "looks like none of the formats"
-    message = f"{path} {what}; name the format before it: FORMAT {path}, with one of {names}"
+    photos = "; a folder of photographs is for 'orip photos'" if path.is_dir() and not found else ""
+    message = f"{path} {what}; name the format before it: FORMAT {path}, with one of {names}{photos}"
     raise UsageError(message)

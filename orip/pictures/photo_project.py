@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError
 from orip.files.control.stations_text import stations_text
-from orip.files.control.text import parse_points
+from orip.files.control.text import elements_text, parse_points
 from orip.files.image_cameras import ImageCamera, station_of, utm_zone
 from orip.files.project.file_names import fit_file_name
 from orip.files.project.toml_text import toml_table, toml_value
@@ -21,17 +21,27 @@ from orip.files.text.lines import read_lines
 from orip.files.text.shown import Parsed
 from orip.geometry.ground_crs import geodetic_of
 from orip.pictures.folder_survey import Survey, SurveyedPhoto, sessions_of, survey_folder
+from orip.records.control import ControlElement
 from orip.records.names import name_fault, record_key
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.sample_projects import write_project_texts
 
 _UNKNOWN_WIDTH_MM = 36.0
+_ELEMENTS_HEAD = "! From EXIF, and what is usual of lenses: put a calibration certificate in its place.\n"
 _NO_CRS = """\
 # The coordinate reference system of all coordinates; without one they are plane coordinates with heights.
 # crs = "EPSG:25832"
 """
 _CONTROL_ENDINGS = (".csv", ".txt")
+
+_OF_FOCAL_LENGTH, _UNKNOWN_FOCAL_LENGTH = 0.03, 0.3
+"""Standard deviation over the focal length: cameras round it to whole millimetres, and focus changes it; and of one
+that no tag says."""
+_OF_PRINCIPAL_POINT = 0.015
+"""Standard deviation over the width of the sensor."""
+_OF_DISTORTION = 0.2
+"""Standard deviation of OpenCV's k1 and k2."""
 
 
 class CameraMade(Struct, frozen=True):
@@ -97,6 +107,7 @@ def make_photo_project(source: Path, folder: Path, settings: PhotoSettings) -> P
         survey = replace(survey, notes=(*survey.notes, *_positions_left_out(survey.photos)))
     is_free = control is None and not stations
     texts = {"orip.toml": _project_text(name, folder, survey, names, cameras, crs, is_free=is_free)}
+    texts[f"{name}.ELE"] = _ELEMENTS_HEAD + elements_text([one for made in cameras for one in _known_roughly(made)])
     if control is not None:
         texts[f"{name}.PNT"] = control
     if stations:
@@ -215,11 +226,29 @@ def camera_words(camera: ImageCamera) -> str:
     return f"{camera.model or 'no camera in EXIF'}{serial}{lens}, {focal}, {camera.columns} x {camera.rows}, {size}"
 
 
-def _camera_text(made: CameraMade) -> str:
-    camera = made.camera
+def _known_roughly(made: CameraMade) -> list[ControlElement]:
+    """Return what is known of a camera before any adjustment, as observed values of its unknowns."""
+    pixel, c = _pixel_and_c(made.camera)
+    middle = _OF_PRINCIPAL_POINT * made.camera.columns * pixel
+    share = _OF_FOCAL_LENGTH if made.camera.focal_px else _UNKNOWN_FOCAL_LENGTH
+    # orip's polynomial is in powers of mm, that of OpenCV in powers of the tangent
+    errors = {"C": share * c, "DX": middle, "DY": middle, "A3": _OF_DISTORTION * c**-2, "A5": _OF_DISTORTION * c**-4}
+    return [
+        ControlElement(made.name, "CAMERA", kind, c if kind == "C" else 0.0, float(f"{error:.2g}"))
+        for kind, error in errors.items()
+    ]
+
+
+def _pixel_and_c(camera: ImageCamera) -> tuple[float, float]:
+    """Return the size of a pixel and the principal distance, mm."""
     longer = max(camera.columns, camera.rows)
     pixel = camera.width_mm / camera.columns if camera.width_mm else _UNKNOWN_WIDTH_MM / longer
-    c = camera.focal_px * pixel if camera.focal_px else longer * pixel
+    return pixel, round((camera.focal_px or longer) * pixel, 4)
+
+
+def _camera_text(made: CameraMade) -> str:
+    camera = made.camera
+    pixel, c = _pixel_and_c(camera)
     sensor = {
         "columns": camera.columns, "rows": camera.rows,
         "width": round(camera.columns * pixel, 6), "height": round(camera.rows * pixel, 6),
@@ -227,7 +256,7 @@ def _camera_text(made: CameraMade) -> str:
     guessed = "" if camera.focal_px else "# c is not in EXIF: the longer side of the sensor stands for it.\n"
     table = {
         "name": made.name,
-        "c": round(c, 4),
+        "c": c,
         "sensor": sensor,
         "unknown": ["C", "DX", "DY", "A3", "A5", "P1", "P2"],
     }

@@ -25,7 +25,7 @@ from orip.prelim.growing_block import (
 )
 from orip.prelim.intersection import intersect
 from orip.prelim.rays import ImageRays, PhotoIndex
-from orip.prelim.refinement.refinement import ROUGH, refine
+from orip.prelim.refinement import ROUGH, refine
 from orip.prelim.relative.orientation import OrientedPair, orient_two_photos
 from orip.prelim.resection.known_points import FEW_BLUNDERS, fits_beyond_chance, image_configuration
 from orip.prelim.resection.resection import Resected, resect

@@ -11,10 +11,9 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.essential import TwoPhotos
 from orip.prelim.rays import ImageRays, photo_index
-from orip.prelim.relative.adjustment import Pairs
 from orip.prelim.relative.given_scale import PairAtScale, adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
-from orip.prelim.relative.solution import PairSolution, solve
+from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.fitting_points import SeenPoints, fitting_points
 
 # Two photos show a wrong point only if it lies off the epipolar line; a third one shows wrong points on the line, too.

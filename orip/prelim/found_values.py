@@ -15,7 +15,7 @@ from orip.prelim.growing_block import GrowingBlock, doubtful_photos, empty_growi
 from orip.prelim.intersection import intersect, with_consensus
 from orip.prelim.measured_block import MeasuredBlock
 from orip.prelim.rays import ImageRays
-from orip.prelim.refinement.problem import parameters_with
+from orip.prelim.refinement import parameters_with
 from orip.prelim.resection.resection import Unresected, resect
 from orip.prelim.routes import LEAST_RESECTION, Route
 from orip.prelim.to_ground import Outcome

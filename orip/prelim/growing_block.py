@@ -9,9 +9,9 @@ from msgspec import Struct, field
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.compiled import kernels
 from orip.prelim.rays import ImageRays, PhotoIndex
-from orip.prelim.refinement.problem import corrected, no_corrections
+from orip.prelim.refinement import corrected, no_corrections
 from orip.prelim.relative.orientation import OrientedPair
 from orip.prelim.sampling import median
 from orip.prelim.similarity.joining import Joined
@@ -33,7 +33,7 @@ class GrowingBlock(Struct, frozen=True):
     coordinates, deviations : arrays (number of points, 3)
         NaN where not known.
     corrections : array (cameras, 4)
-        Of the unknown cameras; see `orip.prelim.refinement.problem`.
+        Of the unknown cameras; see `orip.prelim.refinement`.
     how : tuple of str, one a photo
         How it was oriented, as a sentence; "" where it was not.
     """
@@ -170,27 +170,14 @@ def residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     Infinite for a point behind the photo, and for one that is in several oriented photos but not determined; NaN where
     the photo is not oriented, or is the only one with the point.
     """
-    return (_in_compiled_loop if is_compiled() else _with_arrays)(rays, grown)
+    return _residual_lengths(rays, grown)
 
 
-def _in_compiled_loop(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
-    """Do what `_with_arrays` does in the compiled loop."""
+def _residual_lengths(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
     lengths = np.empty(len(rays.photo))
     of_rays = rays.photo, rays.point, rays.vectors, rays.error, grown.rotations, grown.centres, grown.coordinates
     kernels.residual_lengths(*map(np.ascontiguousarray, of_rays), lengths)
     return lengths
-
-
-def _with_arrays(rays: ImageRays, grown: GrowingBlock) -> FloatArray:
-    offset = grown.coordinates[rays.point] - grown.centres[rays.photo]
-    u = np.einsum("ni,nij->nj", offset, grown.rotations[rays.photo])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        image = u[:, :2] * (rays.vectors[:, 2] / u[:, 2])[:, None]
-        length = np.linalg.norm(image - rays.vectors[:, :2], axis=1) / rays.error
-    oriented = grown.oriented[rays.photo]
-    together = np.bincount(rays.point[oriented], minlength=len(rays.points))[rays.point] > 1
-    lost = oriented & together & ~grown.known[rays.point]
-    return np.where(lost, np.inf, np.where(u[:, 2] < 0.0, length, np.where(np.isnan(u[:, 2]), np.nan, np.inf)))
 
 
 def unfit(lengths: FloatArray) -> BoolArray:

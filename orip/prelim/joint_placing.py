@@ -11,7 +11,7 @@ from orip.geometry.similarity import Similarities
 from orip.prelim.block_grower import BlockGrower
 from orip.prelim.growing_block import GrowingBlock, growing_block_of, residual_lengths
 from orip.prelim.parts import Ties, Values, moved
-from orip.prelim.refinement.refinement import ROUGH
+from orip.prelim.refinement import ROUGH
 from orip.prelim.sampling import median
 from orip.records.preliminary import PartialBlock
 from orip.structs import replace

@@ -16,10 +16,9 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.prelim.block_grower import BlockGrower
 from orip.prelim.growing_block import GrowingBlock, empty_growing_block, growing_block_of
 from orip.prelim.rays import ImageRays, PhotoIndex
-from orip.prelim.refinement.problem import no_corrections
-from orip.prelim.refinement.refinement import ROUGH
+from orip.prelim.refinement import ROUGH, no_corrections
 from orip.prelim.relative.orientation import OrientedPair, listed, orient_two_photos, pairs_by_common_points
-from orip.prelim.relative.start import POINTS_NEEDED
+from orip.prelim.relative.solution import POINTS_NEEDED
 from orip.prelim.sampling import median
 from orip.prelim.similarity.bridging import JoinedSystems, bridge_row, connect_strips
 from orip.records.definition import StereoModel

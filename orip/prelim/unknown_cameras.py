@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.prelim.block_grower import BlockGrower
-from orip.prelim.refinement.problem import no_corrections
+from orip.prelim.refinement import no_corrections
 from orip.prelim.resection.resection import Unresected
 from orip.prelim.routes import Route, control_start
 from orip.structs import replace
@@ -134,7 +134,7 @@ def by_unknown_cameras(grower: BlockGrower) -> Route:
 
 
 def _corrections(grower: BlockGrower) -> FloatArray:
-    """Return corrections (cameras, 4) as `orip.prelim.refinement.problem` has them."""
+    """Return corrections (cameras, 4) as `orip.prelim.refinement` has them."""
     rays, corrections = grower.rays, no_corrections(grower.rays)
     for camera, unknown in enumerate(rays.cameras.unknown):
         shown: list[tuple[float, float, float]] = []

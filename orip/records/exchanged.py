@@ -67,10 +67,7 @@ class ExchangedCamera(Struct, frozen=True):
     sensor_mm : tuple of 2 float, or None
         Width and height of the frame; None: the file does not say.
     free : tuple of str
-        Parameters that the other program has estimated, or that are known roughly.
-    deviations : mapping of str to float
-        Standard deviations of parameters before any adjustment, in the units of the parameters; of f that of both
-        focal lengths. Empty: the file says nothing, or the parameters were estimated.
+        Parameters that the other program has estimated.
     """
 
     name: str
@@ -83,7 +80,6 @@ class ExchangedCamera(Struct, frozen=True):
     ray_axes: ImageAxes = PIXELS
     sensor_mm: tuple[float, float] | None = None
     free: tuple[str, ...] = ()
-    deviations: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def frame(self) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from orip.annexes import DOWNLOAD_STEP, DRIVE_STEPS, annex
-from orip.errors import ProjectWarning
+from orip.errors import HOW_TO_COMPILE, NotCompiledError, ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
 from orip.records.camera import Camera
@@ -131,18 +131,27 @@ def observation_loop() -> str:
     from orip.files.log import text as plain_lines
     from orip.prelim import compiled
 
-    is_whole = photo_loop.is_compiled() and compiled.is_compiled() and plain_lines.is_compiled()
+    if not compiled.is_compiled():
+        return "without preliminary values, and slower: the extensions are not built, as no C compiler was found"
+    is_whole = photo_loop.is_compiled() and plain_lines.is_compiled()
     return "compiled" if is_whole else "NumPy (slower: not all extensions are built, as no C compiler was found)"
 
 
 def not_compiled() -> tuple[ProjectWarning, ...]:
-    """Return the warning of an installation without compiled loops; none where they are there."""
+    """Return the warning of an installation that lacks a compiled loop; none where all are there.
+
+    Raises
+    ------
+    NotCompiledError
+        If preliminary values cannot be computed: an adjustment begins with them, or asks them when in doubt.
+    """
+    from orip.prelim import compiled
+
+    if not compiled.is_compiled():
+        raise NotCompiledError
     if observation_loop() == "compiled":
         return ()
-    text = (
-        "this installation of orip has no compiled loops, so that it takes many times longer, with the same results; "
-        "install a wheel of orip, or a C compiler (Debian, Ubuntu: apt install gcc python3-dev) and orip once more"
-    )
+    text = f"this installation lacks compiled loops, so that it takes many times longer; {HOW_TO_COMPILE}"
     return (ProjectWarning("not-compiled", "", text),)
 
 

@@ -1,8 +1,9 @@
-"""The program where there was no compiler: slower, and with the same results."""
+"""The program where there was no compiler: what needs preliminary values says what is missing, and how to get it."""
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,17 +12,45 @@ import pytest
 from workflow.small_projects import REPOSITORY
 
 PROGRAM = [sys.executable, str(REPOSITORY / "tests" / "kernels" / "without_extensions.py")]
+SAID = "install a wheel of orip, or a C compiler"
 
 
-def test_a_project_without_orientations_is_solved(tmp_path: Path) -> None:
-    subprocess.run([*PROGRAM, "init", "--sample", "small_frame_block", tmp_path / "a"], check=True)
-    run = [*PROGRAM, "-C", tmp_path / "a", "run", "--no-report"]
-    said = subprocess.run(run, check=True, capture_output=True, text=True)
-    assert said.stderr.count("has no compiled loops") == 1, "said once, with what helps"
-    assert "install a wheel of orip, or a C compiler" in said.stderr
-    result = json.loads((tmp_path / "a" / "result.json").read_text(encoding="utf-8"))
+def orip(folder: Path, *arguments: str, without: str | None = None) -> subprocess.CompletedProcess[str]:
+    environment = os.environ if without is None else {**os.environ, "ORIP_WITHOUT": without}
+    words = [*PROGRAM, "-C", str(folder), *arguments]
+    return subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("without extensions") / "a"
+    subprocess.run([*PROGRAM, "init", "--sample", "small_frame_block", made], check=True)
+    return made
+
+
+@pytest.mark.parametrize("command", ["run --no-report", "solve", "prelim"])
+def test_commands_that_need_preliminary_values_say_so_in_one_sentence(folder: Path, command: str) -> None:
+    orip(folder, "init")
+    orip(folder, "measure")
+    said = orip(folder, *command.split())
+    assert said.returncode == 1
+    (line,) = (line for line in said.stderr.splitlines() if "compiled" in line)
+    assert "preliminary values need the compiled part of orip" in line
+    assert SAID in line
+    assert "Traceback" not in said.stderr
+    assert not (folder / "result.json").exists()
+
+
+def test_verbose_status_says_it(folder: Path) -> None:
+    said = orip(folder, "-v", "status")
+    assert said.returncode == 0
+    assert "without preliminary values" in said.stdout + said.stderr
+
+
+def test_without_the_loop_over_photo_points_it_is_slower_and_the_same(folder: Path) -> None:
+    said = orip(folder, "run", "--no-report", without="orip.bundle.compiled._observation_loop")
+    assert said.returncode == 0, said.stderr
+    assert said.stderr.count(SAID) == 1, "said once, with what helps"
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     # as the sample's README says
     assert result["sigma0"] == pytest.approx(1.006, abs=0.0005)
-    status = [*PROGRAM, "-C", tmp_path / "a", "-v", "status"]
-    said = subprocess.run(status, check=True, capture_output=True, text=True)
-    assert "numpy" in (said.stdout + said.stderr).lower()

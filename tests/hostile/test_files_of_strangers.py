@@ -126,15 +126,15 @@ def test_what_is_shown_is_escaped_but_for_letters_of_all_scripts() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes there")
 def test_images_whose_names_are_not_utf8_are_refused_in_words(tmp_path: Path) -> None:
-    from exchange.test_images import DRONE, FULL, image
+    pictures = pytest.importorskip("PIL.Image")
 
     folder = tmp_path / "s"
     folder.mkdir()
-    image(folder / "a.jpg", (600, 400), FULL, DRONE)
+    pictures.linear_gradient("L").save(folder / "a.jpg")
     (folder / "a.jpg").rename(folder / os.fsdecode(b"\xff\xfe.jpg"))
-    said = orip(tmp_path, "import", "images", str(folder), "out")
+    said = orip(tmp_path, "photos", str(folder), "out")
     assert said.code == 3
-    assert "'\\udcff\\udcfe.jpg' has a character that cannot be shown, or that is not UTF-8; rename it" in said.err
+    assert "\\udcff\\udcfe.jpg" in said.err
 
 
 @pytest.mark.parametrize("key", ["row", "column"])

@@ -213,8 +213,7 @@ def test_an_image_whose_name_is_not_utf8_is_named(opened: Opened) -> None:
     place.mkdir()
     for name in (b"\xff\xfe.jpg", b"a.jpg", b"\x1b[2J.jpg"):
         Path(os.fsdecode(os.fsencode(place) + b"/" + name)).write_bytes(_jpeg())
-    opened.orip("import images images out", opened.folder)
-    opened.orip("import images --frame 40x30 images out2", opened.folder)
+    opened.orip("photos images out", opened.folder)
 
 
 def _jpeg() -> bytes:

@@ -14,6 +14,9 @@ from bundle.same_lens import with_two_frames
 from msgspec import Struct
 from scipy.spatial.transform import Rotation
 from support.drive_tables import cameras as driven_cameras
+from support.prelim_references import resection
+from support.prelim_references.refinement import ArraySolver, RefinementProblem, RefinementState
+from support.prelim_references.relative import parallaxes_with_partials
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.all_kinds import KINDS
@@ -52,10 +55,8 @@ from orip.interior.distortion import (
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
 from orip.multimodel.photo_loop import camera_model
 from orip.prelim.rays import image_rays
-from orip.prelim.refinement.array_steps import ArraySolver
-from orip.prelim.refinement.problem import RefinementProblem, RefinementState, no_corrections
-from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
-from orip.prelim.resection import adjustment as resection
+from orip.prelim.refinement import no_corrections
+from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, Station

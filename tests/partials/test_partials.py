@@ -97,9 +97,6 @@ PART_OF = {
     "orip.geometry.ground_frame.GroundFrame._by_place": "project_with_partials of a frame",
     "orip.geometry.ground_frame.GroundFrame._partials": "project_with_partials of a frame",
     "orip.interior.image_coordinates._formula": "ImageEquation.explicit_with_partials",
-    "orip.prelim.refinement.array_steps.ArraySolver._by_camera": "ArraySolver._rows",
-    "orip.prelim.refinement.array_steps.ArraySolver._perspective": "ArraySolver._rows",
-    "orip.prelim.refinement.problem.by_corrections": "ArraySolver._rows",
 }
 """Functions whose partials go into those of another one that has a case, and nowhere else unchanged."""
 
@@ -137,16 +134,6 @@ GIVES_NONE = {
     "orip.interior.additional_parameters.default_error": "an a-priori error",
     "orip.bundle.groups.held_readouts._by_readout": "those of moving_image_with_partials by the readout, unchanged",
     "orip.bundle.groups.held_readouts.readout_test": "a readout time, with sums of partials of photo points",
-    "orip.prelim.refinement.array_steps.ArraySolver.moved": "the next state",
-    "orip.prelim.relative.adjustment._design": "partials of parallaxes, in two directions across the base",
-    "orip.prelim.relative.solution.intersection_deviations": "standard deviations",
-    "orip.prelim.resection.adjustment.ResectionEquations.normal_equations": "normal equations",
-    "orip.prelim.resection.adjustment._Resection.start": "the first rows, unchanged",
-    "orip.prelim.resection.adjustment._Resection.stepped": "the rows after a step, unchanged",
-    "orip.prelim.resection.adjustment._RobustResection.reweighted": "the rows, unchanged, with other weights",
-    "orip.prelim.resection.adjustment._TrimmedResection.reweighted": "the rows, unchanged, with other weights",
-    "orip.prelim.similarity.adjustment._SimilarityProblem._linearised": "some of the rows, divided by their errors",
-    "orip.prelim.similarity.adjustment._deviations": "standard deviations",
     "orip.prelim.similarity.start._DampedProblem._linearised": "some of the rows, weighted",
 }
 """Functions that use partials of others and return something else, or pass them on as they are."""
@@ -167,8 +154,7 @@ def test_the_inspection_finds_functions_and_methods_of_any_name():
     found = functions_with_partials()
     assert "orip.geometry.perspective.perspective_with_partials" in found
     assert "orip.bundle.kinds.photo_point.PhotoPointObservations.linearise_with_partials" in found
-    assert "orip.prelim.refinement.problem.by_corrections" in found
-    assert "orip.prelim.resection.adjustment._Resection.linearised" in found
+    assert "orip.geometry.similarity.similarity_with_partials" in found
 
 
 def test_every_kind_of_observation_occurs_in_a_block():

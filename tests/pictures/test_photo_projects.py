@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 
+from orip.files.control.text import parse_elements
+from orip.files.text.lines import read_lines
+
 Image = pytest.importorskip("PIL.Image")
 IFDRational = pytest.importorskip("PIL.TiffImagePlugin").IFDRational
 pytest.importorskip("exifread")
@@ -56,6 +59,29 @@ def test_the_project_has_the_camera_of_exif_and_passes_init(folder):
     assert "from focal plane" in said
     assert orip(folder.parent / "made", "init").code == 0
     assert "warning" not in orip(folder.parent / "made", "status").err
+
+
+def test_the_camera_is_adjusted_with_what_exif_is_good_for(folder):
+    Image.fromarray(np.random.default_rng(9).integers(0, 255, (400, 600)).astype(np.uint8)).save(folder / "bare.jpg")
+    _made(folder)
+    parsed = parse_elements(read_lines(folder.parent / "made" / "made.ELE", "made.ELE"), "made.ELE")
+    assert not parsed.complaints
+    errors = {(one.name, one.kind): (one.value, one.error) for one in parsed.value}
+    # three parts in a hundred of the focal length; thirty where no tag says it
+    assert errors["TEST_CAM", "C"] == (pytest.approx(24.0), pytest.approx(0.72))
+    assert errors["CAMERA", "C"] == (pytest.approx(36.0), pytest.approx(11.0))
+    # 1.5 parts in a hundred of the width of 24 mm
+    assert errors["TEST_CAM", "DX"] == (0.0, pytest.approx(0.36))
+    # k1 = 0.2 moves an image at the tangent 1 by 0.2 C, and so does A3 at the radius C
+    assert errors["TEST_CAM", "A3"][1] * 24.0**3 == pytest.approx(0.2 * 24.0, rel=0.05)
+    assert errors["TEST_CAM", "A5"][1] * 24.0**5 == pytest.approx(0.2 * 24.0, rel=0.05)
+
+
+def test_what_is_to_be_measured_comes_before_an_adjustment(folder):
+    _made(folder)
+    assert orip(folder.parent / "made", "run").code == 3
+    following = "write 'POINTS MAIN PHOTO' blocks into a .MEA file, then: orip run"
+    assert orip(folder.parent / "made", "status", "--json").document["next"] == following
 
 
 def test_the_width_that_is_given_counts(folder):

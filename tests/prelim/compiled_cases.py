@@ -6,30 +6,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from support.synthetic_block import synthetic_block
 
-from orip.prelim import growing_block as misplaced_photos
-from orip.prelim import intersection
-from orip.prelim import intersection as consensus
 from orip.prelim.rays import ImageRays, image_rays, photo_index
-from orip.prelim.refinement import refinement
-from orip.prelim.relative import given_scale
-from orip.prelim.relative import orientation as pair_selection
-from orip.prelim.relative import solution as relative_solution
-from orip.prelim.relative.adjustment import Pairs
-from orip.prelim.resection import fitting_points, resection
-from orip.prelim.resection import start as resection_choice
-from orip.prelim.resection import start as resection_start
-from orip.prelim.similarity import adjustment as similarity_adjustment
-from orip.prelim.similarity import joining, partial_blocks
-from orip.prelim.similarity import partial_blocks as in_common
-from orip.prelim.similarity import start as similarity_start
+from orip.prelim.relative.solution import Pairs
 from orip.prelim.similarity.common_points import CommonPoints
 
 BLUNDERS = 12
-WITH_LOOPS = (
-    consensus, fitting_points, given_scale, in_common, intersection, joining, misplaced_photos, pair_selection,
-    partial_blocks, refinement, relative_solution, resection_choice, resection, resection_start, similarity_adjustment,
-    similarity_start,
-)  # fmt: skip
 
 
 def synthetic_rays() -> ImageRays:

@@ -3,17 +3,47 @@
 from __future__ import annotations
 
 import pytest
-from compiled_cases import WITH_LOOPS
+from support.prelim_references import intersection as intersections
+from support.prelim_references import refinement as refinements
+from support.prelim_references import relative, resection, similarity
+
+from orip.prelim import growing_block, intersection, refinement
+from orip.prelim.relative import given_scale, orientation, solution
+from orip.prelim.resection import fitting_points, start
+from orip.prelim.resection import resection as photo
+from orip.prelim.similarity import adjustment, joining, partial_blocks
+from orip.prelim.similarity import start as similarity_start
+
+REFERENCES = (
+    (adjustment, "_adjustment", similarity._adjustment),
+    (fitting_points, "_fit_all", lambda seen, _found: range(len(seen.starts) - 1)),
+    (given_scale, "_adjusted", relative._adjusted),
+    (given_scale, "_at_scale", relative._at_scale),
+    (growing_block, "_residual_lengths", intersections._residual_lengths),
+    (intersection, "_intersected", intersections._intersected),
+    (intersection, "_with_consensus", intersections._with_consensus),
+    (joining, "_found", lambda source, target, names: joining._Joint(source, target, names).found()),
+    (orientation, "_counts", relative._counts),
+    (partial_blocks, "_assembled", similarity._assembled),
+    (partial_blocks, "_places", similarity._places),
+    (photo, "_solution_at_once", lambda _given: None),
+    (refinement, "_refined", refinements.refined),
+    (similarity_start, "_best_of", similarity._best_of),
+    (solution, "_solution", relative._solution),
+    (start, "_best_orientations", resection._side_by_side),
+    (start, "_of_triples", resection._of_triples),
+)
+"""Functions that call compiled loops: the module, the name, and what does the same with NumPy."""
 
 
 @pytest.fixture
 def without_loops(monkeypatch: pytest.MonkeyPatch):
-    """Return what does something once with the loops and once without."""
+    """Return what does something once with the loops and once with NumPy."""
 
     def both(do):
         with_loops = do()
-        for module in WITH_LOOPS:
-            monkeypatch.setattr(module, "is_compiled", lambda: False)
+        for module, name, reference in REFERENCES:
+            monkeypatch.setattr(module, name, reference)
         return with_loops, do()
 
     return both

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.prelim_references.refinement import by_corrections
 from support.synthetic_block import synthetic_block
 
 from orip.prelim.chain import preliminary_values
 from orip.prelim.rays import image_rays
-from orip.prelim.refinement.problem import by_corrections, corrected, no_corrections, parameters_with
+from orip.prelim.refinement import corrected, no_corrections, parameters_with
 from orip.records.camera import Camera
 from orip.structs import replace
 

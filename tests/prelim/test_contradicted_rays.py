@@ -25,10 +25,9 @@ from orip.prelim.confirmed_rays import Votes
 from orip.prelim.growing_block import empty_growing_block, misplaced_photos
 from orip.prelim.measured_block import measured_block
 from orip.prelim.rays import photo_index
-from orip.prelim.relative.adjustment import Pairs
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
-from orip.prelim.relative.solution import solve
+from orip.prelim.relative.solution import Pairs, solve
 from orip.prelim.resection.known_points import FEW_BLUNDERS, MANY_BLUNDERS, fits_beyond_chance
 from orip.prelim.routes import by_pairs
 from orip.records.names import record_key

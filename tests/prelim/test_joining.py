@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from partial_block_samples import NOISE, SampleNames, pair, random_similarity
 from scipy.stats import chi2
+from support.prelim_references.similarity import student_limit
 
 from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.geometry.similarity import Similarity
-from orip.prelim.similarity.adjustment import adjust_similarity, student_limit
+from orip.prelim.similarity.adjustment import adjust_similarity
 from orip.prelim.similarity.bridging import bridge, bridge_row, connect_strips
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.joining import Joined, join

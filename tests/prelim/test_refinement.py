@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
+from support.prelim_references import refinement as refinements
 from support.seen_points import rays_of, rotation_of
 
+from orip.prelim import refinement
 from orip.prelim.intersection import intersect
 from orip.prelim.rays import ALL_KNOWN, UnknownCameras
-from orip.prelim.refinement import refinement
-from orip.prelim.refinement.problem import EXPECTED
-from orip.prelim.refinement.refinement import refine
+from orip.prelim.refinement import EXPECTED, refine
 from orip.structs import replace
 
 
@@ -159,7 +159,7 @@ def test_nothing_to_do():
 def test_a_step_that_cannot_be_solved_is_damped_more(monkeypatch):
     given, held = start(*block())
     expected = refine(*given, held_points=held)
-    moved, dampings = refinement.ArraySolver.moved, []
+    moved, dampings = refinements.ArraySolver.moved, []
 
     def failing_at_first(self, state, factors, damping):
         dampings.append(damping)
@@ -167,8 +167,8 @@ def test_a_step_that_cannot_be_solved_is_damped_more(monkeypatch):
             raise np.linalg.LinAlgError
         return moved(self, state, factors, damping)
 
-    monkeypatch.setattr(refinement, "is_compiled", lambda: False)
-    monkeypatch.setattr(refinement.ArraySolver, "moved", failing_at_first)
+    monkeypatch.setattr(refinement, "_refined", refinements.refined)
+    monkeypatch.setattr(refinements.ArraySolver, "moved", failing_at_first)
     found = refine(*given, held_points=held)
     assert np.diff(np.log10(dampings[:3])) == pytest.approx([1.0, 1.0])
     assert np.allclose(found.centres, expected.centres, atol=1e-3)

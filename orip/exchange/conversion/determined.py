@@ -11,7 +11,6 @@ from orip.exchange.conversion.cameras import ConvertedCamera, pixels_of_directio
 from orip.exchange.conversion.reprojection import Reprojection, with_intersections
 from orip.geometry.rotation import rotated_back
 from orip.records.camera import CAMERA_PARAMETERS, Camera
-from orip.records.control import ControlElement
 from orip.records.exchanged import ExchangedCamera, ExchangedProject
 from orip.structs import replace
 
@@ -246,19 +245,3 @@ def unknown_parameters(camera: ExchangedCamera, *, is_exact: bool) -> tuple[str,
     if {"fx", "fy"} <= set(camera.free) and camera.parameters.get("fx") != camera.parameters.get("fy"):
         found.add("B1")
     return tuple(name for name in CAMERA_PARAMETERS if name in found)
-
-
-def known_elements(converted: ConvertedCamera) -> tuple[ControlElement, ...]:
-    """Return what is known of a camera's unknown parameters before any adjustment, as observed values of them."""
-    camera, known = converted.camera, converted.source.deviations
-    if camera.sensor is None or not known:
-        return ()
-    pixel, c = camera.sensor.width / camera.sensor.columns, camera.parameters[0]
-    # orip's polynomial is in powers of mm, that of the lens in powers of the tangent
-    in_mm = {"C": ("f", pixel), "DX": ("cx", pixel), "DY": ("cy", pixel), "A3": ("k1", c**-2), "A5": ("k2", c**-4)}
-    errors = {kind: known[name] * unit for kind, (name, unit) in in_mm.items() if name in known}
-    return tuple(
-        ControlElement(camera.name, "CAMERA", kind, value, float(f"{errors[kind]:.2g}"))
-        for kind, value in zip(CAMERA_PARAMETERS, camera.parameters, strict=True)
-        if kind in camera.unknown and kind in errors
-    )

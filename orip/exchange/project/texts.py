@@ -10,13 +10,12 @@ from msgspec import Struct
 
 from orip.arrays import BoolArray, rows_of_groups
 from orip.exchange.conversion.cameras import ConvertedCamera
-from orip.exchange.conversion.determined import known_elements
 from orip.exchange.conversion.poses import described_reading
 from orip.exchange.project.block import ImportedBlock
 from orip.exchange.sources.names import NAMES_FILE, TRACK_MARK, is_named_as_track, names_text, unique_names
 from orip.files.control.preliminary_text import coordinates_text
 from orip.files.control.stations_text import stations_text
-from orip.files.control.text import distances_text, elements_text, points_text
+from orip.files.control.text import distances_text, points_text
 from orip.files.log.text import points_blocks
 from orip.files.project.file_names import fit_file_name
 from orip.files.project.records import project_document, project_text
@@ -39,8 +38,6 @@ _MOST_ITERATIONS = 100
 _ANTENNA = "GNSS"
 _HEIGHT_STEP, _NO_STEP = 200.0, 0.001
 """A-priori errors of the common error of positions, ground units: of heights with another origin, and of X and Y."""
-
-_ELEMENTS_HEAD = "! From EXIF, and what is usual of lenses: put a calibration certificate in its place.\n"
 
 _PIXEL, _WORST_PIXELS = 1.0, 10.0
 """A-priori errors of measurements, pixels, between which residuals decide."""
@@ -101,8 +98,6 @@ def imported_texts(block: ImportedBlock, source: ImportSource, precision: float 
         texts[f"{base}.PNT"] = points_text(control)
     if block.project.distances:
         texts[f"{base}.LEN"] = distances_text(_renamed_distances(block))
-    if elements := [element for camera in block.cameras for element in known_elements(camera)]:
-        texts[f"{base}.ELE"] = _ELEMENTS_HEAD + elements_text(elements)
     texts |= _stations(block, base, notes)
     texts[NAMES_FILE] = _names(block)
     all_notes = (*block.notes, *notes)
@@ -387,7 +382,6 @@ def _readme(block: ImportedBlock, source: ImportSource, notes: Sequence[str]) ->
         sensor = converted.camera.sensor
         size = "" if sensor is None else f"{sensor.columns} × {sensor.rows} px"
         kind = "exact" if converted.is_exact else f"fitted, up to {converted.worst_px:.3f} px off"
-        kind = "known roughly" if converted.source.deviations else kind
         model = f"{converted.source.model}, " if converted.source.model else ""
         lines.append(f"- {converted.camera.name}: {model}{size}; {kind}; {_said_of_camera(converted)}")
     lines += ["", "What the other program has estimated is adjusted; `unknown` in `orip.toml` changes that."]

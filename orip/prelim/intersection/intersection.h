@@ -1,4 +1,6 @@
-/* Points from rays, one point after the other; robust_intersection.py does the same for all side by side. */
+/* Points from rays, one point after the other;
+ * prelim_references/intersection.py does the same for all side by side.
+ */
 
 #include "../compiled/linear.h"
 #include <string.h>

@@ -1,4 +1,6 @@
-/* Reduced normal equations of a block's photos and points, and where a step leads; array_steps.py does the same. */
+/* Reduced normal equations of a block's photos and points, and where a step leads;
+ * prelim_references/refinement.py does the same.
+ */
 
 #include "../compiled/linear.h"
 #include "band_solution.h"

@@ -1,4 +1,6 @@
-/* The whole refinement of a block: which rays take part, and steps until none helps; refinement.py does the same. */
+/* The whole refinement of a block: which rays take part, and steps until none helps;
+ * prelim_references/refinement.py does the same.
+ */
 
 #include "band_order.h"
 #include "refinement.h"

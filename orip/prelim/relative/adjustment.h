@@ -1,4 +1,4 @@
-/* Adjustment of relative orientations with Danish weights; orip/prelim/relative/adjustment.py does the same and names
+/* Adjustment of relative orientations with Danish weights; prelim_references/relative.py does the same and names
  * the sources.
  */
 

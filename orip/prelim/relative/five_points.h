@@ -1,4 +1,4 @@
-/* The essential matrices of five points; orip/geometry/essential.py has the equations and their source.
+/* The essential matrices of five points; prelim_references/five_points.py has the equations and their source.
  *
  * Of the ten cubic equations those with the leading terms x²z, x², y²z, y², xyz and xy are kept. They give three
  * equations in x, y and 1 whose coefficients are polynomials in z; their determinant has degree ten (Nistér 2004).

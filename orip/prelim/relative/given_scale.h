@@ -1,4 +1,4 @@
-/* Relative orientation by points whose residuals are of a given scale; given_scale.py does the same. */
+/* Relative orientation by points whose residuals are of a given scale; prelim_references/relative.py does the same. */
 
 #include "solution.h"
 

@@ -12,29 +12,9 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray
-from orip.geometry.essential import TwoPhotos, essential_matrices
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import (
-    DANISH,
-    MAX_STANDARD_RESIDUAL,
-    Pairs,
-    adjust_relative,
-    meeting_points,
-    parallaxes,
-)
-from orip.prelim.relative.solution import CHOICE, PairSolution, intersection_deviations, left_by_rotation, usable_points
-from orip.prelim.relative.start import (
-    FIT_LIMIT,
-    POINTS_NEEDED,
-    SAMPLING,
-    best_in_front,
-    best_unlike,
-    chance_of_unit,
-    costs_in_front,
-    log_of_sets,
-    robust_costs,
-    samples_of,
-)
+from orip.geometry.essential import TwoPhotos
+from orip.prelim.compiled import kernels
+from orip.prelim.relative.solution import CHOICE, DANISH, SAMPLING, Pairs, PairSolution, log_of_sets, samples_of
 from orip.structs import replace
 
 _SAMPLES = 200
@@ -92,7 +72,7 @@ def at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution
     scale : float
         Standard residual of right points.
     """
-    return (_compiled if is_compiled() else _with_arrays)(solution, pairs, scale)
+    return _at_scale(solution, pairs, scale)
 
 
 class _Room(NamedTuple):
@@ -119,8 +99,7 @@ def _room(count: int) -> _Room:
     return _Room(np.zeros(28), parallax, weights, coordinates, deviations, in_front, usable)
 
 
-def _compiled(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
-    """Do what `_with_arrays` does in the compiled loop."""
+def _at_scale(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
     count = len(pairs.error)
     room = _room(count)
     if not kernels.orient_at_scale(*pairs, log_of_sets(count), _RULES, *room, samples_of(count)[:_SAMPLES], scale):
@@ -139,35 +118,6 @@ def _compiled(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolutio
     )
 
 
-def _with_arrays(solution: PairSolution, pairs: Pairs, scale: float) -> PairSolution | None:
-    samples = samples_of(len(pairs.error))[:_SAMPLES]
-    essential = essential_matrices(pairs.left[samples], pairs.right[samples])
-    if not len(essential):
-        return None
-    costs = robust_costs(np.abs(parallaxes(essential, pairs)) / pairs.error, scale)
-    start = best_in_front(essential[best_unlike(essential, costs)], pairs, scale)
-    tried = adjust_relative(start, pairs, scale * FIT_LIMIT / MAX_STANDARD_RESIDUAL, _ITERATIONS)
-    residuals = tried.residuals(pairs)
-    best = int(costs_in_front(residuals, meeting_points(tried.photos, pairs).in_front, scale).argmin())
-    if not _beyond_chance(residuals[best], pairs, scale):
-        return None
-    photos = TwoPhotos(tried.photos.base[best], tried.photos.rotation[best])
-    meeting = meeting_points(photos, pairs)
-    usable = usable_points(meeting, tried.weight_factor[best])
-    return replace(
-        solution,
-        photos=photos,
-        parallax=tried.parallax[best],
-        weight_factor=tried.weight_factor[best],
-        coordinates=meeting.coordinates,
-        deviations=intersection_deviations(photos, meeting.coordinates, usable, pairs),
-        in_front=meeting.in_front,
-        usable=usable,
-        scale=scale,
-        seuw=scale,
-    )
-
-
 def adjusted_at_scale(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
     """Return an orientation adjusted to the points that fit it at a scale; None where as many would by chance.
 
@@ -180,37 +130,13 @@ def adjusted_at_scale(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtSca
     scale : float
         Standard residual of right points.
     """
-    return (_compiled_adjustment if is_compiled() else _adjustment)(start, pairs, scale)
+    return _adjusted(start, pairs, scale)
 
 
-def _compiled_adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
-    """Do what `_adjustment` does in the compiled loop."""
+def _adjusted(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
     count = len(pairs.error)
     room = _room(count)
     room.found[:3], room.found[3:12] = start.base, start.rotation.ravel()
     if not kernels.adjust_at_scale(*pairs, log_of_sets(count), _RULES_OF_ADJUSTMENT, *room, scale):
         return None
     return PairAtScale(room.photos, room.coordinates, room.deviations, room.usable, scale, float(room.found[27]))
-
-
-def _adjustment(start: TwoPhotos, pairs: Pairs, scale: float) -> PairAtScale | None:
-    one = TwoPhotos(start.base[None], start.rotation[None])
-    found = adjust_relative(one, pairs, scale * FIT_LIMIT / MAX_STANDARD_RESIDUAL, _ITERATIONS)
-    if not _beyond_chance(found.residuals(pairs)[0], pairs, scale):
-        return None
-    photos = TwoPhotos(found.photos.base[0], found.photos.rotation[0])
-    meeting = meeting_points(photos, pairs)
-    usable = usable_points(meeting, found.weight_factor[0])
-    deviations = intersection_deviations(photos, meeting.coordinates, usable, pairs)
-    return PairAtScale(photos, meeting.coordinates, deviations, usable, scale, left_by_rotation(pairs, scale))
-
-
-def _beyond_chance(residuals: FloatArray, pairs: Pairs, scale: float) -> bool:
-    """Tell whether more points fit than would at random (see `consensus`)."""
-    largest = FIT_LIMIT * scale
-    fitting = int(np.count_nonzero(residuals <= largest))
-    if fitting <= POINTS_NEEDED:
-        return False
-    sets = log_of_sets(len(residuals))[fitting - POINTS_NEEDED - 1]
-    chance = np.log(min(largest * chance_of_unit(pairs), 1.0))
-    return bool(sets + (fitting - POINTS_NEEDED) * chance < -_SURE)

@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.rotation import cross_matrix
-from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.compiled import kernels
 from orip.prelim.rays import ImageRays, PhotoIndex, photo_index
-from orip.prelim.relative.adjustment import Pairs, parallaxes
-from orip.prelim.relative.solution import PairSolution, solve
-from orip.prelim.relative.start import POINTS_NEEDED
+from orip.prelim.relative.solution import POINTS_NEEDED, Pairs, PairSolution, parallaxes, solve
 from orip.records.preliminary import NotOriented, PartialBlock, RelativeOrientation
 from orip.wording import counted, first_names
 
@@ -31,22 +29,13 @@ class Pair(NamedTuple):
 
 def common_point_counts(rays: ImageRays) -> IntArray:
     """Return the number of points that each two photos share, array (photos, photos); the diagonal has their own."""
-    return (_compiled_counts if is_compiled() else _counts)(rays)
-
-
-def _compiled_counts(rays: ImageRays) -> IntArray:
-    """Do what `_counts` does in the compiled loop."""
-    counts = np.empty((len(rays.photos), len(rays.photos)), dtype=np.int64)
-    kernels.common_points(np.ascontiguousarray(rays.photo[rays.order_by_point()]), rays.point_starts(), counts)
-    return counts
+    return _counts(rays)
 
 
 def _counts(rays: ImageRays) -> IntArray:
-    from scipy.sparse import csr_array
-
-    shape = (len(rays.photos), len(rays.points))
-    seen = csr_array((np.ones(len(rays.photo), dtype=np.int64), (rays.photo, rays.point)), shape=shape)
-    return np.asarray((seen @ seen.T).todense(), dtype=np.int64)
+    counts = np.empty((len(rays.photos), len(rays.photos)), dtype=np.int64)
+    kernels.common_points(np.ascontiguousarray(rays.photo[rays.order_by_point()]), rays.point_starts(), counts)
+    return counts
 
 
 def pairs_by_common_points(counts: IntArray, fewest: int) -> list[Pair]:

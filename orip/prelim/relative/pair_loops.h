@@ -13,12 +13,12 @@ typedef struct {
     int64_t count;
 } Pairs;
 
-/* SAMPLING in orip/prelim/relative/start.py */
+/* SAMPLING in orip/prelim/relative/solution.py */
 typedef struct {
     double at_once, missed, ordinary_scale, samples_of_large_scale, no_better, limit, alike, kept, starts;
 } Sampling;
 
-/* DANISH in orip/prelim/relative/adjustment.py */
+/* DANISH in orip/prelim/relative/solution.py */
 typedef struct {
     double limit, floor, converged, longest, regular, held;
 } RelativeDanish;

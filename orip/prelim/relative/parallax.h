@@ -1,4 +1,4 @@
-/* Two photos: by how much the rays of a point miss each other, and where they meet; orip/prelim/relative/adjustment.py does
+/* Two photos: by how much the rays of a point miss each other, and where they meet; prelim_references/relative.py does
  * the same and names the sources.
  */
 

@@ -1,4 +1,4 @@
-/* Relative orientation of one pair of photos; orip/prelim/relative/solution.py does the same and names the sources.
+/* Relative orientation of one pair of photos; prelim_references/relative.py does the same and names the sources.
  */
 
 #include "adjustment.h"

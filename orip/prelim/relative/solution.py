@@ -1,41 +1,153 @@
-"""The relative orientation that n points in two photos determine, compiled or by the modules named below.
+"""The relative orientation that n points in two photos determine, without initial values.
 
-The best orientations of samples of five points (`orip.prelim.relative.start`) start adjustments of all parallaxes
-(`orip.prelim.relative.adjustment`). All points then decide between their results, and the best one is adjusted
-until it converges.
+Samples of five points, judged by all others, give starting values. The judgement has to tolerate gross errors, and
+residuals that are all many times the a-priori error (a camera that is not calibrated). It therefore estimates the scale
+of the residuals; a residual above three times that scale counts as three. The best orientations start adjustments of
+all parallaxes by least squares with Danish weights; all points then decide between their results, and the best one is
+adjusted until it converges.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
-from orip.arrays import BoolArray, FloatArray
+from orip.adjustment.weights import LEAST_WEIGHT
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.essential import TwoPhotos
-from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, cross_matrix
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.relative.adjustment import (
-    DANISH,
-    AdjustedPairs,
-    Meeting,
-    Pairs,
-    adjust_relative,
-    meeting_points,
-    parallaxes,
-    precision_of,
-)
-from orip.prelim.relative.start import (
-    POINTS_NEEDED,
-    SAMPLING,
-    consensus,
-    costs_in_front,
-    log_of_sets,
-    samples_of,
-    starting_orientations,
-)
+from orip.prelim.compiled import kernels
+from orip.prelim.sampling import subsets
+
+# As in `orip.geometry.essential` the ground is the left photo's system, image vectors are (x, y, -C) in millimetres,
+# and R takes the right photo's system to the left one's.
+
+
+class Pairs(NamedTuple):
+    """n points in two photos.
+
+    Attributes
+    ----------
+    left, right : arrays (n, 3)
+        Image vectors, mm.
+    error : array (n,)
+        A-priori standard deviation of a parallax, mm: sqrt(2) times that of a photo coordinate.
+    """
+
+    left: FloatArray
+    right: FloatArray
+    error: FloatArray
+
+    def of(self, rows: NDArray[np.bool_]) -> Pairs:
+        """Return some of the points."""
+        return Pairs(self.left[rows], self.right[rows], self.error[rows])
+
+    def equal(self, others: Pairs) -> bool:
+        """Tell whether others are the same points, measured and weighted alike."""
+        return all(map(np.array_equal, self, others))
+
+
+def parallaxes(essential: FloatArray, pairs: Pairs) -> FloatArray:
+    """Return the parallaxes of n points for essential matrices (..., 3, 3), array (..., n), mm.
+
+    Notes
+    -----
+    F = left^T E right over the length of its gradient by the four photo coordinates, to first order the shift of both
+    image points that makes the rays meet (Sampson 1982), times sqrt(2): in the normal case this is y left - y right.
+    """
+    f, gradient_left, gradient_right = _condition(essential, pairs)
+    return np.asarray(f * np.sqrt(2.0 / _square(gradient_left, gradient_right)))
+
+
+# below, vectors of n points are columns (..., 3, n): sums over components are then fast
+
+
+def _condition(essential: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return F (..., n) and its gradients (..., 3, n) by the left and the right image vectors."""
+    gradient_left = essential @ pairs.right.T
+    gradient_right = np.swapaxes(essential, -1, -2) @ pairs.left.T
+    return (gradient_left * pairs.left.T).sum(axis=-2), gradient_left, gradient_right
+
+
+def _square(gradient_left: FloatArray, gradient_right: FloatArray) -> FloatArray:
+    """Return the square (..., n) of the gradient by the four photo coordinates; never quite zero."""
+    x, y = gradient_left[..., 0, :], gradient_left[..., 1, :]
+    u, v = gradient_right[..., 0, :], gradient_right[..., 1, :]
+    return np.asarray(np.maximum(x * x + y * y + u * u + v * v, 1e-300))
+
+
+# The unknowns are two components of the base across itself and a small rotation of the right photo: no direction of the
+# base and no rotation is singular. Several starts are adjusted side by side.
+
+MAX_STANDARD_RESIDUAL = 5.0
+
+_CONVERGED = 1e-9
+"""Correction, in standard deviations of the unknowns, at which iterations end; rounding leaves some 1e-11."""
+
+_WEIGHTS_HELD = 12
+"""Iteration after which weights are held: one that alternates at the limit would never converge."""
+
+
+_LONGEST_STEP = 0.3
+"""Largest rotation of one step, radians: from a poor start the linear step may lead anywhere."""
+
+_REGULAR = 1e-13
+"""Part of the trace added to the diagonal, so that the equations can be solved where five points determine nothing."""
+
+DANISH = (MAX_STANDARD_RESIDUAL, LEAST_WEIGHT, _CONVERGED, _LONGEST_STEP, _REGULAR, _WEIGHTS_HELD)
+"""The constants as the compiled loop takes them: `RelativeDanish` in pair_loops.h."""
+
+POINTS_NEEDED = 5
+
+_SEED = 5
+_SAMPLES = 500
+_SAMPLES_AT_ONCE = 12
+"""As many samples as points without blunders need; the share that agrees in the best one then decides on more."""
+
+_MISSED = 1e-3
+"""Probability that all samples have a blunder, at which sampling ends."""
+
+_ORDINARY_SCALE = 3.0
+_SAMPLES_OF_LARGE_SCALE = 160
+"""Least samples where residuals are large, as no good one may have been drawn; 160 suffice for 50 % of blunders."""
+
+_NO_BETTER = 2.0
+"""Residual in units of the a-priori error below which smaller ones are no better."""
+
+FIT_LIMIT = 3.0
+"""Multiple of the scale above which a point does not fit."""
+
+_KEPT, _STARTS = 16, 8
+"""Matrices that are kept from one lot of samples to the next, and orientations tried in the adjustment: of the kept
+matrices, those with the points in front."""
+
+_ALIKE = 0.999
+"""Product of two matrices of norm 1 above which they count as one, some 2.5 degrees apart: a plane has a second
+solution that fits as well, and its samples must not crowd out those of the first."""
+
+SAMPLING = (
+    _SAMPLES_AT_ONCE, _MISSED, _ORDINARY_SCALE, _SAMPLES_OF_LARGE_SCALE, _NO_BETTER, FIT_LIMIT, _ALIKE, _KEPT, _STARTS,
+)  # fmt: skip
+"""The constants as the compiled loop takes them: `Sampling` in pair_loops.h."""
+
+
+@lru_cache(maxsize=256)
+def samples_of(count: int) -> IntArray:
+    """Return samples of five of `count` points."""
+    # if all subsets are taken they come in order, and the first of them have points in common
+    return np.random.default_rng(_SEED).permutation(subsets(count, POINTS_NEEDED, _SAMPLES, _SEED))
+
+
+@lru_cache(maxsize=256)
+def log_of_sets(n: int) -> FloatArray:
+    """Return the logarithm of (n - 5) C(n, m) C(m, 5) for m from 6 to n."""
+    sets = [math.comb(n, m) * math.comb(m, POINTS_NEEDED) for m in range(POINTS_NEEDED + 1, n + 1)]
+    return np.array([math.log(n - POINTS_NEEDED) + math.log(number) for number in sets])
+
 
 _ITERATIONS_TO_COMPARE, _MAX_ITERATIONS = 5, 20
 
@@ -129,11 +241,10 @@ def solve(pairs: Pairs) -> PairSolution | None:
     PairSolution or None
         None where the points determine nothing.
     """
-    return (_compiled_solution if is_compiled() else _solution)(pairs)
+    return _solution(pairs)
 
 
-def _compiled_solution(pairs: Pairs) -> PairSolution | None:
-    """Do what `_solution` does in the compiled loop."""
+def _solution(pairs: Pairs) -> PairSolution | None:
     count = len(pairs.error)
     found = np.empty(28)
     parallax, weights, redundancy = np.empty(count), np.empty(count), np.empty(count)
@@ -150,129 +261,3 @@ def _compiled_solution(pairs: Pairs) -> PairSolution | None:
         redundancy, coordinates, deviations, in_front, usable, length, int(iterations), scale, seuw, left_by_rotation,
         bool(by_chance), bool(ambiguous),
     )  # fmt: skip
-
-
-def _solution(pairs: Pairs) -> PairSolution | None:
-    start = starting_orientations(pairs)
-    if not len(start.base):
-        return None
-    residuals = np.abs(parallaxes(cross_matrix(start.base) @ start.rotation, pairs)) / pairs.error
-    tried = adjust_relative(start, pairs, consensus(residuals, pairs).scale, _ITERATIONS_TO_COMPARE)
-    agreed = consensus(tried.residuals(pairs), pairs)
-    scale = float(agreed.scale[agreed.best])
-    best, ambiguous = _choice(tried, pairs, scale)
-    final = adjust_relative(tried.photos.of(np.array([best])), pairs, scale, _MAX_ITERATIONS)
-    precision = precision_of(final, pairs)
-    photos = TwoPhotos(final.photos.base[0], final.photos.rotation[0])
-    angles = angles_from_rotation(photos.rotation)
-    meeting = meeting_points(photos, pairs)
-    usable = usable_points(meeting, final.weight_factor[0])
-    return PairSolution(
-        photos=photos,
-        angles=angles,
-        angle_deviation=_angle_deviations(angles, precision.cofactor[3:, 3:]),
-        base_deviation=_base_deviations(photos.base, precision.cofactor[:3, :3]),
-        parallax=final.parallax[0],
-        weight_factor=final.weight_factor[0],
-        redundancy_number=precision.redundancy_number,
-        coordinates=meeting.coordinates,
-        deviations=intersection_deviations(photos, meeting.coordinates, usable, pairs),
-        in_front=meeting.in_front,
-        usable=usable,
-        length=0.001 * float((1.0 / meeting.along_left[usable]).sum()) / max(int(usable.sum()), 1),
-        iterations=tried.iterations + final.iterations,
-        scale=scale,
-        seuw=_unit_weight_error(final, precision.redundancy_number, pairs),
-        left_by_rotation=left_by_rotation(pairs, scale),
-        by_chance=bool(agreed.log_chance[agreed.best] > -min(len(pairs.error) - POINTS_NEEDED, _SURE)),
-        ambiguous=ambiguous,
-    )
-
-
-def _choice(tried: AdjustedPairs, pairs: Pairs, scale: float) -> tuple[int, bool]:
-    """Return the best of several orientations, and whether another one is as good.
-
-    The points do not always decide: five points have up to ten solutions, a plane has two. Of equally good ones the
-    one with the smallest rotation is used.
-    """
-    in_front = meeting_points(tried.photos, pairs).in_front
-    costs = costs_in_front(tried.residuals(pairs), in_front, scale)
-    best = int(costs.argmin())
-    bases, rotations = tried.photos
-    turn = _angle(np.swapaxes(rotations, 1, 2) @ rotations[best])
-    between = np.arccos(np.clip(bases @ bases[best], -1.0, 1.0))
-    rivals = (costs <= costs[best] + _EQUALLY_GOOD) & (np.maximum(turn, between) > _SAME)
-    if not rivals.any():
-        return best, False
-    rivals[best] = True
-    return int(np.where(rivals, _angle(rotations), np.inf).argmin()), True
-
-
-def _angle(rotation: FloatArray) -> FloatArray:
-    cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1.0) / 2.0
-    return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
-
-
-def usable_points(meeting: Meeting, weight_factor: FloatArray) -> BoolArray:
-    """Return which points (n,) fit, lie in front of both photos, and have rays that are not parallel."""
-    finite = np.isfinite(meeting.coordinates).all(axis=1)
-    return np.asarray((weight_factor == 1.0) & meeting.in_front & finite)
-
-
-def _unit_weight_error(final: AdjustedPairs, redundancy_number: FloatArray, pairs: Pairs) -> float:
-    whole = final.weight_factor[0] == 1.0
-    redundancy = float(redundancy_number[whole].sum())
-    if len(pairs.error) == POINTS_NEEDED or redundancy < 1e-6:
-        return 0.0
-    return math.sqrt(float((final.residuals(pairs)[0, whole] ** 2).sum()) / redundancy)
-
-
-def left_by_rotation(pairs: Pairs, scale: float) -> float:
-    """Return the median residual of a pure rotation: see `PairSolution`."""
-    length = np.linalg.norm(pairs.left, axis=1)
-    left = pairs.left / length[:, None]
-    right = pairs.right / np.linalg.norm(pairs.right, axis=1)[:, None]
-    weights = np.ones(len(length))
-    median = math.inf
-    for _ in range(_ROTATION_STEPS):
-        # least squares, then the least sum of distances, which blunders do not move (Weiszfeld 1937)
-        u, _, vt = np.linalg.svd((left * weights[:, None]).T @ right)
-        rotation = (u * [1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        distance = np.linalg.norm(left - right @ rotation.T, axis=1) * length / pairs.error
-        median = float(np.median(distance))
-        if median > _PLAIN_BASE * scale:
-            break
-        weights = 1.0 / np.maximum(distance, 1e-3)
-    return median
-
-
-def _base_deviations(base: FloatArray, cofactor: FloatArray) -> FloatArray:
-    """Return the root cofactors of the base whose largest component is held."""
-    largest = int(np.abs(base).argmax())
-    partials = np.eye(3)
-    partials[:, largest] -= base / base[largest]
-    return np.sqrt(np.maximum(np.diag(partials @ cofactor @ partials.T), 0.0))
-
-
-def _angle_deviations(angles: FloatArray, cofactor: FloatArray) -> FloatArray:
-    partials = angle_rates_from_axes_rotation(angles)
-    return np.sqrt(np.maximum(np.diag(partials @ cofactor @ partials.T), 0.0))
-
-
-def intersection_deviations(photos: TwoPhotos, coordinates: FloatArray, usable: BoolArray, pairs: Pairs) -> FloatArray:
-    """Return a-priori standard deviations (n, 3) of the intersections of two rays for a fixed orientation."""
-    seen, points = pairs.of(usable), coordinates[usable]
-    normals = np.zeros((len(points), 3, 3))
-    for centre, rotation, vectors in (
-        (np.zeros(3), np.eye(3), seen.left),
-        (photos.base, photos.rotation, seen.right),
-    ):
-        rotations = np.broadcast_to(rotation, (len(points), 3, 3))
-        by_point = perspective_with_partials(points - centre, rotations, -vectors[:, 2]).by_point
-        normals += np.swapaxes(by_point, 1, 2) @ by_point
-    largest = np.trace(normals, axis1=1, axis2=2)[:, None, None]
-    inverse = np.linalg.inv(normals + 1e-15 * largest * np.eye(3))
-    deviations = np.full_like(coordinates, np.nan)
-    error = seen.error / math.sqrt(2.0)
-    deviations[usable] = error[:, None] * np.sqrt(np.diagonal(inverse, axis1=1, axis2=2))
-    return deviations

@@ -1,5 +1,5 @@
 /* Starting values of a relative orientation: samples of five points, judged by all the others;
- * orip/prelim/relative/start.py does the same and names the sources.
+ * prelim_references/relative.py does the same and names the sources.
  */
 
 #include "five_points.h"

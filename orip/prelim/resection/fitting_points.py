@@ -6,7 +6,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.compiled import kernels
 from orip.prelim.resection.known_points import MANY_BLUNDERS, SURE, fits_beyond_chance, number_that_fits
 from orip.prelim.resection.resection import MISFIT, RULES_OF_TRACKS, USELESS_ANGLE, USELESS_CENTRE, Resected, resect
 from orip.prelim.resection.start import CANDIDATES, triples_for
@@ -71,14 +71,14 @@ def fitting_points(seen: SeenPoints) -> FittedPhotos:
     """
     photos, count = len(seen.starts) - 1, len(seen.error)
     found = FittedPhotos(np.full((photos, 3, 3), np.nan), np.full((photos, 3), np.nan), np.zeros(count, dtype=bool))
-    left = _compiled(seen, found) if is_compiled() and photos else range(photos)
+    left = _fit_all(seen, found) if photos else []
     for photo in left:
         _fit(seen, photo, found)
     return found
 
 
-def _compiled(seen: SeenPoints, found: FittedPhotos) -> list[int]:
-    """Do what `_fit` does for each photo in the compiled loop; return photos in which something is unusual."""
+def _fit_all(seen: SeenPoints, found: FittedPhotos) -> list[int]:
+    """Do what `_fit` does for each photo by one compiled loop; return photos in which something is unusual."""
     counts = np.diff(seen.starts)
     each, of_photo = np.unique(counts, return_inverse=True)
     triples = [triples_for(count, MANY_BLUNDERS) for count in each.tolist()]

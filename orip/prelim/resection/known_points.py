@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
 
 FEW_BLUNDERS, MANY_BLUNDERS = 0.35, 0.7
@@ -91,32 +90,10 @@ class KnownPoints(Struct, frozen=True, dict=True):
         variance = self.error_mm**2 + (scale * self.deviations) ** 2
         return np.where(np.isfinite(ahead), np.sum(residual**2, axis=2) / variance, np.inf)
 
-    def fitting(self, squares: FloatArray) -> FloatArray:
-        """Return weights (k, n): 1 for the points that fit best, 0 for the others and those behind the photo."""
-        limit = _smallest(squares, self.least).max(axis=1, keepdims=True)
-        return np.where((squares <= limit) & np.isfinite(squares), 1.0, 0.0)
-
-    def trimmed_variance(self, squares: FloatArray) -> FloatArray:
-        """Return the variances of unit weight (k,) estimated from the smallest squared residuals (k, n)."""
-        return np.asarray(self.variance_of_least * _smallest(squares, self.least).sum(axis=1))
-
-    def costs(self, squares: FloatArray) -> FloatArray:
-        """Return the costs (k,) of orientations: sums of squared residuals (k, n), each counted up to the limit.
-
-        In units of the least variance among the orientations, or of the a-priori one.
-        """
-        # finite even where all points are behind the photo
-        variance = min(max(float(self.trimmed_variance(squares).min()), 1.0), 1e300)
-        return np.asarray(np.minimum(squares / variance, LIMIT_OF_TWO_COMPONENTS**2).sum(axis=1))
-
 
 def number_that_fits(count: int, blunders: float) -> int:
     """Return how many of `count` points have to fit if such a part of them may be blunders."""
     return max(count - int(blunders * count), min(count, 4))
-
-
-def _smallest(squares: FloatArray, number: int) -> FloatArray:
-    return np.asarray(np.partition(squares, number - 1, axis=1)[:, :number])
 
 
 _POINTS_OF_ORIENTATION = 3

@@ -1,4 +1,4 @@
-/* Least squares of the space resection of one photo; orip/prelim/resection/adjustment.py does the same. */
+/* Least squares of the space resection of one photo; prelim_references/resection.py does the same. */
 
 #include "resection_loops.h"
 #include "three_points.h"

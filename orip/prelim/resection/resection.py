@@ -9,14 +9,14 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.resection.adjustment import AdjustedResection, adjust_resection
+from orip.prelim.compiled import kernels
 from orip.prelim.resection.known_points import FEW_BLUNDERS, ONE_LINE, KnownPoints, Orientations, on_one_line
 from orip.prelim.resection.start import (
     CANDIDATES,
     CHOICE,
     FITS,
     PLANE,
+    AdjustedResection,
     best_orientations,
     starting_orientations,
     triples_of,
@@ -129,7 +129,7 @@ def resect(
         return Unresected(f"{counted(count, 'known point')} in the photo, 3 are needed")
     deviation = np.zeros(count) if point_deviation is None else point_deviation
     given = KnownPoints(vectors, points, deviation, error_mm, blunders)
-    found = (_compiled_solution(given) if count > 3 and is_compiled() else None) or _solution(given)
+    found = (_solution_at_once(given) if count > 3 else None) or _solution(given)
     if isinstance(found, Unresected):
         return found
     unfit = _unfit(found)
@@ -170,8 +170,8 @@ class _Solution(NamedTuple):
     distance: float
 
 
-def _compiled_solution(given: KnownPoints) -> _Solution | None:
-    """Do what `_solution` does in the compiled loop; None where it finds no orientation, or something unusual."""
+def _solution_at_once(given: KnownPoints) -> _Solution | None:
+    """Do what `_solution` does by one compiled loop; None where it finds no orientation, or something unusual."""
     count = len(given)
     rotations, centres = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3))
     residuals, factors, found = np.empty((count, 2)), np.empty((CANDIDATES, count)), np.empty(11)
@@ -218,7 +218,8 @@ def _solution(given: KnownPoints) -> _Solution | Unresected:
 
 
 def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
-    return adjust_resection(known, start.of(slice(0, 1)), 1.0), start.of(slice(1, None))
+    best, _ = best_orientations(known, start.of(slice(0, 1)))
+    return best, start.of(slice(1, None))
 
 
 def _unfit(found: _Solution) -> str | None:

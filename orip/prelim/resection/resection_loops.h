@@ -43,7 +43,7 @@ typedef struct {
     double s0, redundancy, misfit, radius, distance, deviation[6];
 } ResectionFound;
 
-/* Orientations that are kept of those of triples: _CANDIDATES in orip/prelim/resection/start.py. */
+/* Orientations that are kept of those of triples: CANDIDATES in orip/prelim/resection/start.py. */
 #define MOST_CANDIDATES MOST_ORIENTATIONS
 
 /* _JUDGEMENT in orip/prelim/resection/fitting_points.py */

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from orip.adjustment.weights import LEAST_WEIGHT, LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.plane import plane_orientations
-from orip.geometry.three_point_resection import three_point_resection
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.least_squares import LARGEST_TURN
-from orip.prelim.resection.adjustment import (
-    IMPROVEMENTS,
-    ITERATIONS,
-    SAME_SCALE,
-    STEADY,
-    AdjustedResection,
-    adjust_resection,
-    improve_orientations,
-)
+from orip.prelim.compiled import LARGEST_TURN, kernels
 from orip.prelim.resection.known_points import FEW_BLUNDERS, KnownPoints, Orientations
 from orip.prelim.sampling import subsets
 
@@ -57,7 +49,7 @@ def starting_orientations(known: KnownPoints) -> Orientations:
     quantile of the residuals that blunders do not affect (least median of squares, Rousseeuw 1984).
     """
     triples = triples_of(known)
-    tried, quantile = (_compiled_of_triples if is_compiled() else _of_triples)(known, triples)
+    tried, quantile = _of_triples(known, triples)
     if len(known) == 3:
         return _most_square_first(known, tried)
     if quantile.min(initial=np.inf) > FITS and known.blunders <= FEW_BLUNDERS and _is_flat(known):
@@ -82,17 +74,6 @@ def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, Fl
 
     Once enough fitting candidates have been found, further triples are ignored.
     """
-    found = three_point_resection(known.vectors[triples], known.coordinates[triples])
-    tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
-    quantile = _quantile(known, tried)
-    triple = np.nonzero(found.valid)[0]
-    enough = np.flatnonzero(np.cumsum(quantile <= FITS) >= CANDIDATES)
-    looked_at = triple <= (triple[enough[0]] if len(enough) else len(triples))
-    return _best(tried.of(looked_at), quantile[looked_at])
-
-
-def _compiled_of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
-    """Do what `_of_triples` does in the compiled loop."""
     rotations, centres, quantile = np.empty((CANDIDATES, 3, 3)), np.empty((CANDIDATES, 3)), np.empty(CANDIDATES)
     kernels.rank_triples(
         *known.arrays, triples, rotations, centres, quantile,
@@ -132,6 +113,16 @@ def _most_square_first(known: KnownPoints, found: Orientations) -> Orientations:
     return found.of(np.argsort(-cosine, kind="stable"))
 
 
+IMPROVEMENTS = 3
+"""Steps of least trimmed squares: enough to tell good starts from bad ones."""
+
+ITERATIONS = 30
+STEADY = 1e-6
+"""Last correction, in radians and parts of the points' spread: the next one would be of the order of its square."""
+
+SAME_SCALE = 1.04
+"""Ratio of two estimates of the variance up to which they give the same limit for blunders."""
+
 _ALIKE = 3.0
 """Excess of squared residuals, over the expected ones, up to which a second orientation is also possible."""
 
@@ -148,13 +139,56 @@ _NUMBERS_OF_A_POINT = 36
 and space to sort."""
 
 
+class AdjustedResection(NamedTuple):
+    """One adjusted orientation.
+
+    Attributes
+    ----------
+    at : Orientations
+        One.
+    residual : array (n, 2)
+        Computed minus measured, mm.
+    squares : array (n,)
+        Squared standardised residuals; infinite behind the photo.
+    weight_factors : array (n,)
+    normals : array (6, 6)
+        Normal equations of rotations about the ground axes and projection centre.
+    """
+
+    at: Orientations
+    residual: FloatArray
+    squares: FloatArray
+    weight_factors: FloatArray
+    normals: FloatArray
+
+    @property
+    def redundancy(self) -> int:
+        """Return the redundancy of the points with full weight."""
+        return max(_redundancy(self.weight_factors), 0)
+
+    @property
+    def s0(self) -> float:
+        """Return the standard error of unit weight; 1 without redundancy."""
+        return math.sqrt(_variance(self.squares, self.weight_factors))
+
+
+def _redundancy(factors: FloatArray) -> int:
+    return 2 * int(np.count_nonzero(factors == 1.0)) - 6
+
+
+def _variance(squares: FloatArray, factors: FloatArray) -> float:
+    """Return the variance of unit weight from the points with full weight; 1 without redundancy."""
+    redundancy = _redundancy(factors)
+    return float(squares[factors == 1.0].sum()) / redundancy if redundancy > 0 else 1.0
+
+
 def best_orientations(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
     """Improve orientations, adjust those whose residuals are close to the smallest, and compare them again.
 
     Parameters
     ----------
     known : KnownPoints
-        More than three.
+        Three at least.
     start : Orientations
         At least one, and a dozen at most.
 
@@ -165,11 +199,10 @@ def best_orientations(known: KnownPoints, start: Orientations) -> tuple[Adjusted
     Orientations
         Others whose residuals are not much larger, the best first.
     """
-    return _compiled(known, start) if is_compiled() else _side_by_side(known, start)
+    return _best_orientations(known, start)
 
 
-def _compiled(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
-    """Do what `_side_by_side` does in the compiled loop."""
+def _best_orientations(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
     rotations, centres = np.array(start.rotations), np.array(start.centres)
     number, count = len(centres), len(known)
     squares, factors = np.empty((number, count)), np.empty((number, count))
@@ -183,34 +216,5 @@ def _compiled(known: KnownPoints, start: Orientations) -> tuple[AdjustedResectio
     return AdjustedResection(found.of(slice(0, 1)), residual, squares[0], factors[0], normals), found.of(slice(1, None))
 
 
-def _side_by_side(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
-    tried, squares = improve_orientations(known, start)
-    variance = float(known.trimmed_variance(squares).min())
-    likely = _likely(known, tried, squares)
-    found = [adjust_resection(known, tried.of(slice(row, row + 1)), variance) for row in likely]
-    ends = Orientations(*(np.concatenate(part) for part in zip(*(adjusted.at for adjusted in found), strict=True)))
-    left = _likely(known, ends, np.stack([adjusted.squares for adjusted in found]))
-    return found[left[0]], ends.of(left[1:])
-
-
 def _excess(known: KnownPoints) -> float:
     return _ALIKE * max(2 * known.least - 6, 2)
-
-
-def _likely(known: KnownPoints, at: Orientations, squares: FloatArray) -> IntArray:
-    """Return which orientations with squared residuals (k, n) cost the least or not much more, the least first.
-
-    Of equal ones, the first.
-    """
-    costs = np.nan_to_num(known.costs(squares), nan=np.inf)  # an orientation may have run away
-    order = np.argsort(costs, kind="stable")
-    order = order[costs[order] <= costs[order[0]] + _excess(known)]
-    rotations, centres = at.of(order)
-    turn = np.sqrt(((rotations[:, None] - rotations) ** 2).sum(axis=(2, 3)) / 2.0)
-    shift = np.sqrt(((centres[:, None] - centres) ** 2).sum(axis=2) / (centres**2).sum(axis=1)[:, None])
-    same = (turn < _SAME) & (shift < _SAME)
-    kept: list[int] = []
-    for row in range(len(order)):
-        if not same[kept, row].any():
-            kept.append(row)
-    return np.asarray(order[kept])

@@ -1,4 +1,4 @@
-/* Three-point resection, as in orip/geometry/three_point_resection.py, which explains it and names the sources.
+/* Three-point resection, as in prelim_references/three_points.py, which explains it and names the sources.
  *
  * As many triples of points as there are lanes are solved at once, each with the operations, in their order, of one alone.
  */

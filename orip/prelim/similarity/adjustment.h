@@ -1,4 +1,4 @@
-/* Adjustment of a spatial similarity with Danish weights; orip/prelim/similarity/adjustment.py does the same and names the
+/* Adjustment of a spatial similarity with Danish weights; prelim_references/similarity.py does the same and names the
  * sources.
  */
 

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.compiled import kernels
 from orip.prelim.sampling import median
 from orip.prelim.similarity.adjustment import (
     ALL_UNKNOWNS,
@@ -100,7 +100,7 @@ def join(source: PartialBlock, target: PartialBlock, names: Names, step: Step) -
         Without a common photo three points off one line are needed; with one, a single point. With fewer than four
         common places (points and projection centres) the rotation is that of the common photo.
     """
-    found = _by_compiled_loop(source, target, names) if is_compiled() else _Joint(source, target, names).found()
+    found = _found(source, target, names)
     if isinstance(found, str):
         return NotOriented(source.name, target.name, found)
     points = [names.points[k] for k in source.points[found.at_source].tolist()]
@@ -154,8 +154,8 @@ class _Found(Struct, frozen=True):
     remarks: tuple[str, ...] = ()
 
 
-def _by_compiled_loop(source: PartialBlock, target: PartialBlock, names: Names) -> _Found | str:
-    """Do what `_Joint` does in the compiled loop, which joins by common photos where these and the points agree."""
+def _found(source: PartialBlock, target: PartialBlock, names: Names) -> _Found | str:
+    """Join by common photos in the compiled loop where these and the points agree, else as `_Joint` does."""
     points, photos = len(source.points), len(source.photos)
     at_source, targets, moved = np.empty(points, dtype=np.int64), np.empty((points, 3)), np.empty((2, points, 3))
     residuals, factors = np.empty((2, points + photos, 3))

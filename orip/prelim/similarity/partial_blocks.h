@@ -1,4 +1,4 @@
-/* Partial blocks of one system assembled into one; orip/prelim/similarity/partial_blocks.py does the same and explains it.
+/* Partial blocks of one system assembled into one; prelim_references/similarity.py does the same and explains it.
  */
 
 #ifndef ORIP_PRELIM_PARTIAL_BLOCKS_H

@@ -10,11 +10,11 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.geometry.similarity import Similarity
-from orip.prelim.compiled import is_compiled, kernels
+from orip.prelim.compiled import kernels
 from orip.prelim.rays import in_both
 from orip.prelim.sampling import median, medians
 from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
-from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, best_start, most_points
+from orip.prelim.similarity.start import FITTING, MEDIAN_OF_CHI2, most_points
 from orip.records.preliminary import PartialBlock
 from orip.structs import replace
 
@@ -52,11 +52,10 @@ def assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
     """
     if len(blocks) == 1:
         return blocks[0]
-    return (_compiled if is_compiled() else _with_arrays)(blocks)
+    return _assembled(blocks)
 
 
-def _compiled(blocks: Sequence[PartialBlock]) -> PartialBlock:
-    """Do what `_with_arrays` does in the compiled loop."""
+def _assembled(blocks: Sequence[PartialBlock]) -> PartialBlock:
     points, photos = [block.points for block in blocks], [block.photos for block in blocks]
     given = (
         np.concatenate(points),
@@ -73,40 +72,6 @@ def _compiled(blocks: Sequence[PartialBlock]) -> PartialBlock:
         blocks[0].name, whole[1][:seen], whole[4][:seen], whole[5][:seen], whole[0][:known], whole[2][:known],
         whole[3][:known],
     )  # fmt: skip
-
-
-def _with_arrays(blocks: Sequence[PartialBlock]) -> PartialBlock:
-    photos, first = np.unique(np.concatenate([block.photos for block in blocks]), return_index=True)
-    all_points = np.concatenate([block.points for block in blocks])
-    order = np.argsort(all_points, kind="stable")
-    points = all_points[order]
-    coordinates = np.concatenate([block.coordinates for block in blocks])[order]
-    deviations = np.concatenate([block.deviations for block in blocks])[order]
-    steady = np.concatenate([steady_deviations(block) for block in blocks])[order]
-    weights = 1.0 / np.maximum(steady, _tiny(coordinates)) ** 2
-    is_first = np.ones(len(points), dtype=bool)
-    is_first[1:] = points[1:] != points[:-1]
-    starts, place = np.flatnonzero(is_first), np.cumsum(is_first) - 1
-    count = np.bincount(place)
-    mean = np.add.reduceat(weights * coordinates, starts) / np.add.reduceat(weights, starts)
-    square = np.add.reduceat((coordinates - mean[place]) ** 2, starts)
-    spread = np.sqrt(square / np.maximum(count - 1, 1)[:, None])
-    once = count == 1
-    mean[once], spread[once] = coordinates[starts[once]], deviations[starts[once]]
-    return PartialBlock(
-        blocks[0].name,
-        photos,
-        np.concatenate([block.rotations for block in blocks])[first],
-        np.concatenate([block.centres for block in blocks])[first],
-        points[starts],
-        mean,
-        spread,
-    )
-
-
-def _tiny(coordinates: FloatArray) -> float:
-    """Return a deviation that is negligible beside the coordinates, where none is given."""
-    return 1e-12 * float(np.abs(coordinates).max(initial=1e-300))
 
 
 def steady_deviations(block: PartialBlock) -> FloatArray:
@@ -179,11 +144,10 @@ def in_common(source: PartialBlock, target: PartialBlock) -> InCommon:
 
 def common_places(source: PartialBlock, target: PartialBlock, common: InCommon) -> CommonPlaces:
     """Return the coordinates of what two blocks have in common, and the best start by their common photos."""
-    return (_compiled_places if is_compiled() else _places)(source, target, common)
+    return _places(source, target, common)
 
 
-def _compiled_places(source: PartialBlock, target: PartialBlock, common: InCommon) -> CommonPlaces:
-    """Do what `_places` does in the compiled loop."""
+def _places(source: PartialBlock, target: PartialBlock, common: InCommon) -> CommonPlaces:
     count = common.points + common.photos
     (own, other, own_deviation, other_deviation), start = np.empty((4, count, 3)), np.empty(13)
     extent = kernels.common_places(
@@ -199,34 +163,3 @@ def _compiled_places(source: PartialBlock, target: PartialBlock, common: InCommo
 
 def _arrays(block: PartialBlock) -> tuple[FloatArray, ...]:
     return tuple(map(np.ascontiguousarray, (block.coordinates, block.deviations, block.rotations, block.centres)))
-
-
-def _places(source: PartialBlock, target: PartialBlock, common: InCommon) -> CommonPlaces:
-    places = CommonPoints(
-        np.concatenate([source.coordinates[common.at_source], source.centres[common.photo_source]]),
-        np.concatenate([target.coordinates[common.at_target], target.centres[common.photo_target]]),
-        _with_centres(steady_deviations(source)[common.at_source], common.photos),
-        _with_centres(steady_deviations(target)[common.at_target], common.photos),
-        np.arange(common.points + common.photos) >= common.points,
-    )
-    pairs = zip(common.photo_source.tolist(), common.photo_target.tolist(), strict=True)
-    starts = [_start(source, target, pair, places) for pair in pairs]
-    return CommonPlaces(places, best_start(places, starts) if starts else None, places.extent)
-
-
-def _with_centres(deviations: FloatArray, centres: int) -> FloatArray:
-    """Return deviations of points and, below them, of projection centres, which get the median of the points."""
-    middle = median(deviations) if deviations.size else 0.0
-    return np.concatenate([deviations, np.full((centres, 3), middle)])
-
-
-def _start(source: PartialBlock, target: PartialBlock, photo: tuple[int, int], places: CommonPoints) -> Similarity:
-    """Return the similarity that one common photo gives: only its scale comes from the points."""
-    at_source, at_target = photo
-    rotation = target.rotations[at_target] @ source.rotations[at_source].T
-    own, other = source.centres[at_source], target.centres[at_target]
-    lengths = np.linalg.norm(places.source - own, axis=1)
-    images = np.linalg.norm(places.target - other, axis=1)
-    far = lengths > 1e-9 * lengths.max()
-    scale = median(images[far] / lengths[far]) if far.any() else 1.0
-    return Similarity(scale, rotation, other - scale * (rotation @ own))

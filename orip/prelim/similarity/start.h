@@ -1,4 +1,5 @@
-/* Starting values of a spatial similarity from triples of points, judged by all; orip/prelim/similarity/start.py does the
+/* Starting values of a spatial similarity from triples of points, judged by all;
+ * prelim_references/similarity.py does the
  * same and names the sources.
  */
 

@@ -10,16 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.geometry.similarity import (
-    UNKNOWNS,
-    Similarities,
-    Similarity,
-    fit_similarities,
-    several,
-    similarity_with_partials,
-)
-from orip.prelim.compiled import is_compiled, kernels
-from orip.prelim.least_squares import LARGEST_TURN, Marquardt, least_squares, shortened
+from orip.geometry.similarity import UNKNOWNS, Similarities, Similarity, similarity_with_partials
+from orip.prelim.compiled import LARGEST_TURN, kernels
 from orip.prelim.sampling import subsets
 from orip.prelim.similarity.adjustment import SimilarityAdjustment, adjust_similarity
 from orip.prelim.similarity.common_points import LEAST_ERROR, CommonPoints
@@ -55,9 +47,8 @@ def start_from_triples(common: CommonPoints, tried: Sequence[int] = TRIPLES) -> 
         When all triples lie on lines.
     """
     full = np.flatnonzero(common.full)
-    best_of = _compiled_best_of if is_compiled() else _best_of
     for number in tried:
-        found = best_of(common, full[subsets(len(full), 3, number)])
+        found = _best_of(common, full[subsets(len(full), 3, number)])
         if found is not None and (found.most <= FITTING or number == tried[-1]):
             return found.start
     message = "the common points lie on one line"
@@ -73,15 +64,6 @@ class _Best(NamedTuple):
 
 def _best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
     """Return the best similarity of triples (s, 3) of points, None if all lie on lines."""
-    starts = fit_similarities(common.source[triples], common.target[triples])
-    if not len(starts.scale):
-        return None
-    costs, most = _compared(common, starts)
-    return _Best(starts.one(int(costs.argmin())), most)
-
-
-def _compiled_best_of(common: CommonPoints, triples: IntArray) -> _Best | None:
-    """Do what `_best_of` does in the compiled loop."""
     start = np.empty(13)
     most = kernels.best_triple(
         *common.arrays, triples, start, most_points(len(common.source)), LEAST_ERROR, MEDIAN_OF_CHI2, FITTING
@@ -95,13 +77,6 @@ def most_points(count: int) -> int:
     Least median of squares (Rousseeuw 1984), counted so that one wrong point of four or five does no harm.
     """
     return min(count // 2 + 2, count - 1) if count > 3 else count
-
-
-def best_start(common: CommonPoints, starts: list[Similarity]) -> Similarity:
-    """Return the start with the least of `truncated_costs`."""
-    if len(starts) == 1:
-        return starts[0]
-    return starts[int(truncated_costs(common, several(starts)).argmin())]
 
 
 def truncated_costs(common: CommonPoints, starts: Similarities) -> FloatArray:
@@ -276,18 +251,34 @@ def _errors(common: CommonPoints, scale: FloatArray) -> FloatArray:
 def _least_squares(common: CommonPoints, starts: Similarities, weights: FloatArray) -> Similarities:
     """Improve all starts at once, damped as by Levenberg and Marquardt; weights (s, k) or (k,) are those of each."""
     problem = _DampedProblem(common, starts, weights)
-    rule = Marquardt(np.full(len(starts.scale), 1e-3), decrease=0.2, increase=5.0, least=1e-9, largest=_STUCK)
-    at = least_squares(problem, problem.start, rule, _STEPS, reweightings=0).best.at
-    return at._replace(shift=at.shift - at.scale[:, None] * (at.rotation @ problem.centroid))
+    best, damping = problem.start, np.full(len(starts.scale), 1e-3)
+    for _ in range(_STEPS):
+        tried = problem.stepped(best, damping)
+        better, gain = tried.cost <= best.cost, best.cost - tried.cost
+        damping = np.maximum(damping * np.where(better, 0.2, 5.0), 1e-9)
+        done = (damping >= _STUCK) | (better & (gain <= _SETTLED * best.cost))
+        best = _chosen(better, tried, best)
+        if done.all():
+            break
+    return best.at._replace(shift=best.at.shift - best.at.scale[:, None] * (best.at.rotation @ problem.centroid))
+
+
+def _chosen(rows: BoolArray, new: _Estimate, old: _Estimate) -> _Estimate:
+    """Return estimates of which some are taken from new ones and the others from old ones."""
+
+    def merged(one: FloatArray, other: FloatArray) -> FloatArray:
+        return np.where(rows.reshape(-1, *[1] * (one.ndim - 1)), one, other)
+
+    return _Estimate(Similarities(*map(merged, new.at, old.at)), *map(merged, new[1:], old[1:]))
 
 
 class _Estimate(NamedTuple):
-    """s similarities of the points reduced to their centroid, with residuals (s, k), partials (s, k, 7) and weights."""
+    """s similarities of the points reduced to their centroid: residuals (s, k), partials (s, k, 7), costs (s,)."""
 
     at: Similarities
     residual: FloatArray
     design: FloatArray
-    weights: FloatArray
+    cost: FloatArray
 
 
 class _DampedProblem:
@@ -299,26 +290,16 @@ class _DampedProblem:
         self._root = np.sqrt(weights) / errors
         self.centroid = common.source.mean(axis=0)
         self._reduced = common.source - self.centroid
-        self._weights = np.ones((len(starts.scale), 1))
         self.start = self._linearised(starts._replace(shift=starts.apply(self.centroid[None])[:, 0]))
 
     def _linearised(self, at: Similarities) -> _Estimate:
         found = similarity_with_partials(at, self._reduced)
         residual = (found.value - self._target)[:, self._known] * self._root
-        return _Estimate(at, residual, found.by_unknowns[:, self._known] * self._root[:, :, None], self._weights)
+        design = found.by_unknowns[:, self._known] * self._root[:, :, None]
+        return _Estimate(at, residual, design, np.asarray((residual**2).sum(axis=1)))
 
     def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
         return self._linearised(here.at.moved(_changes(here.residual, here.design, damping)))
-
-    def reweighted(self, here: _Estimate) -> _Estimate:
-        return here
-
-    def costs(self, here: _Estimate, _weights: FloatArray) -> FloatArray:
-        return np.asarray((here.residual**2).sum(axis=1))
-
-    def converged(self, before: _Estimate, after: _Estimate) -> BoolArray:
-        cost = self.costs(before, before.weights)
-        return np.asarray(cost - self.costs(after, after.weights) <= _SETTLED * cost)
 
 
 def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> FloatArray:
@@ -331,7 +312,8 @@ def _changes(residual: FloatArray, design: FloatArray, damping: FloatArray) -> F
     right = scaling * (transposed @ residual[:, :, None])[:, :, 0]
     changes = -scaling * np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     turn = np.linalg.norm(changes[:, 4:], axis=1)
-    return shortened(changes, np.maximum(turn / LARGEST_TURN, np.abs(changes[:, 0])), 1.0)
+    largest = np.maximum(turn / LARGEST_TURN, np.abs(changes[:, 0]))
+    return np.asarray(changes / np.maximum(largest, 1.0)[:, None])
 
 
 def _robust_costs(common: CommonPoints, solutions: list[SimilarityAdjustment]) -> FloatArray:

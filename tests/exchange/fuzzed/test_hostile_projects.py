@@ -16,7 +16,6 @@ from exchange import (
     test_aerial,
     test_blocks_exchange,
     test_gubaio,
-    test_images,
     test_metashape,
     test_metric,
     test_micmac,
@@ -132,9 +131,6 @@ SOUND: dict[str, Callable[[Path], Path]] = {
     "ign": _folder(test_metric.ign_files, ign.READING),
     "gubaio": test_gubaio.folder_of,
     "bingo": _folder(test_aerial.bingo_files, bingo.READING),
-    "images": lambda folder: (
-        test_images.image(folder / "a.jpg", (600, 400), test_images.FULL, test_images.DRONE).parent
-    ),
     "csv": _folder(_tables, tables.READING),
     "patb": _folder(test_aerial.patb_files, patb.READINGS[0]),
     "metashape psz": lambda folder: metashape_projects.psz(folder / "a.psz", small(metashape.READING)),

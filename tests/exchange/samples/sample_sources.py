@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from exchange.imported import read_well, sample, written
 
-from orip.exchange.images import read_images_project
 from orip.exchange.metashape.sensors import read_lens
 from orip.exchange.metashape.source import READING as METASHAPE
 from orip.exchange.opensfm.control_marks import read_control_list
@@ -109,9 +108,3 @@ def copr(folder: Path) -> ExchangedProject:
     part = {"cameras": {"c": camera}, "shots": shots, "points": {}, "reference_lla": reference}
     written(folder / "reconstruction.json", json.dumps([part]))
     return read_well(read_opensfm, folder)
-
-
-def photo_with_position(folder: Path) -> ExchangedProject:
-    folder.mkdir(parents=True, exist_ok=True)
-    shutil.copy(sample("exif", "lund_01.jpg"), folder)
-    return standing_level(read_well(read_images_project, folder))

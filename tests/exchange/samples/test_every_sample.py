@@ -28,6 +28,8 @@ from orip.exchange.opensfm.control_marks import read_control_list
 from orip.exchange.photomodeler import read_photomodeler
 from orip.exchange.sources.text import Faults
 from orip.files.control.stations_text import read_stations, stations_text
+from orip.files.exif import exposure_of, image_tags
+from orip.files.image_cameras import station_of
 from orip.records.control import Station
 from orip.records.exchanged import ExchangedProject
 from orip.stations.imported import read_epochs
@@ -149,13 +151,6 @@ def same_cameras(_before: ExchangedProject, after: ExchangedProject) -> None:
     assert len(after.cameras) == 1
 
 
-def same_stations(before: ExchangedProject, after: ExchangedProject) -> None:
-    assert [station.position for station in after.stations] == [
-        pytest.approx(station.position, abs=1e-9) for station in before.stations
-    ]
-    assert len(after.stations) == 1
-
-
 # ---- files that are no projects ----
 
 
@@ -203,11 +198,6 @@ def _shows_24mm(project: ExchangedProject) -> None:
     camera = read_lens_file(twin, Faults("lens"))
     assert camera is not None
     assert camera.columns == project.cameras[0].columns
-
-
-def _shows_photo(project: ExchangedProject) -> None:
-    assert (project.cameras[0].columns, project.cameras[0].rows) == (1024, 768)
-    assert project.stations[0].position[:2] == pytest.approx((13.1953889, 55.6981667), abs=1e-7)
 
 
 def _lens(name: str) -> Callable[[Path], ExchangedProject]:
@@ -260,6 +250,22 @@ def _deviations_row() -> Row:
         _require_same_stations(given, read_stations(folder_of_test / "a.STA", "a.STA").value)
 
     return Row(("sbet/smrmsg.smrmsg", "sbet/smrmsg-first50.txt"), shows, there_and_back)
+
+
+def _photo_row(path: str) -> Row:
+    """Return the row of an image with a position; the way back goes through the text of exposure stations."""
+
+    def stations() -> list[Station]:
+        return list(station_of("a", exposure_of(image_tags(data_set("exchange") / path))))
+
+    def shows(_: Path) -> None:
+        assert stations()[0].position[:2] == pytest.approx((13.1953889, 55.6981667), abs=1e-7)
+
+    def there_and_back(folder: Path) -> None:
+        (folder / "a.STA").write_text("CRS EPSG:4979\n" + stations_text(stations(), is_geographic=True))
+        _require_same_stations(stations(), read_stations(folder / "a.STA", "a.STA").value)
+
+    return Row((path,), shows, there_and_back)
 
 
 def _refused(path: str) -> Row:
@@ -338,7 +344,7 @@ ROWS: dict[str, Row] = {
          "longitude in radians": "-2.041654", "height": "107.715"},
     ),
     "SMRMSG": _deviations_row(),
-    "EXIF": own_row("exif/lund_01.jpg", sources.photo_with_position, "metashape", _shows_photo, same_stations),
+    "EXIF": _photo_row("exif/lund_01.jpg"),
 }  # fmt: skip
 
 LONG = {title: [pytest.mark.long] if title.startswith("COLMAP") else [] for title in ROWS}

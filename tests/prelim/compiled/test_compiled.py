@@ -11,14 +11,12 @@ import pytest
 from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthetic_rays
 
 from orip.geometry.similarity import Similarity
-from orip.prelim import compiled
+from orip.prelim import compiled, refinement
 from orip.prelim.intersection import intersect
 from orip.prelim.rays import ALL_KNOWN, ImageRays, UnknownCameras
-from orip.prelim.refinement import refinement
-from orip.prelim.refinement.refinement import refine
-from orip.prelim.relative.adjustment import Pairs
+from orip.prelim.refinement import refine
 from orip.prelim.relative.orientation import orient_pair
-from orip.prelim.relative.solution import PairSolution, solve
+from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect
 from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_similarity
 from orip.prelim.similarity.common_points import CommonPoints

@@ -18,12 +18,11 @@ from scipy.spatial.transform import Rotation
 
 from orip.geometry.essential import TwoPhotos
 from orip.geometry.similarity import Similarity
+from orip.prelim import refinement
 from orip.prelim.compiled import is_compiled, kernels
 from orip.prelim.growing_block import GrowingBlock, residual_lengths
 from orip.prelim.intersection import intersect, with_consensus
-from orip.prelim.refinement import refinement
-from orip.prelim.refinement.problem import no_corrections
-from orip.prelim.refinement.refinement import refine
+from orip.prelim.refinement import no_corrections, refine
 from orip.prelim.relative.given_scale import adjusted_at_scale, at_scale
 from orip.prelim.relative.orientation import common_point_counts
 from orip.prelim.relative.solution import solve

@@ -1,17 +1,11 @@
-"""Least squares of the space resection: many orientations of one photo at once, on the points that fit them best."""
+"""The space resection with arrays: orientations of triples, least squares of many at once, and the choice."""
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-
-from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
-from orip.arrays import BoolArray, FloatArray
-from orip.geometry.perspective import perspective_with_partials
-from orip.geometry.rotation import rotation_about_axes
-from orip.prelim.least_squares import (
+from support.prelim_references.iterations import (
     GaussNewton,
     Iterated,
     Marquardt,
@@ -20,20 +14,56 @@ from orip.prelim.least_squares import (
     least_squares,
     shortened,
 )
+from support.prelim_references.three_points import three_point_resection
+
+from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.geometry.perspective import perspective_with_partials
+from orip.geometry.rotation import rotation_about_axes
 from orip.prelim.resection.known_points import KnownPoints, Orientations
+from orip.prelim.resection.start import (
+    _SAME,
+    CANDIDATES,
+    FITS,
+    IMPROVEMENTS,
+    ITERATIONS,
+    SAME_SCALE,
+    STEADY,
+    AdjustedResection,
+    _best,
+    _excess,
+    _quantile,
+    _variance,
+)
 
-IMPROVEMENTS = 3
-"""Steps of least trimmed squares: enough to tell good starts from bad ones."""
 
-ITERATIONS = 30
-STEADY = 1e-6
-"""Last correction, in radians and parts of the points' spread: the next one would be of the order of its square."""
+def _smallest(squares: FloatArray, number: int) -> FloatArray:
+    return np.asarray(np.partition(squares, number - 1, axis=1)[:, :number])
 
-SAME_SCALE = 1.04
-"""Ratio of two estimates of the variance up to which they give the same limit for blunders."""
 
 _FLOOR = 1e-13
 """Part of the largest diagonal element that is added to all, so that undetermined unknowns keep their values."""
+
+
+def _fitting(known: KnownPoints, squares: FloatArray) -> FloatArray:
+    """Return weights (k, n): 1 for the points that fit best, 0 for the others and those behind the photo."""
+    limit = _smallest(squares, known.least).max(axis=1, keepdims=True)
+    return np.where((squares <= limit) & np.isfinite(squares), 1.0, 0.0)
+
+
+def _trimmed_variance(known: KnownPoints, squares: FloatArray) -> FloatArray:
+    """Return the variances of unit weight (k,) estimated from the smallest squared residuals (k, n)."""
+    return np.asarray(known.variance_of_least * _smallest(squares, known.least).sum(axis=1))
+
+
+def _costs(known: KnownPoints, squares: FloatArray) -> FloatArray:
+    """Return the costs (k,) of orientations: sums of squared residuals (k, n), each counted up to the limit.
+
+    In units of the least variance among the orientations, or of the a-priori one.
+    """
+    # finite even where all points are behind the photo
+    variance = min(max(float(_trimmed_variance(known, squares).min()), 1.0), 1e300)
+    return np.asarray(np.minimum(squares / variance, LIMIT_OF_TWO_COMPONENTS**2).sum(axis=1))
 
 
 class ResectionEquations(NamedTuple):
@@ -77,39 +107,6 @@ class ResectionEquations(NamedTuple):
         return transposed @ design, transposed @ misclosure
 
 
-class AdjustedResection(NamedTuple):
-    """One adjusted orientation.
-
-    Attributes
-    ----------
-    at : Orientations
-        One.
-    residual : array (n, 2)
-        Computed minus measured, mm.
-    squares : array (n,)
-        Squared standardised residuals; infinite behind the photo.
-    weight_factors : array (n,)
-    normals : array (6, 6)
-        Normal equations of rotations about the ground axes and projection centre.
-    """
-
-    at: Orientations
-    residual: FloatArray
-    squares: FloatArray
-    weight_factors: FloatArray
-    normals: FloatArray
-
-    @property
-    def redundancy(self) -> int:
-        """Return the redundancy of the points with full weight."""
-        return max(_redundancy(self.weight_factors), 0)
-
-    @property
-    def s0(self) -> float:
-        """Return the standard error of unit weight; 1 without redundancy."""
-        return math.sqrt(_variance(self.squares, self.weight_factors))
-
-
 class _Resection:
     """The adjustment of k orientations, whatever the weights of the points."""
 
@@ -151,10 +148,10 @@ class _TrimmedResection(_Resection):
     """Weights 1 for the points that fit best, 0 for the others: least trimmed squares."""
 
     def reweighted(self, here: ResectionEquations) -> ResectionEquations:
-        return here._replace(weights=self._known.fitting(here.squares))
+        return here._replace(weights=_fitting(self._known, here.squares))
 
     def costs(self, here: ResectionEquations, _weights: FloatArray) -> FloatArray:
-        return self._known.trimmed_variance(here.squares)
+        return _trimmed_variance(self._known, here.squares)
 
     def converged(self, _before: ResectionEquations, _after: ResectionEquations) -> bool:
         return False
@@ -233,11 +230,44 @@ def _variance_before(found: Iterated[ResectionEquations]) -> float:
     return max(_variance(found.before.squares[0], found.before.weights[0]), 1.0)
 
 
-def _redundancy(factors: FloatArray) -> int:
-    return 2 * int(np.count_nonzero(factors == 1.0)) - 6
+def _of_triples(known: KnownPoints, triples: IntArray) -> tuple[Orientations, FloatArray]:
+    """Return the best orientations of triples of points, the best first, and their quantiles.
+
+    Once enough fitting candidates have been found, further triples are ignored.
+    """
+    found = three_point_resection(known.vectors[triples], known.coordinates[triples])
+    tried = Orientations(found.rotations[found.valid], found.centres[found.valid])
+    quantile = _quantile(known, tried)
+    triple = np.nonzero(found.valid)[0]
+    enough = np.flatnonzero(np.cumsum(quantile <= FITS) >= CANDIDATES)
+    looked_at = triple <= (triple[enough[0]] if len(enough) else len(triples))
+    return _best(tried.of(looked_at), quantile[looked_at])
 
 
-def _variance(squares: FloatArray, factors: FloatArray) -> float:
-    """Return the variance of unit weight from the points with full weight; 1 without redundancy."""
-    redundancy = _redundancy(factors)
-    return float(squares[factors == 1.0].sum()) / redundancy if redundancy > 0 else 1.0
+def _side_by_side(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
+    tried, squares = improve_orientations(known, start)
+    variance = float(_trimmed_variance(known, squares).min())
+    likely = _likely(known, tried, squares)
+    found = [adjust_resection(known, tried.of(slice(row, row + 1)), variance) for row in likely]
+    ends = Orientations(*(np.concatenate(part) for part in zip(*(adjusted.at for adjusted in found), strict=True)))
+    left = _likely(known, ends, np.stack([adjusted.squares for adjusted in found]))
+    return found[left[0]], ends.of(left[1:])
+
+
+def _likely(known: KnownPoints, at: Orientations, squares: FloatArray) -> IntArray:
+    """Return which orientations with squared residuals (k, n) cost the least or not much more, the least first.
+
+    Of equal ones, the first.
+    """
+    costs = np.nan_to_num(_costs(known, squares), nan=np.inf)  # an orientation may have run away
+    order = np.argsort(costs, kind="stable")
+    order = order[costs[order] <= costs[order[0]] + _excess(known)]
+    rotations, centres = at.of(order)
+    turn = np.sqrt(((rotations[:, None] - rotations) ** 2).sum(axis=(2, 3)) / 2.0)
+    shift = np.sqrt(((centres[:, None] - centres) ** 2).sum(axis=2) / (centres**2).sum(axis=1)[:, None])
+    same = (turn < _SAME) & (shift < _SAME)
+    kept: list[int] = []
+    for row in range(len(order)):
+        if not same[kept, row].any():
+            kept.append(row)
+    return np.asarray(order[kept])

@@ -1,7 +1,7 @@
 """The study of preliminary values: from nothing to the true minimum, block by block.
 
-    PYTHONPATH=tests python tests/monte_carlo/preliminary_study.py outcomes.jsonl --runs 2000 --processes 2
-    PYTHONPATH=tests python tests/monte_carlo/preliminary_study.py outcomes.jsonl --table docs/preliminary-values.md
+    PYTHONPATH=tests:benchmarks python -m monte_carlo.preliminary_study blocks.jsonl --runs 2000 --processes 2
+    PYTHONPATH=tests:benchmarks python -m monte_carlo.preliminary_study blocks.jsonl --table docs/preliminary-values.md
 
 The first makes and adjusts the blocks that are not in the file of outcomes yet; both print the tables, and `--table`
 puts them in the place of those in a document.
@@ -329,7 +329,7 @@ def main() -> None:
             file.write(json.dumps(to_builtins(found)) + "\n")
             file.flush()
     text = tables(read_outcomes(arguments.outcomes))
-    print(text)  # noqa: T201
+    print(text)
     if arguments.table:
         write_tables(arguments.table, text)
 

@@ -1,23 +1,38 @@
-"""Steps of a refinement with arrays, where the compiled loop was not built: points eliminated, photos in a band."""
+"""A refinement of photos and points with arrays: points eliminated, photos in a band."""
 
 from __future__ import annotations
 
+import math
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from msgspec import Struct
+from support.prelim_references.iterations import (
+    E,
+    PrelimProblem,
+    enlarged_diagonal,
+    group_sums,
+    largest_elements,
+    least_squares,
+)
 
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.geometry.perspective import Perspective, perspective_with_partials
-from orip.prelim.least_squares import enlarged_diagonal, group_sums, largest_elements
-from orip.prelim.rays import CAMERA_CORRECTIONS
-from orip.prelim.refinement.problem import (
+from orip.geometry.rotation import rotation_about_axes
+from orip.prelim import refinement
+from orip.prelim.compiled import LARGEST_TURN
+from orip.prelim.rays import CAMERA_CORRECTIONS, ImageRays
+from orip.prelim.refinement import (
+    _ENOUGH,
+    _FIRST_DAMPING,
+    _LEAST_DAMPING,
+    _UPHILL,
+    _UPHILL_STEPS,
     EXPECTED,
-    SQUARE_BEHIND,
-    RayResiduals,
-    RefinementProblem,
-    RefinementState,
-    by_corrections,
+    MEDIAN_LENGTH,
+    Refined,
     camera_of,
     corrected,
 )
@@ -25,6 +40,93 @@ from orip.prelim.sampling import median
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+
+def by_corrections(rays: ImageRays) -> FloatArray:
+    """Return the partials (n, 2, `CAMERA_CORRECTIONS`) of residuals, computed minus measured, by corrections.
+
+    Those by the first are the computed coordinates themselves; the factor 1 is returned for them. 0 for corrections
+    that are known; an empty array where all cameras are known.
+    """
+    camera = camera_of(rays)
+    partials = np.zeros((len(camera), 2, CAMERA_CORRECTIONS))
+    if len(camera):
+        x, y, z = rays.vectors.T
+        radial = (x * x + y * y) / (z * z)
+        partials[:, :, 0] = 1.0
+        partials[:, 0, 1] = partials[:, 1, 2] = z
+        partials[:, 0, 3], partials[:, 1, 3] = -radial * x, -radial * y
+        # the last row is that of known cameras
+        unknown = np.vstack([rays.cameras.unknown, np.zeros(CAMERA_CORRECTIONS, dtype=bool)])
+        partials *= unknown[camera, None, :]
+    return partials
+
+
+SQUARE_BEHIND = 1e6
+"""Squared standard residual that a ray has whose point lies behind the photo."""
+
+
+class RefinementState(Struct, frozen=True):
+    """Rotations (p, 3, 3) and centres (p, 3) of photos, points (q, 3), and corrections of k cameras (k, 4)."""
+
+    rotations: FloatArray
+    centres: FloatArray
+    points: FloatArray
+    corrections: FloatArray
+
+    @property
+    def of_cameras(self) -> float:
+        """Return the square sum of the cameras' corrections over their a-priori standard deviations."""
+        return float(((self.corrections / EXPECTED) ** 2).sum())
+
+    def moved(self, by_photos: FloatArray, by_points: FloatArray, by_cameras: FloatArray) -> RefinementState:
+        """Return the state after turns and shifts (p, 6) of photos, shifts of points, and changes of corrections."""
+        largest = float(np.linalg.norm(by_photos[:, :3], axis=1).max(initial=0.0))
+        factor = min(1.0, LARGEST_TURN / max(largest, 1e-300))
+        return RefinementState(
+            rotation_about_axes(factor * by_photos[:, :3]) @ self.rotations,
+            self.centres + factor * by_photos[:, 3:],
+            self.points + factor * by_points,
+            self.corrections + factor * by_cameras,
+        )
+
+
+class RayResiduals(NamedTuple):
+    """Squares (m,) and lengths (m,) of the residuals of m rays over their a-priori errors.
+
+    Of points behind the photo the squares are `SQUARE_BEHIND`, and the lengths infinite. `of_cameras` is what the
+    corrections of the cameras add to the square sum.
+    """
+
+    squares: FloatArray
+    lengths: FloatArray
+    of_cameras: float
+
+
+class RefinementProblem(Struct, frozen=True, dict=True):
+    """Which rays take part, point by point, and which photos and points are unknown.
+
+    Parameters
+    ----------
+    rays : ImageRays
+        m of them.
+    photo_free, point_free : arrays (p,), (q,) of bool
+    """
+
+    rays: ImageRays
+    photo_free: BoolArray
+    point_free: BoolArray
+
+    @cached_property
+    def redundancy(self) -> int:
+        """Return twice the number of rays minus the number of unknowns."""
+        return 2 * len(self.rays.photo) - 6 * int(self.photo_free.sum()) - 3 * int(self.point_free.sum())
+
+    @cached_property
+    def median_length(self) -> float:
+        """Return the median of the lengths of residuals that are as large as expected; 0 without redundancy."""
+        share = self.redundancy / (2 * len(self.rays.photo)) if len(self.rays.photo) else 0.0
+        return MEDIAN_LENGTH * math.sqrt(share) if share > 0.0 else 0.0
 
 
 class ReducedEquations(NamedTuple):
@@ -153,6 +255,7 @@ def _places(problem: RefinementProblem, place: IntArray) -> int:
 
 _DENSE = 0.1
 """Part of the couplings between photos and points above which a product of full matrices is faster."""
+
 
 _FLOOR = 1e-12
 """Part of the largest diagonal element that is added to make normal equations without observations regular."""
@@ -299,3 +402,138 @@ def _band(blocks: FloatArray, coupling: csr_array) -> FloatArray:
     width = int(below.max(initial=0)) + 1
     band = np.bincount(below * size + columns[lower], values[lower], width * size).reshape(width, size)
     return np.asarray(band, dtype=np.float64)
+
+
+def refined(
+    rays: ImageRays, block: tuple[FloatArray, ...], oriented: BoolArray, held_points: BoolArray, enough: float
+) -> Refined:
+    rotations, centres, coordinates, corrections = block
+    problem, used = _problem(rays, oriented, coordinates, held_points)
+    weight_factors = np.zeros(len(rays.photo))
+    if not len(problem.rays.photo):
+        return Refined(rotations, centres, coordinates, corrections, weight_factors, 0.0, 0)
+    # a system of the block's own size: damping treats angles and lengths alike
+    base = centres[oriented].mean(axis=0)
+    size = float(np.linalg.norm(coordinates[problem.rays.point] - centres[problem.rays.photo], axis=1).mean())
+    start = RefinementState(rotations, (centres - base) / size, (coordinates - base) / size, corrections)
+    robust = _RobustRefinement(problem, enough)
+    found = least_squares(robust, robust.start(start), _UphillSteps(), refinement._MOST_STEPS)
+    state, s0, iterations = found.best.state, found.best.s0, found.iterations
+    weight_factors[used] = found.best.weights
+    moved_photos = np.zeros(len(rays.photos), dtype=bool)
+    moved_photos[problem.rays.photo] = problem.photo_free[problem.rays.photo]
+    moved_points = np.zeros(len(rays.points), dtype=bool)
+    moved_points[problem.rays.point] = problem.point_free[problem.rays.point]
+    return Refined(
+        np.where(moved_photos[:, None, None], state.rotations, rotations),
+        np.where(moved_photos[:, None], base + size * state.centres, centres),
+        np.where(moved_points[:, None], base + size * state.points, coordinates),
+        state.corrections,
+        weight_factors,
+        s0,
+        iterations,
+    )
+
+
+def _problem(
+    rays: ImageRays, oriented: BoolArray, coordinates: FloatArray, held_points: BoolArray
+) -> tuple[RefinementProblem, IntArray]:
+    """Return the problem, and the rays that take part: those of points that two photos see, or that are known."""
+    known = np.asarray(np.isfinite(coordinates).all(axis=1), dtype=bool)
+    used = oriented[rays.photo] & known[rays.point]
+    number = np.bincount(rays.point[used], minlength=len(rays.points))
+    used &= (number >= 2)[rays.point] | held_points[rays.point]
+    rows = np.flatnonzero(used)
+    rows = rows[np.argsort(rays.point[rows], kind="stable")]
+    seen = np.zeros(len(rays.points), dtype=bool)
+    seen[rays.point[rows]] = True
+    taking = np.zeros(len(rays.photos), dtype=bool)
+    taking[rays.photo[rows]] = True
+    problem = RefinementProblem(rays.of(rows), taking, seen & ~held_points)
+    return problem, rows
+
+
+class _Estimate(NamedTuple):
+    """Where the iterations stand: residuals, their robust scale, and weight factors (m,)."""
+
+    state: RefinementState
+    residuals: RayResiduals
+    s0: float
+    weights: FloatArray
+
+
+class _RobustRefinement:
+    """The least squares problem of a refinement, with weights of the Danish method."""
+
+    def __init__(self, problem: RefinementProblem, enough: float) -> None:
+        self._problem, self._enough = problem, enough
+        self._solver = ArraySolver(problem)
+
+    def start(self, state: RefinementState) -> _Estimate:
+        return self.reweighted(_Estimate(state, self._solver.residuals(state), 0.0, np.empty(0)))
+
+    def stepped(self, here: _Estimate, damping: FloatArray) -> _Estimate:
+        state = self._solver.moved(here.state, here.weights, float(damping[0]))
+        return here._replace(state=state, residuals=self._solver.residuals(state))
+
+    def reweighted(self, here: _Estimate) -> _Estimate:
+        weights, s0 = self._solver.weights(here.residuals.lengths)
+        return here._replace(s0=s0, weights=weights)
+
+    def costs(self, here: _Estimate, weights: FloatArray) -> FloatArray:
+        """Return the weighted square sum (1,) of residuals and of the cameras' corrections.
+
+        A ray that has come to lie behind its photo counts as a large residual.
+        """
+        return np.array([weights @ here.residuals.squares + here.residuals.of_cameras])
+
+    def converged(self, before: _Estimate, after: _Estimate) -> bool:
+        """Return whether the gain is small, both with the weights before the step and with the new ones."""
+        cost, improved, reweighted = (
+            float(self.costs(at, weights)[0])
+            for at, weights in ((before, before.weights), (after, before.weights), (after, after.weights))
+        )
+        gain = min(cost - improved, abs(cost - reweighted))
+        return gain <= (self._enough * cost or _ENOUGH * max(before.s0, 1.0) ** 2)
+
+
+class _UphillSteps:
+    """Marquardt's damping that allows for steps uphill.
+
+    Along a curved valley a full step often leads uphill and the next one far down: two such steps are taken. If they do
+    not help, the iterations go back to the best estimate with more damping, and no further uphill steps are taken.
+    """
+
+    exhausted = False
+
+    def __init__(self) -> None:
+        self.damping = np.array([_FIRST_DAMPING])
+        self.on_trust = False
+        self._steps_left, self._refused = _UPHILL_STEPS, False
+
+    def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
+        """Return whether the square sum is no larger; otherwise decide whether to go on from there nevertheless."""
+        before, after = problem.costs(best, best.weights)[0], problem.costs(tried, best.weights)[0]
+        was_on_trust, self.on_trust = self.on_trust, False
+        if after <= before:
+            self.damping = np.maximum(self.damping * (1.0 if self._refused else 0.1), _LEAST_DAMPING)
+            self._refused = False
+            if self._steps_left >= 0:
+                self._steps_left = _UPHILL_STEPS
+            return np.array([True])
+        if self._steps_left > 0 and after <= _UPHILL * before:
+            self.on_trust = True
+            self._steps_left -= 1
+            return np.array([False])
+        if was_on_trust:
+            self._steps_left = _NEVER_AGAIN
+        self.singular()
+        self._refused = True
+        return np.array([False])
+
+    def singular(self) -> None:
+        """Damp the next step more: the damping so far was less than rounding in nearly singular equations."""
+        self.damping, self.on_trust = self.damping * 10.0, False
+
+
+_NEVER_AGAIN = -1

@@ -1,4 +1,4 @@
-"""The loop of least squares that all adjustments of preliminary values share: many small robust problems side by side.
+"""The loop of least squares that the references share: many small robust problems side by side.
 
 A problem knows its observations and unknowns: it solves its normal equations for one step, gives its residuals, turns
 them into weights and says when it has converged. The loop repeats that; a step rule decides which steps are taken.
@@ -11,9 +11,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar, cast
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-
-LARGEST_TURN = 0.5
-"""Largest rotation of one step, radians: beyond it the linear equations no longer describe the problem."""
+from orip.prelim.compiled import LARGEST_TURN
 
 
 class PrelimEstimate(Protocol):

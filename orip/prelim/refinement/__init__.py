@@ -1,1 +1,0 @@
-"""Refinement of preliminary values: photos and points of a growing block in one rough adjustment."""
