@@ -155,6 +155,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         preliminary=inputs.preliminary,
         ground_unit=inputs.ground_unit,
         defined_cameras=tuple(inputs.records.cameras.values()),
+        control_correlations=ground.correlations,
         warnings=inputs.warnings,
     )
 
@@ -277,6 +278,7 @@ def _ground_observations(
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
+        correlations=tuple(pair for pair in control.correlations if {pair.first, pair.second} <= points),
     )
 
 

@@ -122,7 +122,9 @@ class BlockProblem(Struct, frozen=True):
             return None
         found, first = [], 0
         for kind, groups in zip(self.observations, of_kinds, strict=True):
-            found.append(np.full(len(kind.rows.error), -1) if groups is None else first + groups)
+            found.append(
+                np.full(len(kind.rows.error), -1) if groups is None else np.where(groups < 0, -1, first + groups)
+            )
             first += 0 if groups is None else int(groups.max()) + 1
         return np.concatenate(found)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import BlockState
 from orip.bundle.undetermined_unknowns import (
@@ -59,6 +61,17 @@ class SolvedBlock(Adjustment[BlockState], frozen=True):
         """Return the factor from the root of a cofactor to a standard deviation: sigma0, or 1 without redundancy."""
         return self.variance.sigma0 if np.isfinite(self.variance.sigma0) else 1.0
 
+    def ground_design(self, rows: IntArray) -> csr_array:
+        """Return rows (k, m + 3 b) of the design matrix, none of photo points, divided by their a-priori errors."""
+        others, numbers, first = [], [np.zeros(0, dtype=np.int64)], 0
+        for kind in self.problem.observations:
+            if not isinstance(kind, PhotoPointObservations):
+                others.append(kind)
+                numbers.append(first + np.arange(len(kind.rows.error)))
+            first += len(kind.rows.error)
+        design = BlockProblem(self.block, self.problem.unknowns, tuple(others)).design(self.state)
+        return csr_array(design[np.searchsorted(np.concatenate(numbers), rows)])
+
     def cofactors_of(self, columns: IntArray) -> FloatArray:
         """Return the cofactor matrix (k, k) of unknowns that are all in the reduced system or all of one point."""
         m = self.problem.layout.reduced
@@ -66,6 +79,19 @@ class SolvedBlock(Adjustment[BlockState], frozen=True):
             return np.asarray(self.cofactors.reduced[np.ix_(columns, columns)])
         place = (columns - m) % 3
         return np.asarray(self.cofactors.blocks[(columns[0] - m) // 3][np.ix_(place, place)])
+
+
+def without_observations(problem: BlockProblem, excluded: BoolArray) -> BlockProblem:
+    """Return a problem without some observations (n,), whose errors then have no part in other equations."""
+    ends = np.cumsum([len(kind.rows.error) for kind in problem.observations])
+    parts = zip(problem.observations, np.split(excluded, ends[:-1]), strict=True)
+    kept = tuple(kind.with_left_out(part) for kind, part in parts)
+    streamed = problem.streamed
+    if streamed is not None:
+        of_kind = {kind.rows.kind.name: kind for kind in kept if kind.correlations()}
+        rest = tuple(of_kind.get(kind.rows.kind.name, kind) for kind in streamed[1].observations)
+        streamed = (streamed[0], replace(streamed[1], observations=rest))
+    return replace(problem, observations=kept, excluded=excluded, streamed=streamed)
 
 
 def iteration_settings(definition: BundleDefinition) -> IterationSettings:

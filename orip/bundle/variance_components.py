@@ -13,10 +13,10 @@ from scipy.special import erf, gammainc, gammaincc
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.residual_sums import residual_sums
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.groups.observation_groups import ground_design, rows_under_test
+from orip.bundle.groups.observation_groups import rows_under_test
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
-from orip.bundle.solve import SolvedBlock, solve_problem
+from orip.bundle.solve import SolvedBlock, solve_problem, without_observations
 from orip.bundle.unknowns import CONSTANT
 from orip.bundle.variance_groups import (
     GroupRows,
@@ -26,7 +26,6 @@ from orip.bundle.variance_groups import (
 )
 from orip.records.block import Block
 from orip.records.result_tests import VarianceComponent
-from orip.structs import replace
 from orip.threads import limited_threads
 
 # With the residuals v of observations divided by their a-priori errors, l, the matrix R of v = -R l is a projection.
@@ -195,7 +194,7 @@ def _design_in_parts(solved: SolvedBlock) -> Iterator[tuple[IntArray, csr_array]
             yield numbers[start : start + len(columns)], csr_array((values, (rows, columns[rows, places])), shape=shape)
             start += len(columns)
     rest = np.concatenate(ground)
-    yield rest, ground_design(solved, rest)
+    yield rest, solved.ground_design(rest)
 
 
 def _lost_tails(solved: SolvedBlock, groups: Sequence[GroupRows], redundancy: FloatArray, limit: float) -> FloatArray:
@@ -347,7 +346,8 @@ class _Estimation(Struct, frozen=True):
         """Return the block as adjusted with other errors, from the values of another adjustment."""
         block = self.given.block
         factors = dict(zip(self.groups, np.sqrt(variances).tolist(), strict=True))
-        problem = replace(self.pose(with_errors_times(block, factors)), excluded=self.given.problem.excluded)
+        problem, excluded = self.pose(with_errors_times(block, factors)), self.given.problem.excluded
+        problem = problem if excluded is None else without_observations(problem, excluded)
         solved = solve_problem(problem, start.state, self.settings, self.on_iteration, self.stop_asked)
         return self.with_equations(solved, variances)
 

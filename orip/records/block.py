@@ -14,6 +14,7 @@ from orip.records.control import (
     ControlDistance,
     ControlElement,
     ControlPoint,
+    PointCorrelation,
     PreliminaryPoint,
     Station,
 )
@@ -109,6 +110,8 @@ class Block(Struct, frozen=True):
         The project's.
     defined_cameras : tuple of Camera
         All that a photo may have been taken with, also those of no photo.
+    control_correlations : tuple of PointCorrelation
+        Of pairs of control points in the block; each has those of its own coordinates itself.
     warnings : tuple of ProjectWarning
         What is doubtful in what was measured and given.
     """
@@ -135,6 +138,7 @@ class Block(Struct, frozen=True):
     preliminary: tuple[PreliminaryPoint, ...] = ()
     ground_unit: str = "m"
     defined_cameras: tuple[Camera, ...] = ()
+    control_correlations: tuple[PointCorrelation, ...] = ()
     warnings: tuple[ProjectWarning, ...] = ()
 
     @property

@@ -134,6 +134,8 @@ class ControlPoint(Struct, frozen=True):
         Neither control nor check.
     line : int
         Line of the file.
+    correlations : tuple of 3 float, or None
+        Coefficients rXY, rXZ and rYZ; None: the errors of X, Y and Z are independent.
     """
 
     name: str
@@ -141,6 +143,7 @@ class ControlPoint(Struct, frozen=True):
     errors: tuple[float | None, float | None, float | None]
     rejected: bool = False
     line: int = 0
+    correlations: tuple[float, float, float] | None = None
 
     @property
     def kind(self) -> PointKind:
@@ -149,6 +152,22 @@ class ControlPoint(Struct, frozen=True):
             return "rejected"
         known = [error for error in self.errors if error is not None]
         return "check" if all(error < 0 for error in known) else "control"
+
+
+class PointCorrelation(Struct, frozen=True):
+    """How the errors of two control points are correlated.
+
+    Parameters
+    ----------
+    first, second : str
+        Names of control points, each pair once.
+    coefficients : tuple of 3 tuples of 3 float
+        Of X, Y, Z of the first (rows) with X, Y, Z of the second.
+    """
+
+    first: str
+    second: str
+    coefficients: tuple[tuple[float, float, float], ...]
 
 
 class ControlElement(Struct, frozen=True):
@@ -196,6 +215,7 @@ class Control(Struct, frozen=True):
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
+    correlations: tuple[PointCorrelation, ...] = ()
 
 
 class PreliminaryPoint(Struct, frozen=True):

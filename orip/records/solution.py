@@ -137,6 +137,15 @@ class Reliability(Struct, frozen=True):
     adjusted_sd: FloatArray
 
 
+class CorrelatedReliability(Struct, frozen=True):
+    """The reliability of an observation whose error is correlated with others; `row` is that of the residuals."""
+
+    row: int
+    minimal_detectable_bias: float
+    external: float
+    adjusted_sd: float
+
+
 class Estimates(Struct, frozen=True):
     """Adjusted values of records of one group.
 
@@ -299,6 +308,7 @@ class Solution(Struct, frozen=True):
     variance_components: tuple[VarianceComponent, ...] = ()
     photo_correlations: FloatArray = field(default_factory=_no_photo_correlations)
     point_correlations: FloatArray = field(default_factory=_no_correlations)
+    correlated: tuple[CorrelatedReliability, ...] = ()
 
     @property
     def is_large(self) -> bool:

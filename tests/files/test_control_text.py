@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from orip.files.control.text import (
@@ -13,6 +14,7 @@ from orip.files.control.text import (
     parse_distances,
     parse_elements,
     parse_points,
+    points_text,
     read_control,
     read_control_file,
 )
@@ -121,7 +123,7 @@ FAULTS: dict[Parser, list[tuple[str, str, str]]] = {
         ("P;1 2 3 1 1 1", "Z:1:15: ", "6 found; separate fields by blanks or tabs, not by ';'; the line is"),
         ("name X Y Z aX aY aZ", "Z:1: ", "this line has no numbers; begin a heading with !"),
         ("P 1e31 2 3 1 1 1", "Z:1:3: ", "'1e31' is too large for a number"),
-        ("P 1 2 3 1 1 1 x y", "Z:1:17: ", "'y' is one field too many"),
+        ("P 1 2 3 1 1 1 x y", "Z:1:19: ", "a field is missing"),
         ("P 1 2 3 1 1 1 y", "Z:1:15: ", "only x (rejected)"),
         ("P - 2 3 1 1 1", "Z:1:3: ", "the coordinate of X is '-' but its error is a number"),
         ("P 1 2 3 1 1 -", "Z:1:13: ", "the error of Z is '-' but its coordinate is a number"),
@@ -179,3 +181,63 @@ def test_names_with_blanks_are_one_complaint_and_not_two_for_each_line() -> None
     # a single line with a field too many is no name with a blank
     (other,) = parse_points(Parsed(["1 1.0 2.0 3.0 0.01 0.01 0.01 0.02", "2 1.0 2.0 3.0 1 1 1"]), "ELBE.PNT").complaints
     assert "one field too many" in str(other)
+
+
+def test_coefficients_of_correlation_may_follow_the_errors(tmp_path: Path) -> None:
+    text = "1 1 2 3 0.1 0.2 0.3 0.5 -0.2 0.1\n2 1 2 3 0.1 0.2 0.3 - - -\n3 1 2 3 .1 .1 .1 .5 0 0 x\n"
+    parsed = parse(parse_points, tmp_path, text)
+    assert not parsed.complaints
+    assert [point.correlations for point in parsed.value] == [(0.5, -0.2, 0.1), None, (0.5, 0.0, 0.0)]
+    assert [point.kind for point in parsed.value] == ["control", "control", "rejected"]
+    assert parse(parse_points, tmp_path, points_text(parsed.value)).value == parsed.value
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("1 1 2 3 .1 .1 .1 .9 .9 -.9", "that no three errors can have"),
+        ("1 1 2 3 .1 .1 0 .1 .1 .1", "need errors of X, Y and Z that are not 0"),
+        ("1 1 2 3 .1 .1 .1 .1 .1 .1 y", "one field too many"),
+        ("1 1 2 3 .1 .1 .1 .1 .1", "9 found"),
+    ],
+)
+def test_coefficients_that_are_impossible_are_refused(tmp_path: Path, line: str, words: str) -> None:
+    (said,) = complaints(parse_points, tmp_path, line + "\n")
+    assert words in said
+
+
+NETWORK = "A 1 2 3 .02 .02 .03\nB 4 5 6 .02 .02 .03\nC 7 8 - .02 0 -\n"
+
+
+def test_covariances_of_a_network_become_coefficients(tmp_path: Path) -> None:
+    (tmp_path / "P.PNT").write_text(NETWORK, encoding="utf-8")
+    text = "! network\nA B 2e-4 0 0  0 1e-4 0  0 0 4.5e-4\nA A 4e-4 1e-4 0 1e-4 4e-4 0 0 0 9e-4\n"
+    (tmp_path / "P.COV").write_text(text, encoding="utf-8")
+    found = read_control(tmp_path, "P")
+    assert not found.complaints
+    (pair,) = found.value.correlations
+    assert (pair.first, pair.second) == ("A", "B")
+    assert np.diag(pair.coefficients) == pytest.approx([0.5, 0.25, 0.5])
+    assert found.value.points[0].correlations == pytest.approx((0.25, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("A D 1e-4 0 0 0 0 0 0 0 0", "'D' is no control point"),
+        ("A B 5e-4 0 0 0 0 0 0 0 0", "is not possible with a-priori errors of 0.02 and 0.02"),
+        ("A C 0 1e-4 0 0 0 0 0 0 0", "an a-priori error of 0 in the .PNT file"),
+        ("A C 0 0 1e-4 0 0 0 0 0 0", "no a-priori error in the .PNT file"),
+        ("A A 9e-4 0 0 0 4e-4 0 0 0 9e-4", "is the root of the variance (0.03)"),
+        ("A A 4e-4 1e-4 0 0 4e-4 0 0 0 9e-4", "are equal two by two"),
+        ("A B 1e-4 0 0", "5 found"),
+        ("A B 1e-4 0 0 0 0 0 0 0 0\nB A 0 0 0 0 0 0 0 0 0", "already on line 1"),
+        ("A B 3.9e-4 3.9e-4 0 3.9e-4 -3.9e-4 0 0 0 0\nA A 4e-4 -3.9e-4 0 -3.9e-4 4e-4 0 0 0 9e-4", "not positive"),
+    ],
+)
+def test_covariances_that_are_impossible_are_refused(tmp_path: Path, line: str, words: str) -> None:
+    (tmp_path / "P.PNT").write_text(NETWORK, encoding="utf-8")
+    (tmp_path / "P.COV").write_text(line + "\n", encoding="utf-8")
+    (said,) = [str(complaint) for complaint in read_control(tmp_path, "P").complaints]
+    assert said.startswith("P.COV:")
+    assert words in said

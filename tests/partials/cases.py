@@ -59,7 +59,7 @@ from orip.prelim.refinement import no_corrections
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, Station
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, PointCorrelation, Station
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
 from orip.structs import replace
@@ -532,7 +532,19 @@ def blocks() -> dict[str, Block]:
         )
     }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
-    return plain | fisheyes | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+    strip = _in_a_crs(plain["strip, ideal"])
+    correlated = {"correlated, in a crs": _correlated(strip), "correlated": _correlated(plain["convergent, ideal"])}
+    return plain | fisheyes | with_set | same_lens | {"strip in a crs": strip} | correlated
+
+
+def _correlated(block: Block) -> Block:
+    """Return a block whose first control points have correlated errors, with others and among themselves."""
+    whole = [point for point in block.control_points if all(point.errors)][:3]
+    own = {point.name: replace(point, correlations=(0.3, -0.2, 0.1)) for point in whole[1:]}
+    matrix = ((0.3, 0.1, 0.0), (-0.1, 0.2, 0.1), (0.0, 0.1, 0.4))
+    pairs = tuple(PointCorrelation(whole[0].name, point.name, matrix) for point in whole[1:])
+    points = tuple(own.get(point.name, point) for point in block.control_points)
+    return replace(block, control_points=points, control_correlations=pairs)
 
 
 def _in_a_crs(block: Block) -> Block:

@@ -33,6 +33,7 @@ from orip.bundle.groups.observation_groups import (
     Strip,
     rows_under_test,
     strip_errors,
+    with_correlations,
 )
 from orip.bundle.solve import SolvedBlock
 from orip.records.observation_kinds import PHOTO_POINT
@@ -191,13 +192,14 @@ class GroundGroups(Struct, frozen=True):
         checks[_thinned(np.flatnonzero(is_check), _MOST_CHECKS)] = True
         errors[is_check & ~checks] = 0.0
         weight = figures.weight[rows]
+        singles, of_singles = _single_observations(groups, places, errors)
+        errors, of_singles = (with_correlations(solved, rows, part) for part in (errors, of_singles))
         factors = np.where(is_check, 1.0, weight)[:, None] * errors
         strips: tuple[Strip, ...] = ()
         together: tuple[AllStations, ...] = ()
         if any(group.kind in STATIONS for group in groups):
             found = strip_errors(solved, groups, figures.residual, figures.error, errors, factors)
             strips, errors, factors, together = found.strips, found.errors, found.factors, found.together
-        singles, of_singles = _single_observations(groups, places, errors)
         errors, factors = np.hstack([errors, of_singles]), np.hstack([factors, of_singles])
         tested = rows_under_test(solved, rows, weight, figures.photo_variance)
         held = held_cameras(solved, figures.weight)

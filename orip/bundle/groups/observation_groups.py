@@ -12,8 +12,6 @@ from orip.adjustment.residual_sums import RowsUnderTest
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.kinds.station_position import PositionObservations
-from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.definition import LEVER_ARM
@@ -24,7 +22,6 @@ from orip.records.observation_kinds import (
     DIRECTION,
     DISTANCE,
     ELEMENT,
-    PHOTO_POINT,
     STATION,
 )
 from orip.records.result_tests import CommonExtent, GroupKind
@@ -142,23 +139,10 @@ def rows_under_test(
     weight, others_variance
         As of `RowsUnderTest`.
     """
-    design = ground_design(solved, rows)
+    design = solved.ground_design(rows)
     columns = np.unique(design.indices).astype(np.int64)
     residual, inverse = solved.equations.residual[rows], _inverse_of(solved, columns)
     return RowsUnderTest(csr_array(design[:, columns]), columns, residual, weight, inverse, others_variance)
-
-
-def ground_design(solved: SolvedBlock, rows: IntArray) -> csr_array:
-    """Return rows (k, u) of the design matrix, divided by their a-priori errors."""
-    problem = solved.problem
-    others = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
-    numbers, first = [np.zeros(0, dtype=np.int64)], 0
-    for kind in problem.observations:
-        if kind.rows.kind != PHOTO_POINT:
-            numbers.append(first + np.arange(len(kind.rows.error)))
-        first += len(kind.rows.error)
-    design = BlockProblem(problem.block, problem.unknowns, others).design(solved.state)
-    return csr_array(design[np.searchsorted(np.concatenate(numbers), rows)])
 
 
 def _inverse_of(solved: SolvedBlock, columns: IntArray) -> Callable[[FloatArray], FloatArray]:
@@ -252,7 +236,7 @@ def strip_errors(
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(group.rows for group in groups)])
     ends = np.cumsum([0, *(len(group.rows) for group in groups)])
     time_of = {record_key(station.photo): station.time for station in solved.block.stations}
-    errors, factors = _with_correlations(solved, groups, rows, errors), factors.copy()
+    factors = factors.copy()
     agrees, elapsed = np.zeros(len(rows)), np.zeros(len(rows))
     strips, drifts = [], [errors[:, :0]]
     for numbers in members.values():
@@ -311,22 +295,15 @@ def _axes_of_photos(solved: SolvedBlock, groups: Sequence[ObservationGroup]) -> 
     return np.concatenate(parts)
 
 
-def _with_correlations(
-    solved: SolvedBlock, groups: Sequence[ObservationGroup], rows: IntArray, errors: FloatArray
-) -> FloatArray:
-    """Return the errors (k, g) with what an error of a coordinate does to the decorrelated equations of the others."""
+def with_correlations(solved: SolvedBlock, rows: IntArray, errors: FloatArray) -> FloatArray:
+    """Return the errors (k, g) with what an error of an observation does to the decorrelated equations of others."""
     found, first = errors.copy(), 0
     place = dict(zip(rows.tolist(), range(len(rows)), strict=True))
     for kind in solved.problem.observations:
-        if isinstance(kind, PositionObservations) and (kind.whitening != np.eye(3)).any():
-            for number, group in enumerate(groups):
-                if group.kind != "station":
-                    continue
-                whitening = kind.whitening[kind.station, kind.axis, "XYZ".index(group.component)] / kind.rows.error
-                names = set(group.names)
-                for row, photo in enumerate(kind.rows.photo):
-                    if photo in names and first + row in place:
-                        found[place[first + row], number] = whitening[row]
+        for group in kind.correlations():
+            there = [n for n, row in enumerate((first + group.rows).tolist()) if row in place]
+            at = [place[first + int(group.rows[n])] for n in there]
+            found[at] = group.whitening[np.ix_(there, there)] @ errors[at]
         first += len(kind.rows.error)
     return found
 

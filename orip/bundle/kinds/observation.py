@@ -11,6 +11,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.correlated_rows import CorrelatedRows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
@@ -83,7 +84,7 @@ class Observations(Struct, frozen=True):
         """Return residuals and partials at a state, in the rows' units per unit of the unknowns."""
 
     def groups(self) -> IntArray | None:
-        """Return the numbers of the groups (n,) that lose weight together; None: each observation by itself."""
+        """Return the numbers of the groups (n,) that lose weight together; -1, or None for all: by themselves."""
         return None
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
@@ -92,6 +93,15 @@ class Observations(Struct, frozen=True):
         They differ where observations with correlated errors have equations that are not.
         """
         return residual
+
+    def correlations(self) -> tuple[CorrelatedRows, ...]:
+        """Return the observations whose errors are correlated."""
+        return ()
+
+    def with_left_out(self, left_out: BoolArray) -> Observations:
+        """Return the observations with equations that are free of the errors of some of them (n,)."""
+        del left_out
+        return self
 
     def remembered(self, state: BlockState) -> FloatArray | None:
         """Return the shifts that are added to the residuals (n,) in the next iteration; None: there are none.

@@ -10,6 +10,7 @@ import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import StationPlaces, rows_or, station_places
+from orip.bundle.correlated_rows import CorrelatedRows
 from orip.bundle.kinds.observation import (
     ExactObservations,
     KindEquations,
@@ -90,6 +91,20 @@ class PositionObservations(Observations, frozen=True):
         of_stations = np.zeros((len(self.members), 3))
         of_stations[self.station, self.axis] = residual
         return np.asarray(np.linalg.solve(self.whitening, of_stations[:, :, None])[self.station, self.axis, 0])
+
+    def correlations(self) -> tuple[CorrelatedRows, ...]:
+        """Return the coordinates of stations whose errors are correlated."""
+        if not (self.whitening != np.eye(3)).any():
+            return ()
+        found = []
+        for member, whitening in enumerate(self.whitening):
+            rows = np.flatnonzero(self.station == member)
+            if len(rows) > 1 and (whitening != np.eye(3)).any():
+                axis, error = self.axis[rows], self.rows.error[rows]
+                standard = whitening[np.ix_(axis, axis)] * error / error[:, None]
+                root = np.linalg.inv(standard)
+                found.append(CorrelatedRows(rows, root @ root.T, standard))
+        return tuple(found)
 
 
 class ConstantPositionObservations(ExactObservations, PositionObservations, frozen=True):

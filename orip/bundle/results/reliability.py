@@ -108,7 +108,14 @@ def reliability(residuals: Residuals, deviation_scale: float) -> Reliability:
 
 def reliability_of(solution: Solution) -> Reliability:
     """Return the reliability of the observations of a solution."""
-    return reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
+    found = reliability(solution.residuals, solution.sigma0 if np.isfinite(solution.sigma0) else 1.0)
+    if solution.correlated:
+        found = Reliability(*(np.array(values) for values in astuple(found)))
+    for one in solution.correlated:
+        found.minimal_detectable_bias[one.row] = one.minimal_detectable_bias
+        found.external[one.row] = one.external
+        found.adjusted_sd[one.row] = one.adjusted_sd
+    return found
 
 
 FAMILY_ALPHA = 0.05

@@ -12,6 +12,7 @@ from orip.adjustment.iteration_state import IterationRecord
 from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
+from orip.bundle.results.correlated_figures import CorrelatedFigures, correlated_figures
 from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
@@ -64,7 +65,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
     equations = solved.equations
     adjusted = adjusted_points(solved)
     points = Estimates(block.point_names, adjusted.values, adjusted.sd)
-    photos = adjusted_photos(solved)
+    photos, correlated = adjusted_photos(solved), list(correlated_figures(solved))
     return Solution(
         project="",
         user="",
@@ -90,7 +91,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         points=points,
         point_rays=_rays_per_point(solved),
         point_kinds=_point_kinds(block),
-        residuals=_residuals(solved),
+        residuals=_residuals(solved, correlated),
         photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
@@ -103,6 +104,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         remarks=tuple(Remark(line) for line in block.ground.description()),
         photo_correlations=photo_correlations(solved),
         point_correlations=adjusted.correlations,
+        correlated=tuple(one for figures in correlated for one in figures.reliability),
     )
 
 
@@ -145,7 +147,7 @@ def _point_kinds(block: Block) -> CodedNames:
     return CodedNames(occurring, found.places({kind: place for place, kind in enumerate(occurring)}))
 
 
-def _residuals(solved: SolvedBlock) -> Residuals:
+def _residuals(solved: SolvedBlock, correlated: Sequence[CorrelatedFigures]) -> Residuals:
     rows = [observations.rows for observations in solved.problem.observations]
     state, equations = solved.state, solved.equations
     error = set_aside(np.concatenate([part.error for part in rows]))
@@ -172,6 +174,10 @@ def _residuals(solved: SolvedBlock) -> Residuals:
         np.divide(standard[part], deviation, out=w[part])
 
     by_threads(put_w, parts(len(w)))
+    if correlated:
+        numbers = np.array(numbers)
+    for figures in correlated:
+        numbers[figures.rows], w[figures.rows] = figures.redundancy_number, figures.w
     return Residuals(
         kind=_joined(repeated(part.kind.name, len(part.photo)) for part in rows),
         photo=_joined(part.photo for part in rows),

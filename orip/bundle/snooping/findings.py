@@ -8,8 +8,10 @@ import numpy as np
 from msgspec import Struct
 
 from orip.adjustment.outlier_tests import LEAST_SIGMA0
+from orip.adjustment.residual_sums import joint_effects
 from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
+from orip.bundle.snooping.correlated import correlated_groups, size_of_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, Station
@@ -188,18 +190,35 @@ def _blunders(solved: SolvedBlock, listed: _Listed, finding: Finding, order: int
     known = not solved.normals.removed[solved.equations.design[list(rows)].indices].any()
     if listed.kind[rows[0]] == PHOTO_POINT.name:
         rows = (max(rows, key=lambda row: abs(residual[row])),)
+    # the residual of an unused observation has its own error and that of its prediction
+    size, sd = -observed[list(rows)], sigma0 * listed.error[list(rows)] * np.sqrt(1.0 + leverage[list(rows)])
+    if (correlated := _correlated_sizes(solved, finding.rows)) is not None:
+        size, sd = (listed.error[list(rows)] * part for part in correlated)
+        sd = sigma0 * sd
     return [
         Blunder(
             order, listed.kind[row], listed.photo[row], listed.point[row], listed.component[row],
-            # the residual of an unused observation has its own error and that of its prediction
-            size=float(-observed[row]) if known else float("nan"),
-            sd=float(sigma0 * listed.error[row] * np.sqrt(1.0 + leverage[row])) if known else float("nan"),
+            size=float(size[place]) if known else float("nan"),
+            sd=float(sd[place]) if known else float("nan"),
             statistic=finding.statistic,
             limit=finding.limit,
             alternatives="; ".join(listed.names(other) for other in finding.alternatives),
         )
-        for row in rows
+        for place, row in enumerate(rows)
     ]  # fmt: skip
+
+
+def _correlated_sizes(solved: SolvedBlock, rows: Sequence[int]) -> tuple[FloatArray, FloatArray] | None:
+    """Return sizes and deviations (k,) over a-priori errors of observations left out; None: they are independent."""
+    own, active = np.array(rows), solved.equations.active
+    for group in correlated_groups(solved.problem.observations):
+        out = group.rows[~active[group.rows]]
+        if np.isin(own, out).all():
+            effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, out)
+            size, deviation = size_of_errors(group, out, effects.residual, effects.cofactor)
+            at = np.searchsorted(out, own)
+            return size[at], deviation[at]
+    return None
 
 
 def _sizes(blunders: Sequence[Blunder], ground_unit: str) -> str:

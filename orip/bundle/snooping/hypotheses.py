@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
-from scipy.sparse import csr_array
 
 from orip.adjustment.outlier_tests import OutlierTest
 from orip.adjustment.residual_sums import TESTABLE, JointEffects, joint_effects
@@ -22,8 +21,13 @@ from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
 from orip.bundle.kinds.station_position import PositionObservations
+from orip.bundle.snooping.correlated import (
+    are_correlated,
+    correlated_groups,
+    in_directions,
+    with_their_groups,
+)
 from orip.bundle.solve import SolvedBlock
-from orip.structs import replace
 
 # - a photo point: x and y;
 # - a control point: its weighted coordinates;
@@ -47,17 +51,20 @@ class Hypotheses(Struct, frozen=True):
         Photo points: tested by the larger w of x and y. All others are tested as a whole.
     in_one_place : array of bool
         The rows depend on the unknowns of one photo or one point.
+    correlated : array of bool
+        Their errors are correlated with those of others: what an error of theirs does is tested, not their rows.
     """
 
     rows: tuple[tuple[int, ...], ...]
     by_component: BoolArray
     in_one_place: BoolArray
+    correlated: BoolArray
 
     def __len__(self) -> int:
         return len(self.rows)
 
 
-def hypotheses_of(observations: Iterable[Observations]) -> Hypotheses:
+def hypotheses_of(observations: Sequence[Observations]) -> Hypotheses:
     """Return what may be wrong in all observations of a block that are used."""
     rows: list[tuple[int, ...]] = []
     of_kind: list[tuple[int, Observations]] = []
@@ -70,7 +77,9 @@ def hypotheses_of(observations: Iterable[Observations]) -> Hypotheses:
     counts = [count for count, _ in of_kind]
     photo_points = [isinstance(kind, PhotoPointObservations) for _, kind in of_kind]
     local = [isinstance(kind, (ControlPointObservations, ElementObservations)) for _, kind in of_kind]
-    return Hypotheses(tuple(rows), np.repeat(np.array(photo_points), counts), np.repeat(np.array(local), counts))
+    correlated = are_correlated(correlated_groups(observations), rows, first)
+    in_one_place = np.repeat(np.array(local), counts) & ~correlated
+    return Hypotheses(tuple(rows), np.repeat(np.array(photo_points), counts), in_one_place, correlated)
 
 
 def _used(groups: Iterable[tuple[int, ...]], used: BoolArray, first: int) -> list[tuple[int, ...]]:
@@ -135,7 +144,7 @@ class Screening:
     def __init__(self, hypotheses: Hypotheses, observations: int) -> None:
         self.hypotheses = hypotheses
         sizes = np.array([len(rows) for rows in hypotheses.rows], dtype=np.int64)
-        self._by_rows = hypotheses.by_component | (sizes == 1)
+        self._by_rows = hypotheses.by_component | ((sizes == 1) & ~hypotheses.correlated)
         self._groups = np.flatnonzero(~self._by_rows).tolist()
         of_rows = np.flatnonzero(self._by_rows)
         members = [row for index in of_rows.tolist() for row in hypotheses.rows[index]]
@@ -190,7 +199,7 @@ def _effects_in_one_place(
     rows = [list(hypotheses.rows[index]) for index in groups]
     if not rows:
         return
-    design = _rows_on_the_ground(solved, np.concatenate(rows))
+    design = solved.ground_design(np.concatenate(rows))
     first = 0
     for index, own in zip(groups, rows, strict=True):
         part = design[first : first + len(own)]
@@ -201,13 +210,6 @@ def _effects_in_one_place(
         yield index, JointEffects(solved.equations.residual[own], cofactor, np.ones(len(own), dtype=bool))
 
 
-def _rows_on_the_ground(solved: SolvedBlock, rows: IntArray) -> csr_array:
-    """Return rows of the design matrix that are not of photo points, which come first."""
-    photo_points, *others = solved.problem.observations
-    problem = replace(solved.problem, observations=tuple(others), streamed=None, excluded=None)
-    return problem.design(solved.state)[rows - len(photo_points.rows.photo)]
-
-
 def _effects_of_directions(
     solved: SolvedBlock, groups: Iterable[int], hypotheses: Hypotheses
 ) -> Iterator[tuple[int, JointEffects]]:
@@ -215,7 +217,15 @@ def _effects_of_directions(
     if not rows:
         return
     every = np.unique(np.concatenate(rows))
-    effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, every)
+    effects = effects_of(solved, every, [np.searchsorted(every, own) for own in rows])
     for index, own in zip(groups, rows, strict=True):
         at = np.searchsorted(every, own)
         yield index, JointEffects(effects.residual[at], effects.cofactor[np.ix_(at, at)], effects.in_use[at])
+
+
+def effects_of(solved: SolvedBlock, rows: IntArray, places: Sequence[IntArray]) -> JointEffects:
+    """Return how observations (k,) act on each other; `places` are those of what is left out together."""
+    groups = correlated_groups(solved.problem.observations)
+    every = with_their_groups(groups, rows) if groups else rows
+    effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, every)
+    return in_directions(groups, every, effects, places, rows) if len(every) > len(rows) or groups else effects

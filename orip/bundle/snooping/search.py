@@ -20,8 +20,9 @@ from orip.adjustment.residual_sums import JointEffects, factored_rows, joint_eff
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.snooping.correlated import correlated_groups, in_directions, with_their_groups
 from orip.bundle.snooping.findings import Finding, blunders_of
-from orip.bundle.snooping.hypotheses import Screening, hypotheses_of
+from orip.bundle.snooping.hypotheses import Screening, effects_of, hypotheses_of
 from orip.bundle.snooping.selection import (
     NOTHING_FREED,
     Candidates,
@@ -32,7 +33,7 @@ from orip.bundle.snooping.selection import (
     to_leave_out,
     to_take_back,
 )
-from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem, without_observations
 from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
@@ -157,7 +158,7 @@ class _Search:
         excluded = np.zeros(len(self.solved.equations.residual), dtype=bool)
         for index in self.out:
             excluded[list(self.hypotheses.rows[index])] = True
-        problem = replace(self.solved.problem, excluded=excluded)
+        problem = without_observations(self.solved.problem, excluded)
         self.solved = self._solved(problem, self.solved.state, self.iterations)
 
     def _solved(self, problem: BlockProblem, start: BlockState, iterations: IterationSettings) -> SolvedBlock:
@@ -182,8 +183,13 @@ class _Search:
         numbers = kept + [index for index in failing.numbers[:_MOST_AT_ONCE].tolist() if index not in self.kept]
         rows, candidates = self._candidates(numbers)
         solved = self._with_stored_design()
-        factored = factored_rows(solved.equations, solved.weight_factors, solved.normals, solved.problem.layout, rows)
-        effects = JointEffects(solved.equations.residual[rows], factored.cofactor(), solved.equations.active[rows])
+        groups = correlated_groups(solved.problem.observations)
+        every, equations = with_their_groups(groups, rows), solved.equations
+        factored = factored_rows(equations, solved.weight_factors, solved.normals, solved.problem.layout, every)
+        effects = JointEffects(equations.residual[every], factored.cofactor(), equations.active[every])
+        if groups:
+            effects = in_directions(groups, every, effects, candidates.places, rows)
+            factored = factored.of(np.searchsorted(every, rows))
         for place in range(len(kept)):
             effects = effects.changed(candidates.places[place])
         out: list[int] = []
@@ -217,7 +223,7 @@ class _Search:
             return False
         rows, candidates = self._candidates(waiting)
         solved = self._with_stored_design()
-        effects = joint_effects(solved.equations, solved.normals, solved.problem.layout, rows)
+        effects = effects_of(solved, rows, candidates.places)
         back = [waiting[choice.candidate] for choice in to_take_back(effects, candidates, self._test())]
         self.returned.update(back)
         self.out.difference_update(back)

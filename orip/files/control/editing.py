@@ -186,7 +186,7 @@ class ControlForm(Struct, frozen=True):
     is_heading : function of a line
         Tells lines that say something of all records, and are none.
     rejects : bool
-        One field more, ``x``, rejects the record.
+        A last field ``x`` rejects the record.
     """
 
     singular: str
@@ -208,8 +208,16 @@ class ControlForm(Struct, frozen=True):
 
     def fields_of(self, line: TextLine) -> Fields:
         """Return the fields of a line, as many as there are keys."""
-        texts: Fields = [field.text for field in line.fields[: len(self.keys)]]
+        texts: Fields = [field.text for field in line.fields[: self.count(line)]]
         return texts + [None] * (len(self.keys) - len(texts))
+
+    def is_rejected(self, line: TextLine) -> bool:
+        """Tell whether a line ends with what rejects its record."""
+        return self.rejects and len(line.fields) > 1 and line.fields[-1].text.lower() == REJECTED
+
+    def count(self, line: TextLine) -> int:
+        """Return how many fields of a line are of the record."""
+        return min(len(line.fields) - self.is_rejected(line), len(self.keys))
 
     def identity_of(self, fields: Sequence[str | None]) -> tuple[str, ...]:
         """Return what tells a record from others, in the form in which it is compared."""
@@ -230,10 +238,11 @@ FORMS: dict[ControlKind, ControlForm] = {
     "points": ControlForm(
         "control point",
         "PNT",
-        ("name", "X", "Y", "Z", "aX", "aY", "aZ"),
+        ("name", "X", "Y", "Z", "aX", "aY", "aZ", "rXY", "rXZ", "rYZ"),
         1,
         parse_points,
         errors=("aX", "aY", "aZ"),
+        optional=(("rXY", "rXZ", "rYZ"),),
         dashes=("X", "Y", "Z", "aX", "aY", "aZ"),
         rejects=True,
     ),

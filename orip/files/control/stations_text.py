@@ -200,9 +200,31 @@ def _covariance(reader: FieldReader, errors: Triple) -> tuple[Triple, ...] | Non
     """Return the covariance matrix of the position from its errors and correlation coefficients."""
     if reader.count < _COUNTS[-1] or all(reader.text(index) == _UNKNOWN for index in (15, 16, 17)):
         return None
-    rxy, rxz, ryz = (reader.decimal(index) for index in (15, 16, 17))
     import numpy as np  # few stations have correlations
 
+    found = read_correlations(reader, 15, errors)
+    if found is None:
+        return None
+    rxy, rxz, ryz = found
+    correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
+    covariance = np.outer(np.abs(errors), np.abs(errors)) * correlation
+    return tuple(_triple(row) for row in covariance.tolist())
+
+
+def read_correlations(reader: FieldReader, first: int, errors: Sequence[float | None]) -> Triple | None:
+    """Return the coefficients rXY, rXZ and rYZ of three errors, from a field on; None after a complaint.
+
+    Parameters
+    ----------
+    reader : FieldReader
+    first : int
+        Field of rXY.
+    errors : sequence of 3 float or None
+        Of X, Y and Z; None or NaN where they are not known.
+    """
+    import numpy as np  # few files have correlations
+
+    rxy, rxz, ryz = (reader.decimal(index) for index in range(first, first + 3))
     correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
     if not np.isfinite(correlation).all():
         return None
@@ -211,10 +233,10 @@ def _covariance(reader: FieldReader, errors: Triple) -> tuple[Triple, ...] | Non
             "coefficients of correlation rXY rXZ rYZ that no three errors can have; each is above -1 and below 1, and "
             "together they make a positive definite matrix. Correct them, or write '-' for all three"
         )
-        reader.complain(message, 15)
+        reader.complain(message, first)
         return None
-    if math.isnan(errors[0]) or 0.0 in errors:
-        reader.complain("coefficients of correlation need errors of X, Y and Z that are not 0; write '-' for them", 15)
+    if any(error is None or math.isnan(error) or error == 0.0 for error in errors):
+        message = "coefficients of correlation need errors of X, Y and Z that are not 0; write '-' for them"
+        reader.complain(message, first)
         return None
-    covariance = np.outer(np.abs(errors), np.abs(errors)) * correlation
-    return tuple(_triple(row) for row in covariance.tolist())
+    return rxy, rxz, ryz

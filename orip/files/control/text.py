@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
-from orip.files.control.stations_text import parse_stations_and_reference
+from orip.files.control.covariances_text import parse_covariances, with_own_correlations
+from orip.files.control.stations_text import parse_stations_and_reference, read_correlations
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed, shown_token
@@ -36,7 +38,8 @@ _UNKNOWN = "-"
 def points_text(points: Sequence[ControlPoint]) -> str:
     """Return the lines of a .PNT file; errors of a coordinate that is known are known."""
     return "".join(
-        " ".join([point.name, *map(_field, (*point.coordinates, *point.errors)), *(["x"] if point.rejected else [])])
+        " ".join([point.name, *map(_field, (*point.coordinates, *point.errors, *(point.correlations or ())))])
+        + (" x" if point.rejected else "")
         + "\n"
         for point in points
     )
@@ -66,7 +69,7 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
 }
 """Unknowns that a control element may observe, by group."""
 
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA")
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA", "COV")
 """Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
@@ -110,9 +113,9 @@ def _read(
 
 
 def parse_points(text: Parsed[list[str]], shown: str) -> Parsed[tuple[ControlPoint, ...]]:
-    """Read control points: ``name X Y Z aX aY aZ [x]``, ground units.
+    """Read control points: ``name X Y Z aX aY aZ [rXY rXZ rYZ] [x]``, ground units.
 
-    A coordinate and its error may both be ``-``: not known. An eighth field ``x`` rejects the point.
+    A coordinate and its error may both be ``-``: not known. A last field ``x`` rejects the point.
     """
     if (blank := _blanks_in_names(text.value, shown)) is not None:
         return Parsed((), (*text.complaints, blank))
@@ -160,8 +163,8 @@ def _similar_names(names: Sequence[str], lines: dict[str, int], shown: str) -> P
 
 
 def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
-    form = "name X Y Z aX aY aZ, and x if the point is rejected"
-    if not reader.has_fields((7, 8), form) or reader.is_heading(range(1, 7)):
+    form = "name X Y Z aX aY aZ, then rXY rXZ rYZ if they are known, and x if the point is rejected"
+    if not reader.has_fields((7, 8, 10, 11), form) or reader.is_heading(range(1, 7)):
         found.complaints += reader.complaints
         return
     name = reader.name(0)
@@ -174,15 +177,20 @@ def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
         reader.complain(
             f"point '{reader.shown_text(0)}' has no coordinate at all; give one at least or remove the line"
         )
-    rejected = reader.count == 8
-    if rejected and reader.text(7) not in {"x", "X"}:
-        reader.complain(f"'{reader.shown_text(7)}' is one field too many; only x (rejected) may follow the errors", 7)
+    rejected, last = reader.count in {8, 11}, reader.count - 1
+    if rejected and reader.text(last) not in {"x", "X"}:
+        message = f"'{reader.shown_text(last)}' is one field too many; only x (rejected) may be the last of so many"
+        reader.complain(message, last)
+    correlations = None
+    if reader.count >= 10 and any(reader.text(index) != _UNKNOWN for index in (7, 8, 9)):
+        correlations = read_correlations(reader, 7, errors)
     point = ControlPoint(
         name,
         (coordinates[0], coordinates[1], coordinates[2]),
         (errors[0], errors[1], errors[2]),
         rejected,
         reader.number,
+        correlations,
     )
     found.add(name, f"point '{reader.shown_text(0)}'", point, reader)
 
@@ -322,9 +330,11 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_control_file(parse_distances, folder, f"{base}.LEN")
     directions = read_control_file(parse_directions, folder, f"{base}.DIR")
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
-    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
+    correlations = read_control_file(partial(parse_covariances, points=points.value), folder, f"{base}.COV")
+    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, correlations)
+    own, between = with_own_correlations(points.value, correlations.value)
     return Parsed(
-        Control(points.value, elements.value, distances.value, directions.value, *stations.value),
+        Control(own, elements.value, distances.value, directions.value, *stations.value, between),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )

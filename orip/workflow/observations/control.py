@@ -112,7 +112,7 @@ def list_control(state: ProjectState, kind: ControlKind, bundle: str | None = No
     lines = _read(file)
     _check(file, lines)
     rows = tuple(
-        (line.number, file.form.fields_of(line), _is_rejected(file.form, line)) for line in file.form.records(lines)
+        (line.number, file.form.fields_of(line), file.form.is_rejected(line)) for line in file.form.records(lines)
     )
     return ControlTable(file.shown, file.form, rows)
 
@@ -230,7 +230,7 @@ def _known(file: _File, lines: ControlLines, line: TextLine, fields: Fields) -> 
     known = file.form.fields_of(line)
     words = [f"{key}={text or ''}" for key, text in zip(file.form.keys, fields, strict=True)]
     same, _ = with_words(file.form, known, words)
-    if same[file.form.identity :] == known[file.form.identity :] and not _is_rejected(file.form, line):
+    if same[file.form.identity :] == known[file.form.identity :] and not file.form.is_rejected(line):
         return lines
     name = " ".join(field.text for field in line.fields[: file.form.identity])
     message = f"{file.form.singular} {name} already exists with other values; change it with 'edit'"
@@ -240,8 +240,11 @@ def _known(file: _File, lines: ControlLines, line: TextLine, fields: Fields) -> 
 def _with_fields(form: ControlForm, lines: ControlLines, line: TextLine, fields: Fields) -> ControlLines:
     old = form.fields_of(line)
     new = {index: text for index, text in enumerate(fields) if text is not None and text != old[index]}
+    count, before = fields.index(None) if None in fields else len(fields), form.count(line)
+    if count != before:
+        lines = lines.without_fields(line.number, min(count, before))
     lines = lines.with_fields(line.number, new)
-    return lines.without_fields(line.number, fields.index(None)) if None in fields else lines
+    return lines.with_fields(line.number, {count: REJECTED}) if count != before and form.is_rejected(line) else lines
 
 
 def _weighted(
@@ -249,7 +252,7 @@ def _weighted(
 ) -> ControlLines:
     form = file.form
     if weighting == "reject":
-        return lines if _is_rejected(form, line) else lines.with_fields(line.number, {len(form.keys): REJECTED})
+        return lines if form.is_rejected(line) else lines.with_fields(line.number, {len(line.fields): REJECTED})
     fields = form.fields_of(line)
     for index, key in enumerate(form.keys):
         text = fields[index]
@@ -262,12 +265,8 @@ def _weighted(
             )
         fields[index] = text.lstrip("+-") if weighting == "include" else f"-{text.lstrip('+-')}"
     lines = _with_fields(form, lines, line, fields)
-    rejected = weighting == "include" and _is_rejected(form, line)
-    return lines.without_fields(line.number, len(form.keys)) if rejected else lines
-
-
-def _is_rejected(form: ControlForm, line: TextLine) -> bool:
-    return form.rejects and len(line.fields) > len(form.keys)
+    rejected = weighting == "include" and form.is_rejected(line)
+    return lines.without_fields(line.number, form.count(line)) if rejected else lines
 
 
 # the file

@@ -97,6 +97,9 @@ ITEM_LISTS: dict[str, StoreTable] = {
         *_texts("alternatives"),
     ),
     "diagnosis": _list_of_solution("diagnosis", *_texts("code", "where", "text", "remedy")),
+    "correlated": _list_of_solution(
+        "correlated_reliability", integer("row"), *_reals("minimal_detectable_bias", "external", "adjusted_sd")
+    ),
     "check_points": _list_of_solution("check_point", *_texts("name"), *_reals("dX", "dY", "dZ")),
     "groups": _list_of_solution(
         "group_test",
