@@ -149,6 +149,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         distances=ground.distances,
         directions=ground.directions,
         stations=ground.stations,
+        differences=ground.differences,
         antennas=inputs.antennas,
         ground=system
         or ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
@@ -277,6 +278,11 @@ def _ground_observations(
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
+        differences=tuple(
+            line
+            for line in control.differences
+            if {record_key(line.first), record_key(line.second)} <= records["PHOTO"]
+        ),
     )
 
 

@@ -16,6 +16,7 @@ from orip.records.control import (
     ControlPoint,
     PreliminaryPoint,
     Station,
+    StationDifference,
 )
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.ground import PLAIN, GroundSystem
@@ -94,6 +95,8 @@ class Block(Struct, frozen=True):
         Those whose names are in the block.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
+    differences : tuple of StationDifference
+        Those between the block's photos.
     theodolites : tuple of TheodoliteSet
     antennas : tuple of Antenna
         That of a camera is the first one for all cameras or for it.
@@ -127,6 +130,7 @@ class Block(Struct, frozen=True):
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
+    differences: tuple[StationDifference, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     antennas: tuple[Antenna, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()

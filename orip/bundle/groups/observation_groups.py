@@ -12,6 +12,8 @@ from orip.adjustment.residual_sums import RowsUnderTest
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.kinds.station_attitude import AttitudeObservations
+from orip.bundle.kinds.station_difference import COMPONENTS, DifferenceObservations
 from orip.bundle.kinds.station_position import PositionObservations
 from orip.bundle.problem import BlockProblem
 from orip.bundle.solve import SolvedBlock
@@ -21,6 +23,7 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
+    DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
@@ -37,6 +40,7 @@ _KINDS: dict[str, GroupKind] = {
     DIRECTION.name: "direction",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
+    DIFFERENCE.name: "difference",
 }
 """Additional parameters and constants that are met exactly were not measured."""
 
@@ -318,17 +322,34 @@ def _with_correlations(
     found, first = errors.copy(), 0
     place = dict(zip(rows.tolist(), range(len(rows)), strict=True))
     for kind in solved.problem.observations:
-        if isinstance(kind, PositionObservations) and (kind.whitening != np.eye(3)).any():
-            for number, group in enumerate(groups):
-                if group.kind != "station":
-                    continue
-                whitening = kind.whitening[kind.station, kind.axis, "XYZ".index(group.component)] / kind.rows.error
-                names = set(group.names)
-                for row, photo in enumerate(kind.rows.photo):
-                    if photo in names and first + row in place:
-                        found[place[first + row], number] = whitening[row]
+        for number, group in enumerate(groups):
+            mixing = _mixing(kind, group)
+            if mixing is None:
+                continue
+            names = set(group.names)
+            for row, (point, photo) in enumerate(zip(kind.rows.point, kind.rows.photo, strict=True)):
+                if (point or photo) in names and first + row in place:
+                    found[place[first + row], number] = mixing[row] / kind.rows.error[row]
         first += len(kind.rows.error)
     return found
+
+
+def _mixing(kind: Observations, group: ObservationGroup) -> FloatArray | None:
+    """Return what an error of one unit of a group's component changes in each equation (n,) of a kind.
+
+    None where the kind's equations are what was observed, or the group's observations are not in them.
+    """
+    if isinstance(kind, AttitudeObservations) and kind.is_mixed and group.kind in STATIONS:
+        return kind.mixing[:, COMPONENTS.index(group.component)]
+    if isinstance(kind, PositionObservations) and group.kind == "station":
+        whitening, member = kind.whitening, kind.station
+    elif isinstance(kind, DifferenceObservations) and group.kind == "difference":
+        whitening, member = kind.whitening, kind.pair
+    else:
+        return None
+    if (whitening == np.eye(whitening.shape[1])).all():
+        return None
+    return np.asarray(whitening[member, kind.axis, COMPONENTS.index(group.component)])
 
 
 def _tells_drift(time: FloatArray) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
+from orip.files.control.differences_text import parse_differences
 from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import FieldReader, field_lines, read_lines
@@ -66,7 +67,7 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
 }
 """Unknowns that a control element may observe, by group."""
 
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA")
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA", "REL")
 """Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
@@ -322,9 +323,10 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_control_file(parse_distances, folder, f"{base}.LEN")
     directions = read_control_file(parse_directions, folder, f"{base}.DIR")
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
-    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
+    differences = read_control_file(parse_differences, folder, f"{base}.REL")
+    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, differences)
     return Parsed(
-        Control(points.value, elements.value, distances.value, directions.value, *stations.value),
+        Control(points.value, elements.value, distances.value, directions.value, *stations.value, differences.value),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )
