@@ -203,6 +203,9 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         distances=tuple(line for line in block.distances if {line.start, line.end} <= names),
         directions=directions,
         stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
+        differences=tuple(
+            line for line in block.differences if {record_key(line.first), record_key(line.second)} <= shown
+        ),
         theodolites=tuple(station for station in block.theodolites if station.name in sets),
     )
     concerns = _concerns(part)

@@ -149,6 +149,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         distances=ground.distances,
         directions=ground.directions,
         stations=ground.stations,
+        differences=ground.differences,
         antennas=inputs.antennas,
         ground=system
         or ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
@@ -279,6 +280,11 @@ def _ground_observations(
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
         correlations=tuple(pair for pair in control.correlations if {pair.first, pair.second} <= points),
+        differences=tuple(
+            line
+            for line in control.differences
+            if {record_key(line.first), record_key(line.second)} <= records["PHOTO"]
+        ),
     )
 
 

@@ -40,6 +40,31 @@ def correlated_rows(rows: IntArray, correlation: FloatArray, used: BoolArray) ->
     return CorrelatedRows(rows, effective, whitening_of(effective, np.zeros(len(rows), dtype=bool)))
 
 
+def rows_of_members(
+    member: IntArray, axis: IntArray, error: FloatArray, whitening: FloatArray
+) -> tuple[CorrelatedRows, ...]:
+    """Return the equations of what has several components, such as stations, where their errors are correlated.
+
+    Parameters
+    ----------
+    member, axis : arrays (n,) of int
+        Which of the m, and which of its k components, an equation is of.
+    error : array (n,)
+        A-priori errors.
+    whitening : array (m, k, k)
+        From residuals of the components to those of the equations, in the same unit.
+    """
+    found = []
+    for number in np.flatnonzero((whitening != np.eye(whitening.shape[1])).any(axis=(1, 2))):
+        rows = np.flatnonzero(member == number)
+        if len(rows) > 1:
+            at = axis[rows]
+            standard = whitening[number][np.ix_(at, at)] * error[rows] / error[rows, None]
+            root = np.linalg.inv(standard)
+            found.append(CorrelatedRows(rows, root @ root.T, standard))
+    return tuple(found)
+
+
 def whitening_of(correlation: FloatArray, last: BoolArray) -> FloatArray:
     """Return L^-1 of coefficients (k, k), with some observations (k,) after all others, in the given order of rows."""
     order = np.argsort(last, kind="stable")

@@ -99,9 +99,11 @@ class BlockProblem(Struct, frozen=True):
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Convert equation residuals to residuals (n,) of the observations, in observed units."""
         found, first = residual.copy(), 0
+        converted: dict[str, FloatArray] = {}
         for kind in self.observations:
             part = slice(first, first + len(kind.rows.error))
-            found[part] = kind.as_observed(residual[part])
+            found[part] = kind.as_observed(residual[part], converted)
+            converted[kind.rows.kind.name] = found[part]
             first = part.stop
         return found
 

@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from orip.arrays import IntArray
 from orip.bundle.groups.observation_groups import observation_groups
+from orip.bundle.kinds.station_difference import with_difference_errors_times
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
 from orip.records.control import ControlElement, ControlPoint, Station
@@ -55,6 +56,8 @@ def _common_component(kind: VarianceGroupKind, of: str, component: str) -> str:
             return "Z" if component == "Z" else "XY"
         case "element" if of == "PHOTO":
             return _ROTATION if component in ANGULAR_UNKNOWNS else _POSITION
+        case "difference":
+            return _ROTATION if component in ANGULAR_UNKNOWNS else _POSITION
         case "direction":
             return component
         case _:
@@ -86,6 +89,12 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
         stations=tuple(
             _with_station_errors(station, factor("station"), factor("attitude")) for station in block.stations
         ),
+        differences=tuple(
+            with_difference_errors_times(
+                line, factor("difference", component=_POSITION), factor("difference", component=_ROTATION)
+            )
+            for line in block.differences
+        ),
         directions=tuple(
             replace(
                 line,
@@ -113,13 +122,10 @@ def _with_errors(point: ControlPoint, factors: tuple[float, float, float]) -> Co
 def _with_station_errors(station: Station, of_position: float, of_attitude: float) -> Station:
     x, y, z = (_times(error, of_position) for error in station.position_error)
     omega, phi, kappa = (_times(error, of_attitude) for error in station.angle_error)
-    covariance = None
-    if station.covariance is not None:
-        a, b, c = (
-            (of_position**2 * one, of_position**2 * two, of_position**2 * three)
-            for one, two, three in station.covariance
-        )
-        covariance = (a, b, c)
+    covariance = station.covariance
+    if covariance is not None:
+        factors = np.repeat([of_position, of_attitude], 3)[: len(covariance)]
+        covariance = tuple(map(tuple, (np.array(covariance) * np.outer(factors, factors)).tolist()))
     return replace(station, position_error=(x, y, z), angle_error=(omega, phi, kappa), covariance=covariance)
 
 

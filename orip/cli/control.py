@@ -58,6 +58,10 @@ _ABOUT: dict[ControlKind, tuple[str, str]] = {
         "Exposure stations by GNSS and INS (.STA)",
         "add P101 X=1012.4 Y=2008.15 Z=401.2 aX=0.02 aY=0.02 aZ=0.04",
     ),
+    "differences": (
+        "Differences between exposure stations (.REL)",
+        "add P101 P102 dX=41.32 dY=0.15 dZ=-0.08 aX=0.004 aY=0.004 aZ=0.005",
+    ),
     "preliminary": ("Preliminary coordinates (BUNDLE.PRE)", "edit 1001 X=1012.4"),
 }
 

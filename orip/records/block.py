@@ -17,6 +17,7 @@ from orip.records.control import (
     PointCorrelation,
     PreliminaryPoint,
     Station,
+    StationDifference,
 )
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.ground import PLAIN, GroundSystem
@@ -95,6 +96,8 @@ class Block(Struct, frozen=True):
         Those whose names are in the block.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
+    differences : tuple of StationDifference
+        Those between the block's photos.
     theodolites : tuple of TheodoliteSet
     antennas : tuple of Antenna
         That of a camera is the first one for all cameras or for it.
@@ -130,6 +133,7 @@ class Block(Struct, frozen=True):
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
+    differences: tuple[StationDifference, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     antennas: tuple[Antenna, ...] = ()
     held_additional: frozenset[tuple[str, str]] = frozenset()

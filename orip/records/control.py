@@ -1,4 +1,4 @@
-"""Ground control: points, observed unknowns, distances, directions, exposure stations; limits of a-priori errors."""
+"""Ground control: points, elements, distances, directions, exposure stations and their differences; error limits."""
 
 from __future__ import annotations
 
@@ -50,9 +50,9 @@ class Station(Struct, frozen=True):
         observed.
     angle_error : tuple of 3 float
         Standard deviations, radians: 0 constant, negative only compared; NaN as the angles.
-    covariance : tuple of 3 tuples of 3 float, or None
-        Of the position, ground unit squared; positive definite, its diagonal the squares of `position_error`. None:
-        the errors of X, Y and Z are independent.
+    covariance : tuple of 3 tuples of 3 float, or of 6 of 6, or None
+        Of the position, or of position and angles; ground units and radians, positive definite, its diagonal the
+        squares of the errors. None: all errors are independent.
     time : float
         Of the exposure, seconds; NaN where it is not known.
     strip : str
@@ -66,10 +66,15 @@ class Station(Struct, frozen=True):
     position_error: tuple[float, float, float]
     angles: tuple[float, float, float] = NOT_GIVEN
     angle_error: tuple[float, float, float] = NOT_GIVEN
-    covariance: tuple[tuple[float, float, float], ...] | None = None
+    covariance: tuple[tuple[float, ...], ...] | None = None
     time: float = math.nan
     strip: str = ""
     line: int = 0
+
+    @property
+    def has_joint_covariance(self) -> bool:
+        """Return whether position and angles are correlated."""
+        return self.covariance is not None and len(self.covariance) > len(self.position)
 
     @property
     def has_position(self) -> bool:
@@ -80,6 +85,50 @@ class Station(Struct, frozen=True):
     def has_angles(self) -> bool:
         """Return whether an attitude was observed."""
         return not math.isnan(self.angles[0])
+
+
+class StationDifference(Struct, frozen=True):
+    """What the station of a photo has more than that of another one: one line of a .REL file.
+
+    Parameters
+    ----------
+    first, second : str
+        Photos; case does not count.
+    position : tuple of 3 float
+        Position of the second station less that of the first, along the axes of the project, ground unit; NaN
+        throughout where none was observed.
+    position_error : tuple of 3 float
+        Standard deviations: negative only compared; NaN as the position.
+    angles : tuple of 3 float
+        OMEGA, PHI and KAPPA, radians, of the rotation that takes the attitude of the first to that of the second, about
+        the axes of the project; NaN throughout where none was observed.
+    angle_error : tuple of 3 float
+        Standard deviations of small rotations about X, Y and Z, radians; signs and NaN as above.
+    covariance : tuple of 6 tuples of 6 float, or None
+        Of X, Y, Z and small rotations about X, Y, Z; its diagonal the squares of the errors. None: they are
+        independent.
+    line : int
+        Line of the file.
+    """
+
+    first: str
+    second: str
+    position: tuple[float, float, float]
+    position_error: tuple[float, float, float]
+    angles: tuple[float, float, float] = NOT_GIVEN
+    angle_error: tuple[float, float, float] = NOT_GIVEN
+    covariance: tuple[tuple[float, ...], ...] | None = None
+    line: int = 0
+
+    @property
+    def name(self) -> str:
+        """Return what it is called."""
+        return f"{self.first}-{self.second}"
+
+    @property
+    def errors(self) -> tuple[float, ...]:
+        """Return the errors of all six components."""
+        return (*self.position_error, *self.angle_error)
 
 
 class ErrorLimits(Struct, frozen=True):
@@ -215,6 +264,7 @@ class Control(Struct, frozen=True):
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
+    differences: tuple[StationDifference, ...] = ()
     correlations: tuple[PointCorrelation, ...] = ()
 
 

@@ -89,6 +89,7 @@ STATION: Final = _listed("station", "station", "ground unit")
 ATTITUDE: Final = _listed("attitude", "attitude", "degrees")
 CONSTANT_STATION: Final = _listed("constant station", "constant station", "ground unit")
 CONSTANT_ATTITUDE: Final = _listed("constant attitude", "constant attitude", "degrees")
+DIFFERENCE: Final = _listed("difference", "station difference", "unit of the unknown")
 ANTENNA_PARAMETER: Final = _listed("antenna", "antenna parameter", "unit of the unknown")
 
 OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType({kind.name: kind for kind in _ALL})

@@ -17,7 +17,7 @@ NOT_DETERMINED = frozenset({"datum", "photo-rotations"})
 """Codes of the diagnoses with which a block is not determined."""
 
 
-VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude"]
+VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "difference"]
 
 _ELEMENTS = {
     "CAMERA": "observed camera parameters",
@@ -73,6 +73,8 @@ class VarianceComponent(Struct, frozen=True):
                 return "exposure stations"
             case "attitude":
                 return "attitudes of the exposure stations"
+            case "difference":
+                return f"{'rotations' if self.component.startswith('OMEGA') else 'positions'} between exposure stations"
             case "distance":
                 return "distances"
             case "direction":
@@ -181,7 +183,9 @@ class GateResult(Struct, frozen=True):
         return next((text for text in texts if self.gate.holds(float(text)) == self.passed), repr(self.value))
 
 
-GroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "check"]
+GroupKind = Literal[
+    "photo", "control", "element", "distance", "direction", "station", "attitude", "difference", "check"
+]
 
 ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
 """An error common to a group; residuals too large; one check point; too many observations that lost weight."""

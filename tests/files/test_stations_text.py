@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orip.files.control.stations_text import read_stations
+from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.shown import Parsed
 from orip.records.control import Station
 
@@ -50,7 +50,7 @@ def test_a_file_that_is_absent_has_no_stations(tmp_path: Path) -> None:
     [
         ("P1 10 20 30 1 1", "Z:1:17: ", "a field is missing, 6 found; the line is: photo X Y Z aX aY aZ, then OMEGA"),
         ("P1 1 2 3 1 1 1 5", "Z:1:18: ", "a field is missing, 8 found"),
-        ("P1 1 2 3 1 1 1 " + "- " * 12, "Z:1:", "is one field too many"),
+        ("P1 1 2 3 1 1 1 " + "- " * 24, "Z:1:", "is one field too many"),
         ("photo X Y Z aX aY aZ", "Z:1: ", "this line has no numbers"),
         ("P1 1 2 - 1 1 1", "Z:1:8: ", "'-' for a part of the position; give X, Y and Z and their errors"),
         ("P1 1 2 3 1 - 1", "Z:1:12: ", "'-' for a part of the position"),
@@ -77,3 +77,18 @@ def test_all_faults_are_said_at_once(tmp_path: Path) -> None:
     assert [str(complaint).split(": ")[0] for complaint in parsed.complaints] == ["Z:2", "Z:3:4", "Z:3:10"]
     assert "photo 'p1' is already on line 1" in str(parsed.complaints[0])
     assert [station.photo for station in parsed.value] == ["P1"]
+
+
+def test_position_and_angles_may_be_correlated(tmp_path: Path) -> None:
+    random = np.random.default_rng(8)
+    root = random.normal(size=(6, 6)) * np.repeat([0.02, 1e-4], 3)[:, None]
+    covariance = root @ root.T
+    error = np.sqrt(np.diag(covariance))
+    written = Station(
+        "P1", (1.0, 2.0, 3.0), tuple(error[:3]), (0.1, 0.2, 0.3), tuple(error[3:]), tuple(map(tuple, covariance))
+    )
+    parsed = parse(tmp_path, stations_text([written]))
+    assert not parsed.complaints
+    # errors are written with four and six decimals
+    found = np.array(parsed.value[0].covariance) / np.outer(error, error)
+    np.testing.assert_allclose(found, covariance / np.outer(error, error), atol=5e-3)

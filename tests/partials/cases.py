@@ -8,6 +8,7 @@ parametrisation of the rotations is tested with them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
 import numpy as np
 from bundle.same_lens import with_two_frames
@@ -59,7 +60,15 @@ from orip.prelim.refinement import no_corrections
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, PointCorrelation, Station
+from orip.records.control import (
+    NOT_GIVEN,
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    PointCorrelation,
+    Station,
+    StationDifference,
+)
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
 from orip.structs import replace
@@ -84,6 +93,8 @@ class Case(Struct, frozen=True):
     move : float
         How far the values are moved for a numerical derivative: a thousandth or less of what bends the function, and
         a million times what the values are rounded to.
+    rounding : float
+        What the change of a value may be off by where it is not.
     """
 
     of: str
@@ -92,6 +103,7 @@ class Case(Struct, frozen=True):
     value: Callable[[np.ndarray], np.ndarray]
     partials: np.ndarray
     move: float = 1e-3
+    rounding: float = 0.0
 
     def __str__(self) -> str:
         return f"{self.of.removeprefix('orip.')}: {self.label}"
@@ -567,8 +579,20 @@ def _in_a_crs(block: Block) -> Block:
         # a short arm moves coordinates on a map grid by little more than they are rounded to
         antennas=tuple(replace(antenna, lever_arm=(30.0, -20.0, 80.0)) for antenna in block.antennas),
         stations=tuple(
-            replace(station, position_error=(0.0, 0.0, 0.0)) if station.photo == "P4" else station
+            replace(station, position_error=(0.0, 0.0, 0.0), covariance=None)
+            if station.photo == "P4"
+            else replace(station, covariance=None)
+            if station.has_joint_covariance
+            else station
             for station in block.stations
+        ),
+        # nor do photos with a rotation between them
+        differences=tuple(
+            replace(line, covariance=None)
+            if line.name == "P5-P6"
+            else replace(line, angles=NOT_GIVEN, angle_error=NOT_GIVEN, covariance=None)
+            for line in block.differences
+            if line.second != "P5"
         ),
         elements=(
             *(element for element in block.elements if element.name not in left_out),
@@ -647,6 +671,7 @@ def _with_everything(block: Block) -> Block:
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
         stations=_stations(block),
+        differences=_differences(block),
         antennas=(_ANTENNA,),
     )
 
@@ -673,21 +698,51 @@ def _observed_angles(block: Block, name: str) -> list[float]:
 
 
 def _stations(block: Block) -> tuple[Station, ...]:
-    """Return a station of each photo but the first: one with a covariance, some coordinates and angles constant."""
+    """Return a station of each photo but the first: two with covariances, some coordinates and angles constant."""
     covariance = ((0.04, 0.01, -0.02), (0.01, 0.09, 0.015), (-0.02, 0.015, 0.0625))
     errors = {"P3": (0.2, 0.3, 0.25), "P4": (0.1, 0.0, -0.2)}
     nothing = (np.nan, np.nan, np.nan)
-    angle_errors = {"P5": (0.001, 0.0, -0.002)}
+    joint = _joint_covariance()
+    root = tuple(np.sqrt(np.diag(joint)).tolist())
+    angle_errors = {"P5": (0.001, 0.0, -0.002), "P6": root[3:]}
+    errors["P6"], covariances = root[:3], {"P3": covariance, "P6": joint}
     return tuple(
         Station(
             photo.name, tuple(place[:3].tolist()), errors.get(photo.name, (0.1, 0.1, 0.1)),
             tuple(place[3:].tolist()) if photo.name in angle_errors else nothing,
-            angle_errors.get(photo.name, nothing), covariance if photo.name == "P3" else None,
+            angle_errors.get(photo.name, nothing), covariances.get(photo.name),
             time=20.0 + 3.0 * row**1.1, strip="2" if row > 3 else "1",
         )
         for row, (photo, place) in enumerate(zip(block.photos, block.photo_orientation, strict=True))
         if row
     )  # fmt: skip
+
+
+def _joint_covariance() -> tuple[tuple[float, ...], ...]:
+    """Return a covariance of positions and rotations that are all correlated."""
+    root = np.tril(np.random.default_rng(3).normal(size=(6, 6)), -1) * 0.3 + np.eye(6)
+    covariance = (root @ root.T) * np.outer(*[np.repeat([0.1, 0.02], 3)] * 2)
+    return tuple(map(tuple, covariance.tolist()))
+
+
+def _differences(block: Block) -> tuple[StationDifference, ...]:
+    """Return differences between successive photos: one with a covariance, one without a rotation, one compared."""
+    covariance = _joint_covariance()
+    errors = np.sqrt(np.diag(covariance))
+    nothing = (np.nan, np.nan, np.nan)
+    found = []
+    for row, (one, other) in enumerate(pairwise(block.photo_orientation)):
+        turned = rotation_from_angles(other[3:]) @ rotation_from_angles(one[3:]).T
+        angles = angles_from_rotation(rotation_about_axes(np.array([0.1, -0.05, 0.02])) @ turned)
+        found.append(
+            StationDifference(
+                block.photos[row].name, block.photos[row + 1].name, tuple(other[:3] - one[:3]),
+                tuple(errors[:3]) if row == 1 else (0.1, -0.1, 0.2), nothing if row == 2 else tuple(angles),
+                nothing if row == 2 else tuple(errors[3:]) if row == 1 else (0.001, 0.002, -0.001),
+                covariance if row == 1 else None,
+            )
+        )  # fmt: skip
+    return tuple(found)
 
 
 def observations_of(block: Block) -> tuple[Unknowns, list[Observations]]:
@@ -717,19 +772,24 @@ def _kinds() -> Iterator[Case]:
             free = columns != CONSTANT
             np.add.at(partials, (rows[free], columns[free]), found.partials[free])
             assert found.computable.all()
-            yield Case(
-                method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
-                lambda x, of=observations, state=state, unknowns=unknowns: of.linearise_with_partials(
-                    state.moved(x, unknowns)
-                ).residual,
-                partials, _move(block, observations),
-            )  # fmt: skip
+            for part, move, rounding in _parts(block, observations):
+                yield Case(
+                    method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),
+                    lambda x, of=observations, state=state, unknowns=unknowns, part=part: of.linearise_with_partials(
+                        state.moved(x, unknowns)
+                    ).residual[part],
+                    partials[part], move, rounding,
+                )  # fmt: skip
 
 
-def _move(block: Block, observations: Observations) -> float:
-    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9; angles there are not."""
-    return (
-        1e-3
-        if block.ground is PLAIN or observations.rows.kind.name in ("photo", "attitude", "constant attitude")
-        else 0.1
-    )
+def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, float, float]]:
+    """Return rows of cases, their moves and rounding: millions of metres on a map grid are rounded to 1e-9.
+
+    Angles are not; they bend with larger moves. A lever arm changes little between two photos that look alike.
+    """
+    rows, kind = np.arange(len(observations.rows.error)), observations.rows.kind.name
+    if kind == "difference" and block.ground is not PLAIN:
+        of_position = np.isin(observations.rows.component, ("X", "Y", "Z"))
+        return [(rows[of_position], 0.1, 1e-8), (rows[~of_position], 1e-3, 0.0)]
+    is_small = block.ground is PLAIN or kind in ("photo", "attitude", "constant attitude")
+    return [(rows, 1e-3 if is_small else 0.1, 0.0)]

@@ -12,6 +12,7 @@ from orip.adjustment.residual_sums import RowsUnderTest
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.kinds.station_attitude import AttitudeObservations
 from orip.bundle.solve import SolvedBlock
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.definition import LEVER_ARM
@@ -19,6 +20,7 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
+    DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
@@ -34,6 +36,7 @@ _KINDS: dict[str, GroupKind] = {
     DIRECTION.name: "direction",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
+    DIFFERENCE.name: "difference",
 }
 """Additional parameters and constants that are met exactly were not measured."""
 
@@ -298,14 +301,27 @@ def _axes_of_photos(solved: SolvedBlock, groups: Sequence[ObservationGroup]) -> 
 def with_correlations(solved: SolvedBlock, rows: IntArray, errors: FloatArray) -> FloatArray:
     """Return the errors (k, g) with what an error of an observation does to the decorrelated equations of others."""
     found, first = errors.copy(), 0
-    place = dict(zip(rows.tolist(), range(len(rows)), strict=True))
+    place = np.full(len(solved.equations.residual), -1)
+    place[rows] = np.arange(len(rows))
+    of_positions = errors[:0]
     for kind in solved.problem.observations:
-        for group in kind.correlations():
-            there = [n for n, row in enumerate((first + group.rows).tolist()) if row in place]
-            at = [place[first + int(group.rows[n])] for n in there]
-            found[at] = group.whitening[np.ix_(there, there)] @ errors[at]
-        first += len(kind.rows.error)
+        at = place[first : first + len(kind.rows.error)]
+        for correlated in kind.correlations():
+            there = np.flatnonzero(at[correlated.rows] >= 0)
+            own = at[correlated.rows[there]]
+            found[own] = correlated.whitening[np.ix_(there, there)] @ errors[own]
+        if kind.rows.kind is STATION:
+            of_positions = _in_units(kind, at, errors)
+        elif isinstance(kind, AttitudeObservations) and kind.is_mixed:
+            mixed = kind.decorrelated(_in_units(kind, at, errors), of_positions) / kind.rows.error[:, None]
+            found[at[at >= 0]] = mixed[at >= 0]
+        first += len(at)
     return found
+
+
+def _in_units(kind: Observations, at: IntArray, errors: FloatArray) -> FloatArray:
+    """Return the errors (n, g) of a kind's observations in their units; zeros of those that no row is of."""
+    return np.where(at[:, None] >= 0, errors[at], 0.0) * kind.rows.error[:, None]
 
 
 def _tells_drift(time: FloatArray) -> bool:

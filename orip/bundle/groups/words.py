@@ -10,6 +10,7 @@ from orip.records.observation_kinds import (
     ANGULAR_UNKNOWNS,
     ATTITUDE,
     CONTROL_POINT,
+    DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
@@ -34,6 +35,7 @@ _KINDS: dict[str, ObservationKind] = {
     "direction": DIRECTION,
     "station": STATION,
     "attitude": ATTITUDE,
+    "difference": DIFFERENCE,
 }
 _ELEMENTS = {"CAMERA": "cameras", "POINT": "observed points", "THEODOLITE": "theodolite sets"}
 _LENGTH = "XYZ"
@@ -49,6 +51,7 @@ _REMEDIES = {
     "distance": "check the unit, the calibrated length and the a-priori error of the distances",
     "station": "check the system of the stations, their heights, times and a-priori errors, and the lever arm",
     "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
+    "difference": "check the system and the a-priori errors of the .REL file, and the lever arm",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
 }
 
@@ -112,6 +115,8 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the {_stations(group)}"
         case "attitude":
             return f"{group.component} of the attitudes{_of_strip(group)}"
+        case "difference":
+            return f"{group.component} of the station differences"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
@@ -60,8 +61,9 @@ class ControlPointObservations(Observations, frozen=True):
             known[group.rows] = found.known[group.rows].all()
         return Linearisation(decorrelated(self.correlated, error, residual), partials, known)
 
-    def as_observed(self, residual: FloatArray) -> FloatArray:
+    def as_observed(self, residual: FloatArray, others: Mapping[str, FloatArray]) -> FloatArray:
         """Return the residuals (n,) of the coordinates from those of the equations."""
+        del others
         return as_observed(self.correlated, self.rows.error, residual)
 
     def correlations(self) -> tuple[CorrelatedRows, ...]:

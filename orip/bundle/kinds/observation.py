@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -87,11 +87,13 @@ class Observations(Struct, frozen=True):
         """Return the numbers of the groups (n,) that lose weight together; -1, or None for all: by themselves."""
         return None
 
-    def as_observed(self, residual: FloatArray) -> FloatArray:
+    def as_observed(self, residual: FloatArray, others: Mapping[str, FloatArray]) -> FloatArray:
         """Convert equation residuals to residuals (n,) of the observations; both are in the rows' units.
 
-        They differ where observations with correlated errors have equations that are not.
+        They differ where observations with correlated errors have equations that are not. `others` has the converted
+        residuals of kinds before this one, by their names.
         """
+        del others
         return residual
 
     def correlations(self) -> tuple[CorrelatedRows, ...]:

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.antenna_positions import (
+    antenna_positions_with_partials,
+    columns_of_positions,
+    decorrelation,
+    observed_coordinates,
+)
 from orip.bundle.antennas import StationPlaces, rows_or, station_places
 from orip.bundle.kinds.observation import (
     ExactObservations,
@@ -29,7 +35,7 @@ from orip.geometry.rotation import (
 from orip.records.block import Block
 from orip.records.definition import BORESIGHT_PLACES
 from orip.records.ground import GroundSystem
-from orip.records.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, ObservationKind
+from orip.records.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, STATION, ObservationKind
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import agreeing, first_names, joined
@@ -104,7 +110,20 @@ def require_separable_angles(inseparable: Sequence[str]) -> None:
 class AttitudeObservations(Observations, frozen=True):
     """n observed angles, degrees; `station` and `axis` (n,) say of which station and which of omega, phi, kappa.
 
-    `observed` (n, 3) has all angles of their stations, degrees.
+    Parameters
+    ----------
+    rows : Rows
+    station, axis : arrays (n,) of int
+    observed : array (n, 3)
+        All angles of their stations, degrees.
+    places : StationPlaces
+    ground : GroundSystem
+    mixing : array (n, 6)
+        From residuals of the station's X, Y, Z and angles, in the units of rows, to that of the equation.
+    position : array (n, 3)
+        Observed; only of stations whose angles are correlated with it.
+    position_row : array (n, 3) of int
+        Where the residuals of these are among the observed positions.
     """
 
     rows: Rows
@@ -113,6 +132,14 @@ class AttitudeObservations(Observations, frozen=True):
     observed: FloatArray
     places: StationPlaces
     ground: GroundSystem
+    mixing: FloatArray
+    position: FloatArray
+    position_row: IntArray
+
+    @property
+    def is_mixed(self) -> bool:
+        """Return whether angles are correlated with others, or with positions."""
+        return bool((self.mixing[:, 3:] != np.eye(3)[self.axis]).any() or (self.mixing[:, :3] != 0.0).any())
 
     def groups(self) -> IntArray:
         """Return the rows of the stations: a station loses its weight as a whole."""
@@ -120,6 +147,9 @@ class AttitudeObservations(Observations, frozen=True):
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return residuals (degrees, wrapped) and partials by the photo's rotation (3) and the boresight (3).
+
+        Where angles are correlated with positions, also by projection centre (3), lever arm (3), time offset, shift (3)
+        and drift (3).
 
         The project's axes turn slightly when a projection centre moves, by the shift over the earth's radius; the
         partials neglect this. Near phi = ±90 degrees the residuals are small rotations about the project's axes.
@@ -133,10 +163,50 @@ class AttitudeObservations(Observations, frozen=True):
         residual, rates, _ = rotation_residuals_with_partials(rotation, self.observed)
         by_rotation = rates @ np.where(known[:, None, None], axes, 0.0) @ state.rotation_basis()[photo]
         by_boresight = -rates @ rotation @ axes_rotation_from_angle_rates(boresight)
-        rows = np.arange(len(self.axis))
-        partials = np.concatenate([by_rotation, by_boresight], axis=2)[rows, self.axis]
-        residual = np.where(known, residual[rows, self.axis], 0.0)
-        return Linearisation(residual, np.where(known[:, None], partials, 0.0), known)
+        partials = np.concatenate([by_rotation, by_boresight], axis=2)
+        partials = np.einsum("na,nak->nk", self.mixing[:, 3:], partials)
+        residual = np.einsum("na,na->n", self.mixing[:, 3:], residual)
+        if self.rows.columns is not None and self.rows.columns.shape[1] > _UNCORRELATED:
+            value, by_unknowns, is_there = antenna_positions_with_partials(
+                state, self.places, self.station, self.ground
+            )
+            known &= is_there
+            residual += np.einsum("na,na->n", self.mixing[:, :3], np.nan_to_num(value - self.position))
+            of_position = np.einsum("na,nak->nk", self.mixing[:, :3], by_unknowns)
+            partials[:, :3] += of_position[:, 3:6]
+            partials = np.hstack([partials, of_position[:, :3], of_position[:, 6:]])
+        return Linearisation(np.where(known, residual, 0.0), np.where(known[:, None], partials, 0.0), known)
+
+    def decorrelated(self, angles: FloatArray, positions: FloatArray) -> FloatArray:
+        """Return what errors of the angles (n, g), and of all observed positions (p, g), are in the equations."""
+        found = np.zeros_like(angles)
+        if len(positions):
+            found += np.einsum("na,nag->ng", self.mixing[:, :3], positions[self.position_row])
+        own = self.station * 3 + self.axis
+        for other in range(3):
+            wanted = self.station * 3 + other
+            row = np.minimum(np.searchsorted(own, wanted), len(own) - 1)
+            found += np.where(own[row] == wanted, self.mixing[:, 3 + other], 0.0)[:, None] * angles[row]
+        return found
+
+    def as_observed(self, residual: FloatArray, others: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the residuals (n,) of the angles from those of the equations."""
+        found = residual.copy()
+        if (self.mixing[:, :3] != 0.0).any():
+            of_position = others[STATION.name][self.position_row]
+            found -= np.einsum("na,na->n", self.mixing[:, :3], of_position)
+        for axis in range(3):  # lower triangles: omega by itself, phi after omega, kappa after both
+            mine = np.flatnonzero(self.axis == axis)
+            for other in range(axis):
+                row = np.searchsorted(self.station * 3 + self.axis, self.station[mine] * 3 + other)
+                row = np.minimum(row, len(found) - 1)
+                found[mine] -= self.mixing[mine, 3 + other] * found[row]
+            found[mine] /= self.mixing[mine, 3 + axis]
+        return found
+
+
+_UNCORRELATED = 6
+"""Unknowns of an angle that is not correlated with a position."""
 
 
 class ConstantAttitudeObservations(ExactObservations, AttitudeObservations, frozen=True):
@@ -149,7 +219,7 @@ def observe_attitudes(block: Block, unknowns: Unknowns) -> AttitudeObservations:
     chosen = np.isfinite(error) & (error != 0.0)
     used = (error[chosen] > 0.0) & (not block.is_free_network)
     return AttitudeObservations(
-        *_observed(block, unknowns, ATTITUDE, chosen, np.abs(error[chosen]) * DEGREES_PER_RADIAN, used)
+        *_observed(block, unknowns, ATTITUDE, chosen, np.abs(error[chosen]) * DEGREES_PER_RADIAN, used, _mixing(block))
     )
 
 
@@ -159,7 +229,8 @@ def observe_constant_attitudes(block: Block, unknowns: Unknowns) -> ConstantAtti
     of_angle = error_of_constant_angles(block) * DEGREES_PER_RADIAN if chosen.any() else 1.0
     error = np.full(int(chosen.sum()), of_angle)
     used = np.ones(len(error), dtype=bool)
-    return ConstantAttitudeObservations(*_observed(block, unknowns, CONSTANT_ATTITUDE, chosen, error, used))
+    mixing = np.broadcast_to(np.eye(6)[3:], (len(block.stations), 3, 6))
+    return ConstantAttitudeObservations(*_observed(block, unknowns, CONSTANT_ATTITUDE, chosen, error, used, mixing))
 
 
 def _errors(block: Block) -> FloatArray:
@@ -168,14 +239,35 @@ def _errors(block: Block) -> FloatArray:
     return np.array(errors, dtype=np.float64).reshape(-1, 3)
 
 
+_Parts = tuple[Rows, IntArray, IntArray, FloatArray, StationPlaces, GroundSystem, FloatArray, FloatArray, IntArray]
+
+
+def _mixing(block: Block) -> FloatArray:
+    """Return the last rows (number of stations, 3, 6) of what decorrelates positions and angles, in units of rows."""
+    unit = np.repeat([1.0, DEGREES_PER_RADIAN], 3)
+    found = np.tile(np.eye(6)[3:], (len(block.stations), 1, 1))
+    for row, station in enumerate(block.stations):
+        if station.has_joint_covariance and station.covariance is not None:
+            error = np.array([*station.position_error, *station.angle_error]) * unit
+            found[row] = decorrelation(error, np.array(station.covariance) * np.outer(unit, unit))[3:]
+    return found
+
+
 def _observed(
-    block: Block, unknowns: Unknowns, kind: ObservationKind, chosen: BoolArray, error: FloatArray, used: BoolArray
-) -> tuple[Rows, IntArray, IntArray, FloatArray, StationPlaces, GroundSystem]:
+    block: Block, unknowns: Unknowns, kind: ObservationKind, chosen: BoolArray, error: FloatArray, used: BoolArray,
+    mixing: FloatArray,
+) -> _Parts:  # fmt: skip
     places = station_places(block)
     station, axis = np.nonzero(chosen)
     angles = np.array([station.angles for station in block.stations], dtype=np.float64).reshape(-1, 3)
     angles *= DEGREES_PER_RADIAN
     boresight = rows_or(unknowns.antennas[:, BORESIGHT_PLACES], places.antenna[station], CONSTANT)
+    own = mixing[station, axis]
+    columns = np.hstack([unknowns.photos[places.photo[station], 3:], boresight])
+    if (own[:, :3] != 0.0).any():
+        of_position = columns_of_positions(block, unknowns, places, station, own[:, None, :3])[:, 0]
+        columns = np.hstack([columns, of_position[:, :3], of_position[:, 6:]])
+    position = np.array([record.position for record in block.stations], dtype=np.float64).reshape(-1, 3)
     rows = Rows(
         kind=kind,
         photo=tuple(block.photos[row].name for row in places.photo[station]),
@@ -184,9 +276,18 @@ def _observed(
         observed=angles[station, axis],
         error=error,
         used=used,
-        columns=np.hstack([unknowns.photos[places.photo[station], 3:], boresight]),
+        columns=columns,
     )
-    return rows, station, axis, angles[station], places, block.ground
+    return (
+        rows, station, axis, angles[station], places, block.ground, own, position[station],
+        _rows_of_positions(block)[station],
+    )  # fmt: skip
+
+
+def _rows_of_positions(block: Block) -> IntArray:
+    """Return which of the observed coordinates those of each station (number of stations, 3) are."""
+    chosen = observed_coordinates(block)
+    return (np.cumsum(chosen.ravel()) - 1).reshape(chosen.shape).astype(np.int64)
 
 
 KINDS = (

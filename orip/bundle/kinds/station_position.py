@@ -6,11 +6,20 @@ covariance: that of X is as observed, that of Y is without what X says of it, th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.antennas import StationPlaces, rows_or, station_places
-from orip.bundle.correlated_rows import CorrelatedRows
+from orip.bundle.antenna_positions import (
+    antenna_positions_with_partials,
+    columns_of_positions,
+    decorrelation,
+    observed_coordinates,
+    position_errors,
+)
+from orip.bundle.antennas import StationPlaces, station_places
+from orip.bundle.correlated_rows import CorrelatedRows, rows_of_members
 from orip.bundle.kinds.observation import (
     ExactObservations,
     KindEquations,
@@ -20,15 +29,11 @@ from orip.bundle.kinds.observation import (
     error_of_constant_lengths,
 )
 from orip.bundle.state import BlockState
-from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
-from orip.geometry.rotation import cross_matrix
+from orip.bundle.unknowns import POINT_COORDINATES, Unknowns
 from orip.records.block import Block
 from orip.records.control import Station
-from orip.records.definition import LEVER_ARM
 from orip.records.ground import GroundSystem
 from orip.records.observation_kinds import CONSTANT_STATION, STATION, ObservationKind
-
-_ARM, _OFFSET = slice(0, 3), 6
 
 
 class PositionObservations(Observations, frozen=True):
@@ -66,45 +71,22 @@ class PositionObservations(Observations, frozen=True):
 
         These are the projection centre (3), the photo's rotation (3), lever arm (3), time offset, shift (3), drift (3).
         """
-        places, members = self.places, self.members
-        photo, elapsed = places.photo[members], places.elapsed[members][:, None, None]
-        rotation, velocity = state.rotations[photo], places.velocity[members]
-        antenna = rows_or(state.antennas, places.antenna[members], 0.0)
-        arm = (rotation @ antenna[:, _ARM, None])[:, :, 0]
-        found = self.ground.project_with_partials(state.centres[photo] + arm)
-        value = found.value + velocity * antenna[:, [_OFFSET]]
-        value = value + rows_or(state.shifts, places.shift[members], 0.0)
-        value = value + elapsed[:, 0] * rows_or(state.drifts, places.drift[members], 0.0)
-        turned = found.by_local @ -cross_matrix(arm) @ state.rotation_basis()[photo]
-        axes = np.broadcast_to(np.eye(3), turned.shape)
-        partials = np.concatenate(
-            [found.by_local, turned, found.by_local @ rotation, velocity[:, :, None], axes, elapsed * axes], axis=2
-        )
-        known = np.isfinite(value).all(axis=1) & np.isfinite(partials).all(axis=(1, 2))
+        value, partials, known = antenna_positions_with_partials(state, self.places, self.members, self.ground)
         residual = (self.whitening @ np.where(known[:, None], value - self.observed, 0.0)[:, :, None])[:, :, 0]
-        partials = self.whitening @ np.where(known[:, None, None], partials, 0.0)
+        partials = self.whitening @ partials
         at = (self.station, self.axis)
         return Linearisation(residual[at], partials[at], known[self.station])
 
-    def as_observed(self, residual: FloatArray) -> FloatArray:
+    def as_observed(self, residual: FloatArray, others: Mapping[str, FloatArray]) -> FloatArray:
         """Return the residuals (n,) of the coordinates from those of the equations."""
+        del others
         of_stations = np.zeros((len(self.members), 3))
         of_stations[self.station, self.axis] = residual
         return np.asarray(np.linalg.solve(self.whitening, of_stations[:, :, None])[self.station, self.axis, 0])
 
     def correlations(self) -> tuple[CorrelatedRows, ...]:
         """Return the coordinates of stations whose errors are correlated."""
-        if not (self.whitening != np.eye(3)).any():
-            return ()
-        found = []
-        for member, whitening in enumerate(self.whitening):
-            rows = np.flatnonzero(self.station == member)
-            if len(rows) > 1 and (whitening != np.eye(3)).any():
-                axis, error = self.axis[rows], self.rows.error[rows]
-                standard = whitening[np.ix_(axis, axis)] * error / error[:, None]
-                root = np.linalg.inv(standard)
-                found.append(CorrelatedRows(rows, root @ root.T, standard))
-        return tuple(found)
+        return rows_of_members(self.station, self.axis, self.rows.error, self.whitening)
 
 
 class ConstantPositionObservations(ExactObservations, PositionObservations, frozen=True):
@@ -113,8 +95,7 @@ class ConstantPositionObservations(ExactObservations, PositionObservations, froz
 
 def observe_positions(block: Block, unknowns: Unknowns) -> PositionObservations:
     """Return the coordinates that are observed or only compared."""
-    error = _errors(block)
-    chosen = np.isfinite(error) & (error != 0.0)
+    error, chosen = position_errors(block), observed_coordinates(block)
     whitening = np.array([_whitening(station) for station in block.stations]).reshape(-1, 3, 3)
     used = (error[chosen] > 0.0) & (not block.is_free_network)
     return PositionObservations(*_observed(block, unknowns, STATION, chosen, np.abs(error[chosen]), used, whitening))
@@ -122,28 +103,16 @@ def observe_positions(block: Block, unknowns: Unknowns) -> PositionObservations:
 
 def observe_constant_positions(block: Block, unknowns: Unknowns) -> ConstantPositionObservations:
     """Return the coordinates that are met exactly; in a free network none."""
-    chosen = (_errors(block) == 0.0) & (not block.is_free_network)
+    chosen = (position_errors(block) == 0.0) & (not block.is_free_network)
     error = np.full(int(chosen.sum()), error_of_constant_lengths(block) if chosen.any() else 1.0)
     whitening = np.broadcast_to(np.eye(3), (len(block.stations), 3, 3))
     used = np.ones(len(error), dtype=bool)
     return ConstantPositionObservations(*_observed(block, unknowns, CONSTANT_STATION, chosen, error, used, whitening))
 
 
-def _errors(block: Block) -> FloatArray:
-    """Return a-priori errors (number of stations, 3), NaN where no position was observed."""
-    errors = [station.position_error if station.has_position else (np.nan,) * 3 for station in block.stations]
-    return np.array(errors, dtype=np.float64).reshape(-1, 3)
-
-
 def _whitening(station: Station) -> FloatArray:
-    """Return diag(error) L^-1 for a covariance L L^T; coordinates that are not observed stay as they are."""
-    found = np.eye(3)
-    error = np.array(station.position_error)
-    observed = np.flatnonzero(error > 0.0)
-    if station.covariance is not None and len(observed):
-        factor = np.linalg.cholesky(np.array(station.covariance)[np.ix_(observed, observed)])
-        found[np.ix_(observed, observed)] = error[observed, None] * np.linalg.inv(factor)
-    return found
+    covariance = None if station.covariance is None else np.array(station.covariance)[:3, :3]
+    return decorrelation(np.array(station.position_error), covariance)
 
 
 def _observed(
@@ -155,7 +124,7 @@ def _observed(
     members, station = np.unique(of_block, return_inverse=True)
     observed = np.array([station.position for station in block.stations], dtype=np.float64).reshape(-1, 3)[members]
     whitening = whitening[members]
-    columns = _columns(block, unknowns, places, members, whitening)
+    columns = columns_of_positions(block, unknowns, places, members, whitening)
     rows = Rows(
         kind=kind,
         photo=tuple(block.photos[row].name for row in places.photo[of_block]),
@@ -167,37 +136,6 @@ def _observed(
         columns=columns[station, axis],
     )
     return rows, station, axis, members, observed, whitening, places, block.ground
-
-
-def _columns(
-    block: Block, unknowns: Unknowns, places: StationPlaces, members: IntArray, whitening: FloatArray
-) -> IntArray:
-    """Return the unknowns (s, 3, 16) of X, Y and Z of stations."""
-    photo, antenna = unknowns.photos[places.photo[members]], places.antenna[members]
-    of_antenna = rows_or(unknowns.antennas, antenna, CONSTANT)
-    shift = rows_or(unknowns.shifts, places.shift[members], CONSTANT)
-    drift = rows_or(unknowns.drifts, places.drift[members], CONSTANT)
-    given = np.array([record.lever_arm for record in block.antennas], dtype=np.float64).reshape(-1, len(LEVER_ARM))
-    has_arm = (rows_or(given, antenna, 0.0) != 0.0).any(axis=1) | (of_antenna[:, _ARM] != CONSTANT).any(axis=1)
-    mixed = whitening != 0.0
-    depends = (mixed @ block.ground.dependence.astype(np.int64)) > 0
-
-    def where(condition: BoolArray, columns: IntArray) -> IntArray:
-        shape = (len(members), 3, columns.shape[1])
-        return np.where(np.broadcast_to(condition, shape), columns[:, None], CONSTANT)
-
-    always = np.ones((1, 1, 1), dtype=bool)
-    return np.concatenate(
-        [
-            where(depends, photo[:, :3]),
-            where(has_arm[:, None, None], photo[:, 3:]),
-            where(always, of_antenna[:, _ARM]),
-            where(always, of_antenna[:, [_OFFSET]]),
-            where(mixed, shift),
-            where(mixed, drift),
-        ],
-        axis=2,
-    )
 
 
 KINDS = (

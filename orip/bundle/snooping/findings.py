@@ -11,6 +11,7 @@ from orip.adjustment.outlier_tests import LEAST_SIGMA0
 from orip.adjustment.residual_sums import joint_effects
 from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
+from orip.bundle.kinds.station_difference import disregarded_difference
 from orip.bundle.snooping.correlated import correlated_groups, size_of_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
@@ -19,6 +20,7 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
+    DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
@@ -138,6 +140,7 @@ def snooping_diagnosis(solved: SolvedBlock, findings: Sequence[Finding]) -> Iter
 def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
     """Return the block in which the blunders are disregarded: their residuals are listed, without influence."""
     wrong = {(blunder.kind, blunder.photo, blunder.point, blunder.component) for blunder in blunders}
+    differing = {blunder.point for blunder in blunders if blunder.kind == DIFFERENCE.name}
     contradicting = {blunder.point for blunder in blunders if blunder.kind == CONTROL_POINT.name}
     return replace(
         block,
@@ -155,6 +158,9 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
         ),
         stations=tuple(_disregarded_station(station, wrong) for station in block.stations),
         directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
+        differences=tuple(
+            disregarded_difference(line) if line.name in differing else line for line in block.differences
+        ),
     )
 
 
@@ -166,6 +172,7 @@ _WRONG = {
     DIRECTION.name: "contradicts the other observations",
     STATION.name: "contradicts the other observations",
     ATTITUDE.name: "contradicts the other observations",
+    DIFFERENCE.name: "contradicts the other observations",
 }
 _REMEDY = {
     PHOTO_POINT.name: "measure it again, or disregard it; check its name",
@@ -174,6 +181,7 @@ _REMEDY = {
     DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
     ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
+    DIFFERENCE.name: "check the inertial data between its two exposures, and their names; or disregard it",
     DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
 }
 

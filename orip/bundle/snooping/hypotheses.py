@@ -20,6 +20,7 @@ from orip.bundle.kinds.element import ElementObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
+from orip.bundle.kinds.station_difference import DifferenceObservations
 from orip.bundle.kinds.station_position import PositionObservations
 from orip.bundle.snooping.correlated import (
     are_correlated,
@@ -103,6 +104,8 @@ def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
         return _element_groups(kind)
     if isinstance(kind, (PositionObservations, AttitudeObservations)):
         return _together(range(len(kind.station)), kind.station)
+    if isinstance(kind, DifferenceObservations):
+        return _together(range(len(kind.pair)), kind.pair)
     if isinstance(kind, DirectionObservations):
         return _direction_groups(kind)
     return ((row,) for row in range(len(kind.rows.photo)))

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from msgspec import Struct
 
 from orip.errors import InputError
+from orip.files.control.differences_text import DIFFERENCE_KEYS, OPTIONAL_DIFFERENCE_KEYS, parse_differences
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, is_heading, parse_stations
 from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
@@ -151,7 +152,7 @@ def _aligned(fields: Sequence[str], pattern: TextLine | None, names: int) -> str
     return line
 
 
-ControlKind = Literal["points", "elements", "distances", "directions", "stations", "preliminary"]
+ControlKind = Literal["points", "elements", "distances", "directions", "stations", "differences", "preliminary"]
 Fields = list[str | None]
 """Fields of a line in the order of the keys; None: missing."""
 
@@ -225,6 +226,8 @@ class ControlForm(Struct, frozen=True):
         is_record = self.singular == "element" and texts[1:2] and texts[1].upper() in {"CAMERA", "PHOTO"}
         if is_record or self.singular == "station":
             texts[0] = record_key(texts[0])
+        if self.singular == "station difference":
+            texts = [record_key(text) for text in texts]
         return tuple(text.upper() if key in self.words else text for key, text in zip(self.keys, texts, strict=False))
 
     def is_meant(self, wanted: str, fields: Sequence[str | None]) -> bool:
@@ -284,6 +287,16 @@ FORMS: dict[ControlKind, ControlForm] = {
         texts=("strip",),
         optional=OPTIONAL_KEYS,
         is_heading=is_heading,
+    ),
+    "differences": ControlForm(
+        "station difference",
+        "REL",
+        DIFFERENCE_KEYS,
+        2,
+        parse_differences,
+        errors=("aX", "aY", "aZ", "aOMEGA", "aPHI", "aKAPPA"),
+        dashes=DIFFERENCE_KEYS[2:],
+        optional=OPTIONAL_DIFFERENCE_KEYS,
     ),
     "preliminary": ControlForm(
         "preliminary point",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from orip.errors import Complaint
+from orip.files.control.correlations import CORRELATION_KEYS, correlation_cells, read_covariance
 from orip.files.text.lines import FieldReader, TextLine, field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.records.control import (
@@ -23,16 +24,19 @@ from orip.units import RADIANS_PER_DEGREE
 
 STATION_KEYS = (
     "photo", "X", "Y", "Z", "aX", "aY", "aZ", "OMEGA", "PHI", "KAPPA", "aOMEGA", "aPHI", "aKAPPA", "time", "strip",
-    "rXY", "rXZ", "rYZ",
+    *CORRELATION_KEYS,
 )  # fmt: skip
 """Fields of a line; those after the seventh may be missing from the end, in the groups of `OPTIONAL_KEYS`."""
 
-OPTIONAL_KEYS = (STATION_KEYS[7:13], STATION_KEYS[13:14], STATION_KEYS[14:15], STATION_KEYS[15:])
+OPTIONAL_KEYS = (STATION_KEYS[7:13], STATION_KEYS[13:14], STATION_KEYS[14:15], STATION_KEYS[15:18], STATION_KEYS[18:])
 
-_DECIMALS, _DECIMALS_OF_DEGREES = 4, 10
+_DECIMALS, _DECIMALS_OF_DEGREES, _COEFFICIENTS = 4, 10, 7
 
-_FORM = "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ as far as known"
-_COUNTS = (7, 13, 14, 15, 18)
+_FORM = (
+    "photo X Y Z aX aY aZ, then OMEGA PHI KAPPA aOMEGA aPHI aKAPPA, time, strip, rXY rXZ rYZ and rXO ... rPK as far as "
+    "known"
+)
+_COUNTS = (7, 13, 14, 15, 18, 30)
 _UNKNOWN = "-"
 
 Triple = tuple[float, float, float]
@@ -125,10 +129,6 @@ def stations_text(stations: Sequence[Station], *, is_geographic: bool = False) -
 
 def _fields(station: Station, decimals: int) -> list[str]:
     degrees = [angle / RADIANS_PER_DEGREE for angle in (*station.angles, *station.angle_error)]
-    correlation = [math.nan] * 3
-    if station.covariance is not None:
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = station.covariance
-        correlation = [xy / math.sqrt(xx * yy), xz / math.sqrt(xx * zz), yz / math.sqrt(yy * zz)]
     return [
         station.photo,
         *(_fixed(value, decimals) for value in station.position[:2]),
@@ -136,7 +136,7 @@ def _fields(station: Station, decimals: int) -> list[str]:
         *(_fixed(value, 6) for value in degrees),
         _fixed(station.time, _DECIMALS),
         station.strip or _UNKNOWN,
-        *(_fixed(value, _DECIMALS) for value in correlation),
+        *correlation_cells(station.covariance, _DECIMALS if len(station.covariance or ()) == 3 else _COEFFICIENTS),
     ]
 
 
@@ -148,10 +148,10 @@ def _read_station(reader: FieldReader) -> Station | None:
     if not reader.has_fields(_COUNTS, _FORM) or reader.is_heading(range(1, 7)):
         return None
     photo = reader.name(0)
-    position, position_error = _observed(reader, 1, GROUND_ERRORS, "position", "X, Y and Z")
+    position, position_error = observed_triple(reader, 1, GROUND_ERRORS, "position", "X, Y and Z")
     angles, angle_error = NOT_GIVEN, NOT_GIVEN
     if reader.count >= _COUNTS[1]:
-        angles, angle_error = _observed(reader, 7, ANGLE_ERRORS, "attitude", "OMEGA, PHI and KAPPA")
+        angles, angle_error = observed_triple(reader, 7, ANGLE_ERRORS, "attitude", "OMEGA, PHI and KAPPA")
     if math.isnan(position[0]) and math.isnan(angles[0]) and not reader.complaints:
         reader.complain(f"photo '{reader.shown_text(0)}' has neither a position nor angles; remove the line")
     time = reader.number_or_dash(13) if reader.count > 13 else None
@@ -160,16 +160,18 @@ def _read_station(reader: FieldReader) -> Station | None:
         photo=photo,
         position=position,
         position_error=position_error,
-        angles=_radians(angles),
-        angle_error=_radians(angle_error),
-        covariance=_covariance(reader, position_error),
+        angles=radians(angles),
+        angle_error=radians(angle_error),
+        covariance=read_covariance(reader, (*position_error, *radians(angle_error)), 15, len(CORRELATION_KEYS)),
         time=math.nan if time is None else time,
         strip=strip,
         line=reader.number,
     )
 
 
-def _observed(reader: FieldReader, start: int, limits: ErrorLimits, what: str, keys: str) -> tuple[Triple, Triple]:
+def observed_triple(
+    reader: FieldReader, start: int, limits: ErrorLimits, what: str, keys: str
+) -> tuple[Triple, Triple]:
     """Return three values and their a-priori errors, from a field on; all six are '-' where nothing was observed."""
     fields = range(start, start + 6)
     unknown = [reader.text(index) == _UNKNOWN for index in fields]
@@ -192,51 +194,6 @@ def _triple(values: Sequence[float | None]) -> Triple:
     return first, second, third
 
 
-def _radians(angles: Triple) -> Triple:
+def radians(angles: Triple) -> Triple:
+    """Return three angles in degrees in radians; NaN as they are."""
     return NOT_GIVEN if math.isnan(angles[0]) else _triple([angle * RADIANS_PER_DEGREE for angle in angles])
-
-
-def _covariance(reader: FieldReader, errors: Triple) -> tuple[Triple, ...] | None:
-    """Return the covariance matrix of the position from its errors and correlation coefficients."""
-    if reader.count < _COUNTS[-1] or all(reader.text(index) == _UNKNOWN for index in (15, 16, 17)):
-        return None
-    import numpy as np  # few stations have correlations
-
-    found = read_correlations(reader, 15, errors)
-    if found is None:
-        return None
-    rxy, rxz, ryz = found
-    correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
-    covariance = np.outer(np.abs(errors), np.abs(errors)) * correlation
-    return tuple(_triple(row) for row in covariance.tolist())
-
-
-def read_correlations(reader: FieldReader, first: int, errors: Sequence[float | None]) -> Triple | None:
-    """Return the coefficients rXY, rXZ and rYZ of three errors, from a field on; None after a complaint.
-
-    Parameters
-    ----------
-    reader : FieldReader
-    first : int
-        Field of rXY.
-    errors : sequence of 3 float or None
-        Of X, Y and Z; None or NaN where they are not known.
-    """
-    import numpy as np  # few files have correlations
-
-    rxy, rxz, ryz = (reader.decimal(index) for index in range(first, first + 3))
-    correlation = np.array([[1.0, rxy, rxz], [rxy, 1.0, ryz], [rxz, ryz, 1.0]])
-    if not np.isfinite(correlation).all():
-        return None
-    if np.linalg.eigvalsh(correlation)[0] <= 0.0:
-        message = (
-            "coefficients of correlation rXY rXZ rYZ that no three errors can have; each is above -1 and below 1, and "
-            "together they make a positive definite matrix. Correct them, or write '-' for all three"
-        )
-        reader.complain(message, first)
-        return None
-    if any(error is None or math.isnan(error) or error == 0.0 for error in errors):
-        message = "coefficients of correlation need errors of X, Y and Z that are not 0; write '-' for them"
-        reader.complain(message, first)
-        return None
-    return rxy, rxz, ryz

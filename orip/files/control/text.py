@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
+from orip.files.control.correlations import read_correlations
 from orip.files.control.covariances_text import parse_covariances, with_own_correlations
-from orip.files.control.stations_text import parse_stations_and_reference, read_correlations
+from orip.files.control.differences_text import parse_differences
+from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
 from orip.files.text.lines import FieldReader, field_lines, read_lines
 from orip.files.text.shown import Parsed, shown_token
@@ -69,7 +71,7 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
 }
 """Unknowns that a control element may observe, by group."""
 
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA", "COV")
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA", "REL", "COV")
 """Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
@@ -183,7 +185,9 @@ def _read_point(reader: FieldReader, found: _RecordList[ControlPoint]) -> None:
         reader.complain(message, last)
     correlations = None
     if reader.count >= 10 and any(reader.text(index) != _UNKNOWN for index in (7, 8, 9)):
-        correlations = read_correlations(reader, 7, errors)
+        found_coefficients = read_correlations(reader, errors, 7, 3)
+        if found_coefficients is not None:
+            correlations = (found_coefficients[0][1], found_coefficients[0][2], found_coefficients[1][2])
     point = ControlPoint(
         name,
         (coordinates[0], coordinates[1], coordinates[2]),
@@ -330,11 +334,12 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_control_file(parse_distances, folder, f"{base}.LEN")
     directions = read_control_file(parse_directions, folder, f"{base}.DIR")
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
+    differences = read_control_file(parse_differences, folder, f"{base}.REL")
     correlations = read_control_file(partial(parse_covariances, points=points.value), folder, f"{base}.COV")
-    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, correlations)
+    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, differences, correlations)
     own, between = with_own_correlations(points.value, correlations.value)
     return Parsed(
-        Control(own, elements.value, distances.value, directions.value, *stations.value, between),
+        Control(own, elements.value, distances.value, directions.value, *stations.value, differences.value, between),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )

@@ -64,6 +64,10 @@ def _unknown(kind: ControlKind, fields: dict[str, str | None], known: _Known) ->
     if kind == "stations":
         yield from _unknown_element(fields["photo"] or "", "PHOTO", known)
         return
+    if kind == "differences":
+        yield from _unknown_element(fields["first"] or "", "PHOTO", known)
+        yield from _unknown_element(fields["second"] or "", "PHOTO", known)
+        return
     if not known.measured:
         return
     given = known.given if kind in {"distances", "directions"} else frozenset()

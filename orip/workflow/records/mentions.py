@@ -74,6 +74,9 @@ def _observed_in_texts(control: Control, kind: str, name: str) -> Iterator[tuple
     for station in control.stations:
         if kind == "photo" and record_key(station.photo) == record_key(name):
             yield "STA", station.line
+    for line in control.differences:
+        if kind == "photo" and record_key(name) in {record_key(line.first), record_key(line.second)}:
+            yield "REL", line.line
 
 
 def _in_project_text(project: ProjectFolder, change: RecordChange, name: str, now: str) -> Iterator[ProjectWarning]:
