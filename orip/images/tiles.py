@@ -75,17 +75,27 @@ class TileStore:
         path = self._folder / f"{key}-{name.level}-{name.column}-{name.row}.jpg"
         with suppress(OSError):
             return regular_bytes(path)
-        with self._lock:
-            level = self._kept(f"{key} {name.level}", lambda: _read_level(image, name.level, shown))
+        level = self.level(image, shown, name.level)
         rows, columns = (slice(at * TILE, (at + 1) * TILE) for at in (name.row, name.column))
         part = level[rows, columns] if min(name.row, name.column) >= 0 else level[:0]
         if not part.size:
             message = f"the image has no tile {name.column}, {name.row} in level {name.level}"
             raise InputError.single(message, shown)
-        data = _as_jpeg(part)
+        data = as_jpeg(part)
         with suppress(OSError):
             replace_bytes(path, data)
         return data
+
+    def level(self, image: Path, shown: str, level: int) -> NDArray[np.uint8]:
+        """Return an image reduced by 2^level, (rows, columns) of grey values or with three colours.
+
+        Raises
+        ------
+        InputError
+            If the image cannot be read, or has no such level.
+        """
+        with self._lock:
+            return self._kept(f"{_key(image, shown)} {level}", lambda: _read_level(image, level, shown))
 
     def grey(self, image: Path, shown: str) -> NDArray[np.uint8]:
         """Return the grey values of an image, (rows, columns), of 8 bits.
@@ -145,7 +155,8 @@ def _halved(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found
 
 
-def _as_jpeg(pixels: NDArray[np.uint8]) -> bytes:
+def as_jpeg(pixels: NDArray[np.uint8]) -> bytes:
+    """Return grey values or colours as JPEG."""
     from PIL import Image
 
     written = BytesIO()
