@@ -24,13 +24,15 @@ from orip.multimodel.processor import Loaded, load
 from orip.multimodel.readout import object_position, photo_positions, plate_position
 from orip.multimodel.rectified_model import ImageOnPlate, RectifiedModel, rectified_model
 from orip.multimodel.state import Condition, Guide, Position, ProcessorState, active_model
-from orip.multimodel.table import EMPTY, object_ground
-from orip.multimodel.table_step import DRIVEN_FROM, make_drive_table
+from orip.multimodel.stereo_pairs import stereo_pairs
+from orip.multimodel.table import object_ground
+from orip.multimodel.table_step import DRIVEN_FROM, current_table
 from orip.records.drive_table import DriveCode, DriveFault, Triple
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.stereo import StereoVertex
 from orip.structs import replace
+from orip.wording import counted
 from orip.workflow.observations.films import plate_of_log
 from orip.workflow.project.bundle_state import read_bundle
 
@@ -310,10 +312,15 @@ def open_stereo(
         If no model has two images.
     """
     state = read_bundle(folder, bundle, *DRIVEN_FROM)
-    outcome = make_drive_table(state).outcome
-    table = outcome.table
-    if any(photo.name.endswith(EMPTY) for photo in table.photos):
+    solution = state.adjusted
+    ground = object_ground(state.project.definition.crs, solution.ground_unit, solution)
+    pairs = state.definition.models or stereo_pairs(solution, ground)
+    if not pairs:
         raise UsageError(_without_models(state.name))
+    table, warnings = current_table(state, pairs)
+    if not state.definition.models:
+        text = f"has no models; {counted(len(pairs), 'pair')} of its photos can be seen instead"
+        warnings += (ProjectWarning("pairs-of-photos", f"bundle {state.name}", text),)
     photos = {}
     for key in (photo.name for photo in table.photos):
         photo = state.records.photos[key]
@@ -331,19 +338,17 @@ def open_stereo(
     loaded = load(replace(table, models=seen))
     if not isinstance(loaded, Loaded):
         raise InputError.single("; ".join(fault.text for fault in loaded))
-    solution = state.adjusted
-    ground = object_ground(state.project.definition.crs, solution.ground_unit, solution)
     values = solution.points.values.tolist()
     points: dict[str, Triple] = {
         name: (x, y, z) for name, (x, y, z) in zip(solution.points.names, values, strict=True) if np.isfinite(x + y + z)
     }
-    return StereoProcessor(loaded, photos, ground, points, outcome.warnings)
+    return StereoProcessor(loaded, photos, ground, points, warnings)
 
 
 def _without_models(bundle: str) -> str:
     return (
-        f"bundle {bundle} has no models to be seen in stereo: add some, for example 'orip model add 1-1 left=P1 "
-        "right=P2 row=1 column=1', or as [[bundle.model]] in orip.toml, then repeat the command"
+        f"bundle {bundle} has no models, and no two photos with points in common that show them in stereo: add some, "
+        "for example 'orip model add 1-1 left=P1 right=P2 row=1 column=1', then repeat the command"
     )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.errors import InputError
-from orip.images.tiles import TILE, TileName, TileStore, as_jpeg, level_count
+from orip.images.tiles import KEPT_BYTES, TILE, TileName, TileStore, as_jpeg, level_count
 from orip.screen.plates import Plate
 
 _GRID = 8
@@ -57,7 +57,9 @@ def rectified_tile(
         raise InputError.single(message, plate.shown)
     assert plate.image is not None, "it has one"
     level = min(name.level, level_count(*plate.size) - 1)
-    image = store.level(plate.image, plate.shown, level)
+    # two photos in colour that are not in memory together would be decoded again and again
+    is_grey = 2 * 3 * plate.size[0] * plate.size[1] > KEPT_BYTES
+    image = store.level(plate.image, plate.shown, level, is_grey=is_grey)
     places = _places(width, height, lambda grid: pixels((grid + first) * reduction) / (1 << level))
     return as_jpeg(_resampled(image, places))
 

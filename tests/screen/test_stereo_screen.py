@@ -16,7 +16,7 @@ from link.served import loaded_station, served  # noqa: E402
 from screen.rendered_project import asked  # noqa: E402
 from screen.stereo_project import Adjusted, adjusted_strip, served_stereo, stereo_of  # noqa: E402
 from support.driven_projects import measured, residuals_of  # noqa: E402
-from support.rendered_surface import COLUMNS, NOISE, PHOTOS, PIXEL, ROWS, C, ground_points, height  # noqa: E402
+from support.rendered_surface import COLUMNS, MODELS, NOISE, PHOTOS, PIXEL, ROWS, C, ground_points, height, write_strip  # noqa: E402
 
 from orip.multimodel.link.client import open_link  # noqa: E402
 from orip.multimodel.movement import drive_object  # noqa: E402
@@ -236,14 +236,14 @@ def test_what_others_write_meanwhile_stays_and_what_cannot_be_is_refused(project
     assert before.count(b"POINT") == 3
 
 
-def test_a_block_without_models_is_told_what_to_do(tmp_path: Path, adjusted: Adjusted) -> None:
-    from support.rendered_surface import write_strip
-
+def test_a_block_without_models_is_seen_in_pairs_of_neighbours(tmp_path: Path, adjusted: Adjusted) -> None:
     folder = write_strip(tmp_path / "single", adjusted.strip, models=False)
     assert orip(folder, "run", "--no-report").code == 0
-    done = orip(folder, "screen", "--stereo", "--no-open")
-    assert done.code != 0
-    assert "orip model add" in done.err
+    processor, screen = stereo_of(folder)
+    assert [one["photos"] for one in screen.scene["models"]] == [(left, right) for _, left, right, *_ in MODELS]
+    assert [one.code for one in processor.warnings] == ["pairs-of-photos"]
+    assert screen.commands["drive"]({"object": [30.0, 20.0, 12.0]})["refused"] is None
+    assert screen.state()["condition"] == "IN"
 
 
 def test_the_strip_is_what_it_is_said_to_be(adjusted: Adjusted) -> None:
