@@ -27,6 +27,9 @@ GUIDES = ("OBJECT", "MODEL", "BOTH", "UPPER", "LOWER")
 _MOST_NAMES = 5000
 """Of points that are offered to go to."""
 
+_SURROUNDINGS = 16.0
+"""Pixels around the mark that matching compares: beyond the border of an image there are none."""
+
 _MOST_PIXELS = 1e5
 """Of a movement."""
 
@@ -210,6 +213,7 @@ class StereoScreen:
         reading = self._processor.read()
         transfer = self._processor.transfer_to_right()
         left = self._plates[self._processor.photo_names(reading.model)[0]]
+        self._require_surroundings(left, left.to_pixel(reading.logs[0]))
         found, faults = propose(self._store, self._plates, left.photo, left.to_pixel(reading.logs[0]), [transfer])
         if not found:
             message = "; ".join(faults) or "the photos differ too much in scale to be compared here"
@@ -217,8 +221,14 @@ class StereoScreen:
         if found[0].reason:
             message = f"matching: {found[0].reason}; bring the mark nearer to the surface, or set it by hand"
             raise RequestError(message)
+        self._require_surroundings(self._plates[transfer.photo], found[0].place)
         self._processor.set_plate(1, self._plates[transfer.photo].to_log(found[0].place))
         return f"matched, ±{found[0].error:.2f} px, {found[0].off:.2f} px off the epipolar line"
+
+    def _require_surroundings(self, plate: Plate, pixel: tuple[float, float]) -> None:
+        if not all(_SURROUNDINGS <= at <= side - _SURROUNDINGS for at, side in zip(pixel, plate.size, strict=True)):
+            message = f"matching: too near to the border of photo {plate.photo}; set the mark by hand"
+            raise RequestError(message)
 
     def _record(self, asked: Document) -> str:
         kind: FeatureKind | Any = asked.get("kind")

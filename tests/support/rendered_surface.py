@@ -23,6 +23,9 @@ HEIGHT, BASE, PHOTOS, AZIMUTH = 100.0, 32.0, 4, 30.0
 NOISE = 0.2
 """Pixels: of what is measured in the project."""
 
+CONTROL = 0.02
+"""m: error of the coordinates of control points."""
+
 _TEXEL = 0.15
 _SIDE = 1200
 _FINE = 2
@@ -153,7 +156,8 @@ distortion = {{ A3 = {A3}, P1 = {P1} }}
         toml += (
             f'[[bundle.model]]\nname = "{name}"\nleft = "{left}"\nright = "{right}"\nrow = {row}\ncolumn = {column}\n'
         )
-    lines = (f"{name} {x:.4f} {y:.4f} {z:.4f} 0.02 0.02 0.02\n" for name, (x, y, z) in names.items() if name[0] == "C")
+    given = {name: xyz + CONTROL * random.normal(size=3) for name, xyz in names.items() if name[0] == "C"}
+    lines = (f"{name} {x:.4f} {y:.4f} {z:.4f} {CONTROL} {CONTROL} {CONTROL}\n" for name, (x, y, z) in given.items())
     (folder / "orip.toml").write_text(toml, encoding="utf-8")
     (folder / "hills.MEA").write_text(log, encoding="utf-8")
     (folder / "hills.PNT").write_text("".join(lines), encoding="utf-8")
