@@ -51,6 +51,8 @@ MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next`: `tell_next`; `digitise points --online`: `answered_online`; `screen`:
 `session_to_measure`."""
 
+STEREO_MODELS = "orip.multimodel.stereo_processor"
+"""`screen --stereo`: `open_stereo`."""
 
 PHOTOGRAPHS = "orip.pictures.commands"
 """`orip new --photos`: `make_project`."""

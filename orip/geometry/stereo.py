@@ -18,7 +18,7 @@ from typing import Generic, NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray, Number
-from orip.geometry.rotation import rotated_back
+from orip.geometry.rotation import rotated, rotated_back
 
 PARALLEL = 1e-10
 """Square of the sine of the angle at which rays count as parallel: two seconds of arc."""
@@ -124,6 +124,25 @@ def y_parallax(axes: tuple[float, ...], c: float, left: tuple[Number, ...], righ
     left, right : tuples of three numbers or arrays (n,)
         Directions of the rays on the ground.
     """
-    (_, y1, z1), (_, y2, z2) = rotated_back(axes, *left), rotated_back(axes, *right)
+    return rectified(axes, c, *left)[1] - rectified(axes, c, *right)[1]
+
+
+def rectified(axes: tuple[float, ...], c: float, x: Number, y: Number, z: Number) -> tuple[Number, Number]:
+    """Return where rays with the directions (x, y, z) on the ground are in the rectified photo, mm.
+
+    What one ray has of y, all have that lie in one plane with it and the base: epipolar lines are rows. Only rays with
+    a component against the model's z axis have such an image.
+
+    Parameters
+    ----------
+    axes, c : as of `y_parallax`
+    x, y, z : numbers or arrays (n,)
+    """
+    along, across, depth = rotated_back(axes, x, y, z)
     # a ray in the plane of the base has no such image; the floor keeps plain numbers from dividing by zero
-    return -c * (y1 / (z1 - 1e-300) - y2 / (z2 - 1e-300))
+    return -c * (along / (depth - 1e-300)), -c * (across / (depth - 1e-300))
+
+
+def ray_of_rectified(axes: tuple[float, ...], c: float, x: Number, y: Number) -> tuple[Number, Number, Number]:
+    """Return the directions on the ground of places in the rectified photo: the inverse of `rectified`."""
+    return rotated(axes, x, y, 0.0 * x - c)

@@ -27,7 +27,7 @@ TILE_FOLDER = ".orip-tiles"
 TILE = 512
 """Pixels of a side."""
 
-_KEPT_BYTES = 160 << 20
+KEPT_BYTES = 160 << 20
 """Of decoded levels in memory: one of 24 megapixels in colour has 72 MB, and decoding takes as much once more."""
 _QUALITY = 92
 _FORMAT = "1"
@@ -75,17 +75,28 @@ class TileStore:
         path = self._folder / f"{key}-{name.level}-{name.column}-{name.row}.jpg"
         with suppress(OSError):
             return regular_bytes(path)
-        with self._lock:
-            level = self._kept(f"{key} {name.level}", lambda: _read_level(image, name.level, shown))
+        level = self.level(image, shown, name.level)
         rows, columns = (slice(at * TILE, (at + 1) * TILE) for at in (name.row, name.column))
         part = level[rows, columns] if min(name.row, name.column) >= 0 else level[:0]
         if not part.size:
             message = f"the image has no tile {name.column}, {name.row} in level {name.level}"
             raise InputError.single(message, shown)
-        data = _as_jpeg(part)
+        data = as_jpeg(part)
         with suppress(OSError):
             replace_bytes(path, data)
         return data
+
+    def level(self, image: Path, shown: str, level: int, *, is_grey: bool = False) -> NDArray[np.uint8]:
+        """Return an image reduced by 2^level, (rows, columns) of grey values or with three colours.
+
+        Raises
+        ------
+        InputError
+            If the image cannot be read, or has no such level.
+        """
+        with self._lock:
+            key = f"{_key(image, shown)} {level}{' grey' * is_grey}"
+            return self._kept(key, lambda: _read_level(image, level, shown, is_grey=is_grey))
 
     def grey(self, image: Path, shown: str) -> NDArray[np.uint8]:
         """Return the grey values of an image, (rows, columns), of 8 bits.
@@ -105,7 +116,7 @@ class TileStore:
             return self._decoded[key]
         found = read()
         self._decoded[key] = found
-        while len(self._decoded) > 1 and sum(one.nbytes for one in self._decoded.values()) > _KEPT_BYTES:
+        while len(self._decoded) > 1 and sum(one.nbytes for one in self._decoded.values()) > KEPT_BYTES:
             self._decoded.popitem(last=False)
         return found
 
@@ -121,13 +132,13 @@ def _key(image: Path, shown: str) -> str:
     return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=12).hexdigest()
 
 
-def _read_level(image: Path, level: int, shown: str) -> NDArray[np.uint8]:
+def _read_level(image: Path, level: int, shown: str, *, is_grey: bool) -> NDArray[np.uint8]:
     header = read_header(image, shown)
     if not 0 <= level < level_count(header.columns, header.rows):
         message = f"the image has no level {level}"
         raise InputError.single(message, shown)
     reduction = min(1 << level, REDUCTIONS[-1])
-    if header.bits == 16 or header.channels == 1:
+    if is_grey or header.bits == 16 or header.channels == 1:
         found = in_eight_bits(read_grey(image, None, reduction, shown))
     else:
         found = read_colours(image, reduction, shown)
@@ -145,7 +156,8 @@ def _halved(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found
 
 
-def _as_jpeg(pixels: NDArray[np.uint8]) -> bytes:
+def as_jpeg(pixels: NDArray[np.uint8]) -> bytes:
+    """Return grey values or colours as JPEG."""
     from PIL import Image
 
     written = BytesIO()

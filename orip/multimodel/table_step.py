@@ -66,7 +66,7 @@ def make_drive_table(bundle: BundleState) -> Change[DriveTableOutcome]:
         If the bundle has not been adjusted or has no models that can be driven, or two photos of a model are on one
         stage.
     """
-    table, warnings = _current_table(bundle)
+    table, warnings = current_table(bundle)
     path, text = bundle.project.drive_table(bundle.name), drive_table_text(table)
     changed = not _holds(path, text)
     outputs = (TextOutput(path, lambda: [text], "remove the cause and try again"),) if changed else ()
@@ -85,7 +85,7 @@ def drive_step(bundle: BundleState) -> Step | None:
     command = "orip drive table" if project.has_one_bundle else f"orip drive table {bundle.name}"
     path = project.drive_table(bundle.name)
     try:
-        table, _ = _current_table(bundle)
+        table, _ = current_table(bundle)
     except InputError:
         return None
     shown = project.shown(path)
@@ -100,12 +100,28 @@ def _holds(path: Path, text: str) -> bool:
     return False
 
 
-def _current_table(bundle: BundleState) -> tuple[DriveTable, tuple[ProjectWarning, ...]]:
+def current_table(
+    bundle: BundleState, pairs: tuple[StereoModel, ...] | None = None
+) -> tuple[DriveTable, tuple[ProjectWarning, ...]]:
+    """Return the drive table of the last adjustment and warnings of what is doubtful or left out.
+
+    Parameters
+    ----------
+    bundle : BundleState
+        With `DRIVEN_FROM`.
+    pairs : tuple of StereoModel or None
+        Models to drive in; None: those of the bundle, and without any each photo alone.
+
+    Raises
+    ------
+    InputError
+        As `make_drive_table`.
+    """
     bundle.state.require_initialised()
     solution, crs = bundle.adjusted, bundle.project.definition.crs
-    to_photo = _plate_to_photo(bundle)
-    is_single = not bundle.definition.models
-    models, warnings = (_single_photos if is_single else _drivable_models)(bundle, to_photo)
+    to_photo, wanted = _plate_to_photo(bundle), bundle.definition.models if pairs is None else pairs
+    is_single = not wanted
+    models, warnings = _single_photos(bundle, to_photo) if is_single else _drivable_models(bundle, wanted, to_photo)
     if not models:
         raise InputError([*bundle.interior.complaints, _no_models(bundle)])
     ground = object_ground(crs, solution.ground_unit, solution)
@@ -152,12 +168,12 @@ def _plate_to_photo(bundle: BundleState) -> dict[str, PlaneTransformation]:
 
 
 def _drivable_models(
-    bundle: BundleState, to_photo: Mapping[str, PlaneTransformation]
+    bundle: BundleState, wanted: tuple[StereoModel, ...], to_photo: Mapping[str, PlaneTransformation]
 ) -> tuple[tuple[StereoModel, ...], list[ProjectWarning]]:
     """Return the models of which both photos are adjusted and oriented, and warnings of all that is left out."""
     adjusted = set(map(record_key, bundle.adjusted.photos.names))
     models, warnings = [], []
-    for model in bundle.definition.models:
+    for model in wanted:
         missing = [_missing(name, adjusted, to_photo) for name in (model.left, model.right)]
         reasons = [reason for reason in missing if reason is not None]
         if reasons:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from orip.annexes import MEASURING_ONLINE, annex
+from orip.annexes import MEASURING_ONLINE, STEREO_MODELS, annex
 from orip.cli.options import BundleArgument, Invocation, command
 from orip.errors import LockedError
 from orip.threads import limited_threads
 from orip.web import ANY_PORT
+
+if TYPE_CHECKING:
+    from orip.cli.terminal import Terminal
+    from orip.screen.measuring_screen import MeasuringScreen
+    from orip.screen.plates import Plate
+    from orip.screen.stereo_screen import StereoScreen
+    from orip.workflow.project.state import ProjectState
 
 Images = Annotated[
     Path | None,
@@ -24,6 +31,10 @@ Listen = Annotated[
     typer.Option(
         "--listen", metavar="HOST:PORT", help="Where the page is served, on this machine. Port 0: any that is free."
     ),
+]
+Stereo = Annotated[
+    bool,
+    typer.Option("--stereo", help="Measure points, lines and areas in the models of the last adjustment, in stereo."),
 ]
 Open = Annotated[bool, typer.Option("--open/--no-open", help="Open the page in the browser.")]
 
@@ -57,6 +68,37 @@ def only_screen(folder: Path) -> Iterator[None]:
         yield
 
 
+def _measuring_screen(
+    _: Terminal, state: ProjectState, bundle: str | None, plates: Mapping[str, Plate]
+) -> MeasuringScreen:
+    from orip.screen.measuring_screen import MeasuringScreen
+
+    project = state.project
+    session = annex(MEASURING_ONLINE).session_to_measure(project.folder, bundle)
+    title = f"{project.definition.name} {project.bundle_name(bundle)}"
+    return MeasuringScreen(session, title, plates, project.folder)
+
+
+def _stereo_screen(
+    terminal: Terminal, state: ProjectState, bundle: str | None, plates: Mapping[str, Plate]
+) -> StereoScreen:
+    from orip.files.log.stereo_writing import StereoFile
+    from orip.screen.stereo_screen import STEREO_FILE, StereoScreen
+
+    project = state.project
+    extents = {
+        plate.photo: (*plate.to_log((0.0, 0.0)), *plate.to_log(plate.size))
+        for plate in plates.values()
+        if not plate.fault
+    }
+    processor = annex(STEREO_MODELS).open_stereo(project.folder, bundle, extents)
+    terminal.warn(processor.warnings)
+    path = project.folder / STEREO_FILE
+    title = f"{project.definition.name} {project.bundle_name(bundle)}"
+    file = StereoFile(path, project.shown(path))
+    return StereoScreen(processor, title, project.definition.ground_unit, plates, project.folder, file)
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
@@ -64,6 +106,7 @@ def register(app: typer.Typer) -> None:
     def screen_command(
         invocation: Invocation,
         bundle: BundleArgument = None,
+        stereo: Stereo = False,
         images: Images = None,
         listen: Listen = ANY_PORT,
         browser: Open = True,
@@ -73,9 +116,11 @@ def register(app: typer.Typer) -> None:
         Every measurement is in EDITS.MEA before the page shows it, and is tested at once as by 'orip online'. The page
         can be seen only from this machine; Ctrl-C ends it.
 
+        With --stereo the two photos of a model lie side by side, or in one picture, under a floating mark; what is
+        measured goes to STEREO.STE, for 'orip restitute compute'.
+
         Example: orip screen
         """
-        from orip.screen.measuring_screen import MeasuringScreen
         from orip.screen.plates import plates_of
         from orip.web.access import listening_address
         from orip.web.serving import page_server, serve_until_ended
@@ -86,9 +131,8 @@ def register(app: typer.Typer) -> None:
         state.require_initialised()
         plates = plates_of(state, None if images is None else invocation.folder / images)
         with limited_threads(invocation.terminal.threads), only_screen(state.project.folder):
-            session = annex(MEASURING_ONLINE).session_to_measure(invocation.folder, bundle)
-            title = f"{state.project.definition.name} {state.project.bundle_name(bundle)}"
-            screen = MeasuringScreen(session, title, plates, state.project.folder)
+            begin = _stereo_screen if stereo else _measuring_screen
+            screen = begin(invocation.terminal, state, bundle, plates)
             with page_server(screen, address, screen.picture) as server:
                 for plate in plates.values():
                     if plate.fault:

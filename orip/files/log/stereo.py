@@ -40,7 +40,7 @@ def vertex_line(vertex: StereoVertex) -> str:
     return f"  {left}  {right}" + ("" if vertex.error is None else f"  {vertex.error:g}")
 
 
-def read_stereo(path: Path, shown: str) -> Parsed[tuple[StereoFeature, ...]]:
+def read_stereo(path: Path, shown: str, *, is_growing: bool = False) -> Parsed[tuple[StereoFeature, ...]]:
     """Read stereo measurements; complaints about all that is wrong in the file.
 
     Parameters
@@ -48,11 +48,14 @@ def read_stereo(path: Path, shown: str) -> Parsed[tuple[StereoFeature, ...]]:
     path : Path
     shown : str
         The file as the user would name it.
+    is_growing : bool
+        It may be absent, and its last feature may lack vertices: they are still to be measured.
     """
-    text = read_lines(path, shown)
+    text = read_lines(path, shown, may_be_absent=is_growing)
     complaints: list[Complaint] = list(text.complaints)
     features: list[StereoFeature] = []
-    for lines in lines_by_feature(field_lines(text.value)):
+    by_feature = list(lines_by_feature(field_lines(text.value)))
+    for lines in by_feature:
         head = FieldReader(lines[0], shown)
         feature = read_header(head)
         vertices = []
@@ -62,7 +65,13 @@ def read_stereo(path: Path, shown: str) -> Parsed[tuple[StereoFeature, ...]]:
             complaints += reader.complaints
             if vertex is not None:
                 vertices.append(vertex)
-        if feature is not None and not head.complaints and len(lines) - 1 < LEAST_VERTICES[feature.kind]:
+        is_open = is_growing and lines is by_feature[-1]
+        if (
+            feature is not None
+            and not head.complaints
+            and len(lines) - 1 < LEAST_VERTICES[feature.kind]
+            and not is_open
+        ):
             least = LEAST_VERTICES[feature.kind]
             head.complain(f"this {feature.kind} has {len(lines) - 1} of at least {least} vertices; measure the others")
         complaints += head.complaints
