@@ -28,7 +28,7 @@ from orip.structs import replace
 PRINCIPAL_DISTANCE_MM = 120.0
 FRAME_MM = (70.0, 100.0)
 """Along and across the direction of flight."""
-TRUE_CAMERA = np.array([120.05, 0.03, -0.02, 0.0, 2e-7, 1e-11, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+TRUE_CAMERA = np.array([120.05, 0.03, -0.02, 0.0, 2e-7, 1e-11, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 NOISE_MM = 0.003
 FLYING_HEIGHT = 1000.0
 POINTS_A_PHOTO = 600
@@ -59,7 +59,7 @@ def seeded_block(
     control = np.linspace(0, len(ground) - 1, control_points).astype(int)
     xy = xy + NOISE_MM * random.normal(size=xy.shape)
     start = orientations + START_OFF * random.normal(size=orientations.shape)
-    camera = (PRINCIPAL_DISTANCE_MM, *np.zeros(11).tolist())
+    camera = (PRINCIPAL_DISTANCE_MM, *np.zeros(12).tolist())
     datum = "control" if control_points else "free"
     definition = BundleDefinition("BENCH", Precision(NOISE_MM), datum=datum, max_iterations=30, start_down_weight=30)
     return Block(

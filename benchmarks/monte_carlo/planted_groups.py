@@ -93,7 +93,7 @@ def _aerial(random: np.random.Generator) -> _Truth:
     points = np.column_stack([random.uniform(-300.0, 1900.0, 110), random.uniform(-300.0, 1900.0, 110), np.zeros(110)])
     points[:, 2] = random.uniform(-60.0, 60.0, 110)
     strips = tuple(str(row // 5 + 1) for row in range(15)) + ("4",) * 3
-    return _Truth(centres, angles, points, strips, np.array([150.0, *np.zeros(11)]), 115.0, 0.08)
+    return _Truth(centres, angles, points, strips, np.array([150.0, *np.zeros(12)]), 115.0, 0.08)
 
 
 def _close_range(random: np.random.Generator) -> _Truth:
@@ -109,7 +109,7 @@ def _close_range(random: np.random.Generator) -> _Truth:
         axes = np.stack([side, np.cross(back, side), back], axis=1)
         roll = Rotation.from_euler("Z", 90.0 * (row % 4), degrees=True)
         angles[row] = (Rotation.from_matrix(axes) * roll).as_euler("XYZ")
-    return _Truth(centres, angles, points, ("",) * 12, np.array([35.0, *np.zeros(11)]), 18.0, 0.002)
+    return _Truth(centres, angles, points, ("",) * 12, np.array([35.0, *np.zeros(12)]), 18.0, 0.002)
 
 
 def _image(truth: _Truth, camera: np.ndarray) -> np.ndarray:

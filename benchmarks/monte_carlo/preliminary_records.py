@@ -115,11 +115,11 @@ def cameras_of(scene: Scene, random: np.random.Generator, *, wrong: bool) -> tup
     dx, dy = random.uniform(-0.3, 0.3, 2) * film
     a3 = random.uniform(-1.0, 1.0) * 0.15 * film / radius**3
     frame = tuple(scene.frame.tolist())
-    true = Camera("CAM", (c, float(dx), float(dy), 0.0, float(a3), *(0.0,) * 7), frame=frame)
+    true = Camera("CAM", (c, float(dx), float(dy), 0.0, float(a3), *(0.0,) * 8), frame=frame)
     if not wrong:
         return true, true
     nominal = c * (1.0 + random.uniform(-0.02, 0.02))
-    return replace(true, parameters=(nominal, *(0.0,) * 11), unknown=SELF_CALIBRATION), true
+    return replace(true, parameters=(nominal, *(0.0,) * 12), unknown=SELF_CALIBRATION), true
 
 
 def records_of(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.antennas import with_orientations_of_stations
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
+from orip.bundle.motions import without_motion
 from orip.bundle.points.starting import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
@@ -108,6 +109,7 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
     block = _block_in_project(keys, inputs, ground)
     if complaints := frame_complaints(block):
         raise InputError(tuple(complaints))
+    block = replace(block, warnings=(*block.warnings, *without_motion(block)))
     return with_orientations_of_stations(photos_in_frame(block))
 
 

@@ -1,10 +1,10 @@
 """Judging a self-calibration: which camera parameters are significant, and which can be determined at all.
 
-Distortion parameters are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2 together, the
-others alone; of A3, A5, A7 and A9, which depend on each other, only the highest order may be removed, and the rest is
-tested again without it. C, DX and DY are never tested: zero has no meaning there. The additional parameters of a set
-are orthogonal by construction and are tested one by one; there, one that the other unknowns explain by more than nine
-tenths, or that spoils the points, is not determinable.
+Distortion parameters and the readout are tested against zero (Fisher's F on k and f degrees of freedom), P1 and P2
+together, the others alone; of A3, A5, A7 and A9, which depend on each other, only the highest order may be removed, and
+the rest is tested again without it. C, DX and DY are never tested: zero has no meaning there. The additional parameters
+of a set are orthogonal by construction and are tested one by one; there, one that the other unknowns explain by more
+than nine tenths, or that spoils the points, is not determinable.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from orip.arrays import FloatArray
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera, first_of_lens
+from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.observation_kinds import ADDITIONAL_PARAMETER
 from orip.records.solution import Diagnosis
 from orip.structs import replace
@@ -38,7 +38,7 @@ MOST_OF_TRACE = 0.10
 
 Verdict = Literal["significant", "not significant", "not determinable"]
 
-_GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("A9",), ("P1", "P2"), ("B1",), ("B2",))
+_GROUPS = (("A1",), ("A3",), ("A5",), ("A7",), ("A9",), ("P1", "P2"), ("B1",), ("B2",), ("READOUT",))
 _HIGHER_ORDERS = {"A3": {"A5", "A7", "A9"}, "A5": {"A7", "A9"}, "A7": {"A9"}}
 """The radial parameters of higher order that are removed before each one."""
 
@@ -73,8 +73,9 @@ def parameter_tests(solved: SolvedBlock) -> tuple[ParameterTest, ...]:
     found = []
     first = first_of_lens(solved.block.cameras)
     for row, (camera, columns) in enumerate(zip(solved.block.cameras, solved.problem.unknowns.cameras, strict=True)):
-        for group in _GROUPS if first[row] == row else ():  # a lens is tested once
-            unknown = [kind for kind in group if columns[CAMERA_PARAMETERS.index(kind)] != CONSTANT]
+        for group in _GROUPS:
+            is_tested = first[row] == row or group[0] in OWN_PARAMETERS  # a lens is tested once
+            unknown = [kind for kind in group if is_tested and columns[CAMERA_PARAMETERS.index(kind)] != CONSTANT]
             if unknown:
                 found.append(_test(solved, camera, unknown, columns))
     return (*found, *_additional_tests(solved))

@@ -97,7 +97,9 @@ def _undetermined(solved: SolvedBlock) -> Iterator[Diagnosis]:
         of_record = [found.kind for column in listed if (found := names[column]) is not None]
         kinds = ", ".join(of_record)
         digits = float(lost_digits[listed].max())
-        cause, remedy = cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name)
+        cause, remedy = (
+            cause_of_antenna(solved, name, of_record) if group == "ANTENNA" else _cause(solved, group, name, of_record)
+        )
         known = f"{digits:.0f} digits lost" if digits > most else f"a standard deviation above {LOOSE:.0%} of C"
         text = f"{kinds} of {group.lower()} {name} cannot be determined: {cause} ({known})"
         yield Diagnosis("undetermined", f"{group.lower()} {name}", text, remedy)
@@ -159,7 +161,7 @@ def _weights_unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
         yield Diagnosis("not-converged", f"bundle {definition.name}", text, remedy)
 
 
-def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
+def _cause(solved: SolvedBlock, group: str, name: str, kinds: Sequence[str]) -> tuple[str, str]:
     """Return why an unknown is not determined, and what to do."""
     block = solved.block
     if group == "POINT":
@@ -179,7 +181,14 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
         return "its points do not determine it", "measure points spread over the photo and at different depths"
     if group == "THEODOLITE":
         return "none of its directions is used", "observe a direction, or give R"
+    if "READOUT" in kinds and not solved.state.motions[_photos_of(block, name)].any():
+        cause = "the motion of its photos is not known, and it acts together with the readout"
+        return cause, "give exposure stations with times and strips, or hold READOUT constant"
     return "the photos do not determine it", "hold it constant, or add photos with other rotations and distances"
+
+
+def _photos_of(block: Block, camera: str) -> NDArray[np.bool_]:
+    return np.array([name == camera for name in (record.name for record in block.cameras)])[block.photo_camera]
 
 
 _IN_WORDS = ("no", "one", "two")

@@ -25,6 +25,7 @@ from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
+from orip.bundle.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.bundle.points.consensus import (
     Moves,
     come_near,
@@ -46,7 +47,14 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
-from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
+from orip.bundle.state import (
+    BlockState,
+    antenna_parameters,
+    camera_parameters,
+    entries_at,
+    rotation_limit,
+    with_motions,
+)
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
 from orip.records.block import Block
@@ -69,6 +77,8 @@ class BlockProblem(Struct, frozen=True):
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
+    strips : tuple of TimedPhotos
+        From which the motions of rolling shutters follow; none without such cameras.
     """
 
     block: Block
@@ -77,6 +87,7 @@ class BlockProblem(Struct, frozen=True):
     datum: FreeDatum | None = None
     excluded: NDArray[np.bool_] | None = None
     streamed: tuple[PointLoop, BlockProblem] | None = None
+    strips: tuple[TimedPhotos, ...] = ()
 
     @property
     def layout(self) -> Layout:
@@ -191,7 +202,7 @@ class BlockProblem(Struct, frozen=True):
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = state.moved(correction, self.unknowns)
+        moved = with_motions(state.moved(correction, self.unknowns), self.strips)
         memory = {
             kind.rows.kind.name: kept
             for kind in self.observations
@@ -333,13 +344,14 @@ def posed(block: Block) -> Posed:
     rest = tuple(kind for kind in observations if kind is not photo_points and len(kind.rows.error))
     staying = () if eliminated.all() else (photo_points.of(~eliminated),)
     others = BlockProblem(block, unknowns, (*staying, *rest))
-    return Posed(BlockProblem(block, unknowns, observations), photo_points, others, _couples_points(others))
+    problem = BlockProblem(block, unknowns, observations, strips=strips_of_rolling_shutters(block))
+    return Posed(problem, photo_points, others, _couples_points(others))
 
 
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
-    if not couples_points:
+    if not couples_points and (problem.unknowns.motions == CONSTANT).all():
         loop = photo_loop(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
     return freed(problem, block) if block.is_free_network else problem
@@ -380,7 +392,7 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
     places = station_places(block)
-    return BlockState(
+    state = BlockState(
         cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         antennas=antenna_parameters(block),
@@ -388,6 +400,8 @@ def starting_state(block: Block) -> BlockState:
         drifts=np.zeros((len(places.drifts), 3)),
         centres=block.photo_orientation[:, :3].copy(),
         rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
+        motions=np.zeros((len(block.photos), 6)),
+        motion_corrections=np.zeros((len(block.photos), 6)),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
         left_out=np.zeros(len(block.point_names), dtype=bool),
@@ -395,3 +409,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
+    return with_motions(state, strips_of_rolling_shutters(block))

@@ -9,6 +9,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
+from orip.bundle.motions import TimedPhotos, motions
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
     angles_from_rotation,
@@ -31,13 +32,17 @@ class BlockState(Struct, frozen=True):
 
     Parameters
     ----------
-    cameras : array (number of cameras, 12)
+    cameras : array (number of cameras, 13)
         In the order of `CAMERA_PARAMETERS`.
     additional : array (number of cameras, k)
         Values of the parameter sets; k that of the largest set, zero where a camera has fewer or none.
     centres : array (number of photos, 3)
     rotations : array (number of photos, 3, 3)
         Photo to ground.
+    motions : array (number of photos, 6)
+        Velocities and angular rates of photos of rolling shutters, from their neighbours; see `orip.bundle.motions`.
+    motion_corrections : array (number of photos, 6)
+        Unknown parts of them.
     points : array (number of points, 3)
     antennas : array (number of antennas, 7)
         In the order of `ANTENNA_PARAMETERS`, boresight in radians.
@@ -58,6 +63,8 @@ class BlockState(Struct, frozen=True):
     additional: FloatArray
     centres: FloatArray
     rotations: FloatArray
+    motions: FloatArray
+    motion_corrections: FloatArray
     points: FloatArray
     antennas: FloatArray
     shifts: FloatArray
@@ -94,9 +101,15 @@ class BlockState(Struct, frozen=True):
             drifts=self.drifts + entries_at(correction, unknowns.drifts),
             centres=self.centres + entries_at(correction, unknowns.photos[:, :3]),
             rotations=rotations,
+            motion_corrections=self.motion_corrections + entries_at(correction, unknowns.motions),
             points=self.points + entries_at(correction, unknowns.points),
             theodolites=self.theodolites + entries_at(correction, unknowns.theodolites),
         )
+
+
+def with_motions(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
+    """Return the state with the motions that follow from its orientations; without strips they stay."""
+    return replace(state, motions=motions(strips, state.centres, state.rotations)) if strips else state
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:

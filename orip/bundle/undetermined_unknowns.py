@@ -225,6 +225,7 @@ def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, Float
         (unknowns.theodolites, state.theodolites),
         (unknowns.photos[:, :3], state.centres),
         (unknowns.photos[:, 3:], state.angles()),
+        (unknowns.motions, state.motion_corrections),
         (unknowns.points, state.points),
     ]
 
@@ -236,7 +237,7 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
         return np.where(padded[columns], started, values)
 
-    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, points = (
+    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, corrections, points = (
         table(columns, values, started)
         for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
     )
@@ -245,5 +246,6 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     rotations[turned] = rotation_from_angles(angles[turned])
     return replace(
         state, cameras=cameras, additional=additional, antennas=antennas, shifts=shifts, drifts=drifts,
-        theodolites=theodolites, centres=centres, rotations=rotations, points=points, memory={},
+        theodolites=theodolites, centres=centres, rotations=rotations, motion_corrections=corrections, points=points,
+        memory={},
     )  # fmt: skip

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
+from orip.bundle.motions import MOTION_PARAMETERS, rolling_cameras, unknown_motions
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
@@ -75,8 +76,8 @@ class Unknowns(Struct, frozen=True):
 
     Parameters
     ----------
-    cameras : array (number of cameras, 12)
-        Cameras with the same lens have the same columns, except for their principal points.
+    cameras : array (number of cameras, 13)
+        Cameras with the same lens have the same columns, except for their principal points and readouts.
     additional : array (number of cameras, k)
         Parameters of the cameras' sets; k that of the largest set.
     antennas : array (number of antennas, 7)
@@ -86,6 +87,8 @@ class Unknowns(Struct, frozen=True):
     theodolites : array (number of theodolite sets,)
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`.
+    motions : array (number of photos, 6)
+        In the order of `MOTION_PARAMETERS`: corrections of the motions of photos of rolling shutters.
     points : array (number of points, 3)
     layout : Layout
     names : UnknownNames, length m + 3 b
@@ -99,6 +102,7 @@ class Unknowns(Struct, frozen=True):
     drifts: IntArray
     theodolites: IntArray
     photos: IntArray
+    motions: IntArray
     points: IntArray
     layout: Layout
     names: UnknownNames
@@ -128,7 +132,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
-    photos = _number_photos(block, names)
+    photos, motions = _number_photos(block, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
     for point in tied:
@@ -150,6 +154,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         drifts,
         theodolites,
         photos,
+        motions,
         points,
         Layout(reduced, len(eliminated), fixed, calibration=calibration),
         UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
@@ -171,14 +176,14 @@ def _number_cameras(block: Block, names: list[UnknownName]) -> tuple[IntArray, I
     return cameras, additional
 
 
-def _number_photos(block: Block, names: list[UnknownName]) -> IntArray:
-    """Return the columns of the elements of photos (n, 6), in the order of PHOTO_PARAMETERS."""
+def _number_photos(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray]:
+    """Return the columns of the elements of photos (n, 6), in the order of PHOTO_PARAMETERS, and of their motions."""
     place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
-    columns = [
-        _number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names)
-        for photo in block.photos
-    ]
-    return np.array(columns)[:, place]
+    photos, motions = [], []
+    for photo, moves in zip(block.photos, rolling_cameras(block)[block.photo_camera], strict=True):
+        photos.append(_number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names))
+        motions.append(_number("PHOTO", photo.name, MOTION_PARAMETERS, unknown_motions(block) if moves else (), names))
+    return np.array(photos)[:, place], np.array(motions)
 
 
 def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:

@@ -26,7 +26,7 @@ from orip.interior.distortion import (
     remove_distortion,
 )
 from orip.records.block import Block
-from orip.records.camera import AdditionalSet, Camera, Sensor
+from orip.records.camera import READOUT, AdditionalSet, Camera, Sensor
 from orip.records.photo import Photo, Scan, Template
 from orip.structs import replace
 from orip.threads import by_threads
@@ -230,14 +230,16 @@ def _vectors_at_once(block: Block) -> FloatArray:
     points = block.photo_points
     camera = block.photo_camera[points.photo]
     parameters = np.array([record.parameters for record in block.cameras])
-    distorting = parameters[:, 3:].any(axis=1)
+    distorting = parameters[:, 3:READOUT].any(axis=1)
     at_measured = np.array([record.distortion_at == "measured" for record in block.cameras])
     vectors = np.column_stack([points.xy - parameters[camera, 1:3], -parameters[camera, 0]])
     rows = np.flatnonzero((distorting & at_measured)[camera])
-    corrected = corrected_with_partials(tuple(parameters[camera[rows], 3:].T), vectors[rows, 0], vectors[rows, 1])
+    corrected = corrected_with_partials(
+        tuple(parameters[camera[rows], 3:READOUT].T), vectors[rows, 0], vectors[rows, 1]
+    )
     vectors[rows, :2] = np.stack(corrected[:2], axis=1)
     rows = np.flatnonzero((distorting & ~at_measured)[camera])
-    vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:])
+    vectors[rows, :2] = remove_distortion(vectors[rows, :2], parameters[camera[rows], 3:READOUT])
     rows = np.flatnonzero(are_equidistant(block))
     x, y, z = vectors[rows].T
     vectors[rows] = np.stack(PROJECTIONS["equidistant"].image_vector(-z, x, y), axis=1)

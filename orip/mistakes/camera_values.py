@@ -14,10 +14,10 @@ from orip.errors import ProjectWarning
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.mounting import frame_corners
-from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding
 from orip.mistakes.other_units import millimetres_per_unit
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, READOUT, Camera
 from orip.structs import replace
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def is_possible_view(c: float, diagonal: float) -> bool:
 # Every function yields hypotheses for one camera, given by its index in the block.
 
 _PRINCIPAL_POINT = slice(1, 3)
-_DISTORTION = slice(3, None)
+_DISTORTION = slice(3, READOUT)
 DISTORTION_SIGN, POINT_SIGN, DISTORTION = CAMERA_SIGNS = ("distortion-sign", "principal-point-sign", "distortion")
 """Codes of what is wrong with a camera beside its principal distance."""
 
@@ -274,37 +274,56 @@ _MOST_PHOTO_POINTS = 200_000
 """Most photo points that are linearised once more for this."""
 
 
-def rolling_shutters(solved: SolvedBlock) -> list[ProjectWarning]:
-    """Return the cameras that show a readout time, with its size; none without times of stations."""
-    from orip.bundle.groups.held_readouts import readout_test, velocities_in_strips
+def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return the cameras that show a readout time, with its size; none without times of stations.
+
+    It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
+    """
+    from orip.bundle.groups.held_readouts import readout_test
+    from orip.bundle.motions import motions, rolling_cameras, timed_photos
 
     block = solved.block
     if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:
         return []
-    velocity = velocities_in_strips(block, solved.state.centres)
-    if not velocity.any():
+    motion = motions(timed_photos(block), solved.state.centres, solved.state.rotations)
+    if not motion.any():
         return []
+    modelled = rolling_cameras(block)
     excess = max(solved.variance.sigma0**2 - 1.0, 0.0) if np.isfinite(solved.variance.sigma0) else 0.0
     found = []
     for row, camera in enumerate(block.cameras):
-        if camera.sensor is None:
+        if camera.sensor is None or modelled[row]:
             continue
-        test = readout_test(solved, row, velocity)
+        test = readout_test(solved, row, motion)
         least = max(_MATERIAL, _EXPLAINS * excess) * test.number
         if abs(test.readout) > _SIGNIFICANT * test.sd and test.fall > least and abs(test.readout) < _SLOWEST:
-            found.append(ProjectWarning(ROLLING_SHUTTER, f"camera {camera.name}", _rolling(test, camera)))
+            tried = _with_readout(readjuster, camera, test)
+            found.append(ProjectWarning(ROLLING_SHUTTER, f"camera {camera.name}", _rolling(tried or test)))
     return found
 
 
-def _rolling(test: ReadoutTest, camera: Camera) -> str:
+def _with_readout(readjuster: Readjuster, camera: Camera, test: ReadoutTest) -> ReadoutTest | None:
+    """Return the readout time as an unknown, with what else the test says; None where that is not adjusted."""
+    if not readjuster.is_small:
+        return None
+    places = [row for row, other in enumerate(readjuster.block.cameras) if other.name == camera.name]
+    tried = readjuster.adjust(with_unknown(readjuster.block, places[0], "READOUT")) if places else None
+    if tried is None or not tried.converged:
+        return None
+    row = [other.name for other in tried.block.cameras].index(camera.name)
+    column = int(tried.problem.unknowns.cameras[row, READOUT])
+    readout = float(tried.state.cameras[row, READOUT])
+    sd = tried.deviation_scale * float(np.sqrt(tried.cofactors.reduced[column, column]))
+    if tried.normals.removed[column] or abs(readout) < _SIGNIFICANT * sd:
+        return None
+    return test._replace(readout=readout, sd=sd, pixels=test.pixels * abs(readout / test.readout))
+
+
+def _rolling(test: ReadoutTest) -> str:
     first = "upper" if test.readout > 0.0 else "lower"
-    advice = (
-        '. Where the camera turns with the strips, at one speed and height, unknown = ["C", "B1", "B2"] in its '
-        "[[camera]] takes up most of it"
-    )
     return (
         "residuals along the flight depend on the row, as those of a rolling shutter that takes "
         f"{1e3 * abs(test.readout):.1f} ± {1e3 * test.sd:.1g} ms from the first row to the last one ({first} row "
         f"first); meanwhile the image moves by {test.pixels:.1f} pixels, and points and the principal distance may be "
-        "off; use photos of a mechanical shutter or images that were corrected for it"
-    ) + ("" if {"B1", "B2"} <= set(camera.unknown) else advice)
+        f'off; write readout = {test.readout:.3f} and unknown = [..., "READOUT"] in its [[camera]], which models it'
+    )

@@ -102,7 +102,7 @@ def explain_misfit(
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     if found := misread_vertical_photos(solution, solved, readjuster):
         return found
-    if found := rolling_shutters(solved):
+    if found := rolling_shutters(solved, readjuster):
         return [*found, *_shown_by_itself(solution, solved, given, readjuster)][:_MOST_WARNINGS]
     elsewhere = None if is_good(given) else _with_found_orientations(readjuster, from_own_values)
     if elsewhere is not None and (found := _misgiven(elsewhere, readjuster.block)):

@@ -13,7 +13,7 @@ from orip.bundle.local_frame import ground_system
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
-from orip.records.camera import Camera
+from orip.records.camera import READOUT, Camera
 from orip.records.definition import StereoModel
 from orip.records.drive_table import (
     STAGES,
@@ -131,7 +131,7 @@ def _camera(camera: Camera, solution: Solution) -> DriveCamera:
     row = list(map(record_key, solution.cameras.names)).index(record_key(camera.name))
     return DriveCamera(
         record_key(camera.name),
-        tuple(solution.cameras.values[row].tolist()),
+        tuple(solution.cameras.values[row, :READOUT].tolist()),
         frame_size(camera),
         camera.distortion_at,
         _parameter_set(camera, solution),

@@ -220,7 +220,7 @@ def _first_seven_elements(design: _Design, random: np.random.Generator) -> Contr
 
 
 def _inputs(names: list[str], control: Control) -> BlockInput:
-    camera = Camera("RC10", (_PRINCIPAL_DISTANCE, *[0.0] * 11), frame=(_FRAME, _FRAME))
+    camera = Camera("RC10", (_PRINCIPAL_DISTANCE, *[0.0] * 12), frame=(_FRAME, _FRAME))
     photo_records = {record_key(name): Photo(name, camera.name) for name in names}
     definitions = Definitions({record_key(camera.name): camera}, {}, {}, photo_records, {})
     identities = dict.fromkeys((record_key(name) for name in names), IDENTITY)

@@ -12,17 +12,23 @@ from orip.records.fields import Field, Part
 from orip.records.names import record_key
 from orip.structs import replace
 
-CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2")
+CAMERA_PARAMETERS = ("C", "DX", "DY", "A1", "A3", "A5", "A7", "A9", "P1", "P2", "B1", "B2", "READOUT")
 """Parameters of the camera model, in the order of every array that holds them. C, DX, DY are millimetres."""
 
-OWN_PARAMETERS = ("DX", "DY")
-"""Those that do not depend on the lens: cameras with the same lens have principal points of their own."""
+OWN_PARAMETERS = ("DX", "DY", "READOUT")
+"""Those that do not depend on the lens: cameras with the same lens have principal points and readouts of their own."""
 
 RADIAL_PARAMETERS = ("A1", "A3", "A5", "A7", "A9")
 """Those of the radial distortion, which a camera's record may also give as a curve or in the form of the ISP."""
 
 RADIAL_PLACES = slice(CAMERA_PARAMETERS.index("A1"), CAMERA_PARAMETERS.index("A9") + 1)
 """Their places among the parameters of a camera."""
+
+DISTORTION_PARAMETERS = CAMERA_PARAMETERS[3:12]
+"""Coefficients of the distortion."""
+
+READOUT = CAMERA_PARAMETERS.index("READOUT")
+"""Place of the readout time: seconds from the upper row to the lower one, negative where the lower row is first."""
 
 CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -38,6 +44,7 @@ CAMERA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
         "P2": "mm^-1",
         "B1": "",
         "B2": "",
+        "READOUT": "s",
     }
 )
 """Unit of each camera parameter; empty for a pure number."""
@@ -58,11 +65,12 @@ _PARAMETER_KEYS = (
     Part(
         key="distortion",
         size=9,
-        names=CAMERA_PARAMETERS[3:],
+        names=DISTORTION_PARAMETERS,
         units=_DISTORTION_UNITS,
         heading="Distortion",
         example="{ A1 = 0.0, A3 = 1.0e-4 }",
     ),
+    Part(key="readout", default=0.0, units=("s",), heading="Readout (s)", example="0.030"),
 )
 
 
@@ -95,8 +103,9 @@ class Camera(Struct, frozen=True):
     ----------
     name : str
         Record name; case does not count.
-    parameters : tuple of 12 floats
-        Values in the order of `CAMERA_PARAMETERS`; millimetres for C, DX, DY, powers of 1/mm otherwise.
+    parameters : tuple of 13 floats
+        Values in the order of `CAMERA_PARAMETERS`; millimetres for C, DX, DY, seconds for READOUT, powers of 1/mm
+        otherwise.
     distortion_at : {"ideal", "measured"}
         Whether the polynomial's argument is the ideal or the measured photo coordinate.
     distortion_isp : tuple (R0, A1, A2, A3) or None

@@ -160,6 +160,7 @@ class ErrorLimits(Struct, frozen=True):
 GROUND_ERRORS = ErrorLimits(1e-7, 1e6, "ground units")
 ANGLE_ERRORS = ErrorLimits(1e-8, 360.0, "degrees")
 PHOTO_ERRORS = ErrorLimits(1e-6, 1e3, "mm")
+TIME_ERRORS = ErrorLimits(1e-9, 10.0, "seconds")
 PIXEL_ERRORS = ErrorLimits(1e-4, 1e5, "px")
 COEFFICIENT_ERRORS = ErrorLimits(1e-30, 1e3, "of the coefficient's unit")
 

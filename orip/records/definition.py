@@ -223,6 +223,9 @@ class BundleDefinition(Struct, frozen=True):
         Base name of its control files; None: that of the project.
     cameras : tuple of (str, str)
         Cameras, and those that photos have in their place in this bundle.
+    velocity_error, rate_error : float or None
+        A-priori errors of velocities (ground unit a second) and angular rates (degrees a second) of photos of rolling
+        shutters, which are unknowns then; None: they are as their neighbours say.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -250,6 +253,8 @@ class BundleDefinition(Struct, frozen=True):
     points_of: Annotated[str | None, Field(names_record=True, heading="Points of", example='"MAIN"')] = None
     control_files: Annotated[str | None, Field(heading="Control", example='"CHECKED"')] = None
     cameras: Annotated[tuple[tuple[str, str], ...], Field(example='[["WIDE", "WIDE_K1"]]')] = ()
+    velocity_error: Annotated[float | None, Field(above=0, units=("ground unit/s",), example="0.3")] = None
+    rate_error: Annotated[float | None, Field(above=0, units=("degrees/s",), example="2.0")] = None
 
     @property
     def reduces_weights(self) -> bool:

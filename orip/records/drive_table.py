@@ -84,7 +84,7 @@ class DriveCamera(Struct, frozen=True):
     ----------
     name : str
     parameters : tuple of 12 floats
-        In the order of `CAMERA_PARAMETERS`.
+        In the order of `CAMERA_PARAMETERS`, without the readout: stages stand still.
     frame : tuple (x, y)
         Size of the photo frame, mm; a zero means that there is no frame line in that direction.
     distortion_at : {"ideal", "measured"}

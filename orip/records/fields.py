@@ -34,7 +34,7 @@ class Part(Struct, frozen=True, kw_only=True):
     example, heading : str
     units : tuple of str
         One for all elements, or one for each.
-    above : float or None
+    above, default : float or None
     required : bool
     """
 
@@ -45,6 +45,7 @@ class Part(Struct, frozen=True, kw_only=True):
     heading: str = ""
     units: tuple[str, ...] = ("",)
     above: float | None = None
+    default: float | None = None
     required: bool = False
 
 

@@ -31,6 +31,10 @@ ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
 """Unknowns in degrees: rotations of photos and zero directions of theodolite sets."""
 
 
+RATES: Final = ("WX", "WY", "WZ")
+"""Angular rates of photos about the ground axes, degrees a second."""
+
+
 class ObservationKind(Struct, frozen=True):
     """A kind of observation.
 
@@ -91,6 +95,7 @@ CONSTANT_STATION: Final = _listed("constant station", "constant station", "groun
 CONSTANT_ATTITUDE: Final = _listed("constant attitude", "constant attitude", "degrees")
 DIFFERENCE: Final = _listed("difference", "station difference", "unit of the unknown")
 ANTENNA_PARAMETER: Final = _listed("antenna", "antenna parameter", "unit of the unknown")
+MOTION: Final = _listed("motion", "motion", "unit of the unknown")
 
 OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType({kind.name: kind for kind in _ALL})
 """All kinds by name, in the order of their lines above, in which residuals are listed."""
@@ -107,7 +112,9 @@ def unit_of_unknown(unknown: str, ground_unit: str) -> str:
         return ground_unit
     if unknown in ANGULAR_UNKNOWNS:
         return "degrees"
-    if unknown in ANTENNA_UNITS:
+    if unknown in RATES:
+        return "degrees/s"
+    if unknown in ANTENNA_UNITS:  # velocities of photos are called as drifts are
         return ANTENNA_UNITS[unknown].format(ground=ground_unit)
     return CAMERA_UNITS.get(unknown, "")
 

@@ -24,7 +24,7 @@ _ERROR_PROBABILITY = 0.05
 _RADII = 81
 _UNITS = {
     "C": "mm", "DX": "mm", "DY": "mm", "A1": "", "A3": "mm⁻²", "A5": "mm⁻⁴", "A7": "mm⁻⁶", "A9": "mm⁻⁸",
-    "P1": "mm⁻¹", "P2": "mm⁻¹", "B1": "", "B2": "",
+    "P1": "mm⁻¹", "P2": "mm⁻¹", "B1": "", "B2": "", "READOUT": "s",
 }  # fmt: skip
 
 

@@ -63,7 +63,7 @@ def aerial_block(
     side, middle = np.linspace(-1.0, 1.0, points_along_a_side), flight.extent / 2.0
     x, y = np.meshgrid(middle[0] + (middle[0] + 400.0) * side, middle[1] + (middle[1] + 500.0) * side)
     points = np.stack([x, y, 200.0 + 60.0 * random.uniform(size=x.shape)], axis=-1).reshape(-1, 3)
-    camera = np.array([PRINCIPAL_DISTANCE_MM, 0.12, -0.07, *np.zeros(9)])
+    camera = np.array([PRINCIPAL_DISTANCE_MM, 0.12, -0.07, *np.zeros(10)])
     ideal = _ideal(points, orientations)
     shown = (np.abs(ideal) < FRAME_MM / 2.0).all(axis=2)
     seen = shown.sum(axis=0) >= flight.least_rays

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bundle.solving import with_photo_points
 from bundle.test_banded_block import BLOCK as BANDED
-from bundle.test_photo_loop import two_cameras_with_sets
+from bundle.test_photo_loop import rolling, two_cameras_with_sets
 from support.wrong_calls import call, functions_of, overlapping, recorded, written_by, wrong_calls
 
 from orip.adjustment.normals import solve_normals
@@ -21,7 +21,7 @@ from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not photo_loop.is_compiled(), reason="the extension was not built: no compiler here")
 
-OWN = 14
+OWN = 16
 """Where the arguments begin that each loop has for itself: orip/bundle/compiled/module.c."""
 OF_CAMERA, OF_PHOTO, OF_POINT, ORDER, START, BLOCK_NUMBER, GROUP_START, RUNS_START, RUNS = range(3, 12)
 """Arguments of a layout."""
@@ -30,8 +30,8 @@ MAX_LOST = 12.0
 
 
 def small_block() -> Block:
-    """Return a free network: two cameras with sets of additional parameters, and a few points."""
-    block = two_cameras_with_sets()
+    """Return a free network: two cameras with sets, one of them a rolling shutter, and a few points."""
+    block = rolling(two_cameras_with_sets())
     block = replace(block, definition=replace(block.definition, datum="free"), control_points=())
     return with_photo_points(block, np.flatnonzero(block.photo_points.point < 12))
 

@@ -22,7 +22,7 @@ from orip.bundle.compiled import photo_loop
 from orip.bundle.problem import pose_problem, starting_state
 from orip.bundle.solve import solve_block
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, Sensor
 from orip.records.control import ControlDistance
 from orip.structs import replace
 
@@ -47,7 +47,7 @@ def self_calibrated(distortion_at: str, scene: str = "convergent") -> Block:
         noise_mm=0.003,
         distortion=DISTORTED,
         distortion_at=distortion_at,
-        unknown=CAMERA_PARAMETERS,
+        unknown=CAMERA_PARAMETERS[:12],
         start_error=0.01,
     ).block
 
@@ -137,7 +137,21 @@ def fisheye_with_set(name: AdditionalSet, distortion_at: str) -> Block:
     return replace(block, cameras=(replace(block.cameras[0], additional_set=name, frame=FRAME, unknown=()),))
 
 
+def rolling(block: Block) -> Block:
+    """Return a block whose first camera exposes its rows one after the other."""
+    first = block.cameras[0]
+    sensor = Sensor(3600, 2400, *FRAME)
+    moving = replace(
+        first, parameters=(*first.parameters[:-1], -0.03), sensor=sensor, unknown=(*first.unknown, "READOUT")
+    )
+    return replace(block, cameras=(moving, *block.cameras[1:]))
+
+
 BLOCKS = {
+    "rolling": lambda: rolling(two_cameras()),
+    "rolling with sets": lambda: rolling(two_cameras_with_sets()),
+    "rolling fisheye": lambda: rolling(self_calibrated("measured", "room")),
+    "rolling with held elements": lambda: rolling(held_elements()),
     "ideal": lambda: self_calibrated("ideal"),
     "measured": lambda: self_calibrated("measured"),
     "two cameras": two_cameras,
@@ -172,6 +186,7 @@ def both_ways(block):
     """Return the layout and the equations by the loop and with the stored matrix."""
     posed, state = pose_problem(block), starting_state(block)
     assert posed.streamed is not None
+    state = replace(state, motions=np.random.default_rng(9).normal(size=state.motions.shape))
     return posed.layout, posed.linearise(state), replace(posed, streamed=None).linearise(state)
 
 

@@ -38,7 +38,7 @@ def test_a_common_lens_is_recovered(argument, loop, monkeypatch):
         monkeypatch.setattr(problem, "is_compiled", lambda: False)
     truth = made(argument)
     block = with_two_frames(truth.block)
-    wrong = np.array(block.cameras[0].parameters) + np.where(np.isin(np.arange(12), [0, 1, 2]), 0.05, 0.0)
+    wrong = np.array(block.cameras[0].parameters) + np.where(np.isin(np.arange(13), [0, 1, 2]), 0.05, 0.0)
     lens = replace(block.cameras[0], parameters=tuple(wrong.tolist()))
     start = replace(block, cameras=(lens, with_lens_of(block.cameras[1], lens)))
     found = solution(start)
@@ -76,7 +76,7 @@ def test_one_lens_is_determined_better_than_two():
 
 def test_records_take_the_lens_of_another():
     lens = replace(made().block.cameras[0], distortion_at="measured")
-    other = replace(lens, name="OTHER", parameters=(99.0, 0.5, 0.6, *[0.0] * 9), unknown=("DY",), same_lens_as="cam")
+    other = replace(lens, name="OTHER", parameters=(99.0, 0.5, 0.6, *[0.0] * 10), unknown=("DY",), same_lens_as="cam")
     first, second = with_shared_lenses((lens, other))
     assert first == lens
     assert second.parameters == (lens.parameters[0], 0.5, 0.6, *lens.parameters[3:])

@@ -53,12 +53,12 @@ def cameras(draw: Any, name: str) -> Camera:
     small = st.floats(-1.0, 1.0)
     camera = Camera(
         name,
-        (draw(positive), draw(numbers), draw(numbers), *polynomial),
+        (draw(positive), draw(numbers), draw(numbers), *polynomial, 0.0),
         draw(st.sampled_from(["ideal", "measured"])),
         draw(st.tuples(*[st.floats(-1e3, 1e3)] * 4)) if form == "isp" else None,
         tuple((radius, draw(small)) for radius in radii) if form == "curve" else None,
         draw(some(st.tuples(positive, positive))),
-        unknown=draw(some_of(CAMERA_PARAMETERS)),
+        unknown=draw(some_of(CAMERA_PARAMETERS[:12])),
         additional_set=draw(some(st.sampled_from(["EBNER", "GRUEN"]))),
         projection=draw(st.sampled_from(["perspective", "equidistant"])),
     )

@@ -104,11 +104,11 @@ def awkward() -> Solution:
         cameras=estimates(
             ("OLYMPUS", "RESERVE"),
             [
-                [8.595123, -0.190512, 0.930544, 0.0, -4.2123456e-4, 1.3e-6, 0.0, 0.0, 2.5e-5, -1e-5, 3e-4, 0.0],
-                [152.41, 0.002, -0.011, 0, 0, 0, 0, 0, 0, 0, 0, 0],
+                [8.595123, -0.190512, 0.930544, 0.0, -4.2123456e-4, 1.3e-6, 0.0, 0.0, 2.5e-5, -1e-5, 3e-4, 0.0, 0.0],
+                [152.41, 0.002, -0.011, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0],
             ],
-            [[0.0012, 0.00081, 0.0009, NAN, 3.1e-6, 2e-8, NAN, NAN, INF, 1e-6, 2e-5, NAN], [NAN] * 12],
-            12,
+            [[0.0012, 0.00081, 0.0009, NAN, 3.1e-6, 2e-8, NAN, NAN, INF, 1e-6, 2e-5, NAN, NAN], [NAN] * 13],
+            13,
         ),
         projections=("perspective", "perspective"),
         photos=estimates(
@@ -171,7 +171,7 @@ def empty() -> Solution:
         unknowns=0,
         enp=-INF,
         iterations=(),
-        cameras=estimates((), [], [], 12),
+        cameras=estimates((), [], [], 13),
         photos=estimates((), [], [], 6),
         points=estimates((), [], [], 3),
         point_rays=np.zeros(0, dtype=np.int64),

@@ -16,7 +16,7 @@ from orip.records.names import record_key
 from orip.records.photo import Photo, Scan, Template, Temtick
 from orip.structs import replace
 
-NO_PARAMETERS = (50.0,) + (0.0,) * 11
+NO_PARAMETERS = (50.0,) + (0.0,) * 12
 FIDUCIALS = {"1": (-12.0, -18.0), "2": (12.0, -18.0), "3": (12.0, 18.0), "4": (-12.0, 18.0)}
 TICKS = {"1": (0.0, 0.0), "2": (200.0, 0.0), "3": (200.0, 200.0), "4": (0.0, 200.0)}
 POINTS = {"1001": (3.25, -7.5), "1002": (-11.0, 16.0)}

@@ -13,7 +13,7 @@ from orip.records.measurement import MeasuredMarks, PhotoOrientation
 from orip.records.photo import Photo, Scan, Template
 
 SENSOR = Sensor(columns=1280, rows=1024, width=8.245, height=6.6)
-NO_PARAMETERS = (50.0,) + (0.0,) * 11
+NO_PARAMETERS = (50.0,) + (0.0,) * 12
 
 
 def test_sensor_has_its_origin_in_the_middle_and_y_up():

@@ -57,25 +57,25 @@ def test_no_hypothesis_is_tried_where_the_misfit_is_explained_already(code: str)
 
 
 def test_a_camera_that_makes_sense() -> None:
-    values = (50.0, *[0.0] * 11)
+    values = (50.0, *[0.0] * 12)
     assert not list(camera_warnings(Camera("A", values, sensor=Sensor(6000, 4000, 35.9, 23.9))))
     # a fisheye of 8 mm on small-frame film, and a long aerial lens
-    assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 11), frame=(36.0, 24.0))))
-    assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 11), frame=(230.0, 230.0))))
+    assert not list(camera_warnings(Camera("B", (8.0, *[0.0] * 12), frame=(36.0, 24.0))))
+    assert not list(camera_warnings(Camera("C", (610.0, *[0.0] * 12), frame=(230.0, 230.0))))
     # a circular fisheye of 220 degrees, with black corners in its square frame
-    fisheye = Camera("F", (1.25, *[0.0] * 11), frame=(4.8, 4.8), projection="equidistant")
+    fisheye = Camera("F", (1.25, *[0.0] * 12), frame=(4.8, 4.8), projection="equidistant")
     assert not list(camera_warnings(fisheye))
-    (said,) = camera_warnings(replace(fisheye, parameters=(0.4, *[0.0] * 11)))
+    (said,) = camera_warnings(replace(fisheye, parameters=(0.4, *[0.0] * 12)))
     assert "angle of view of 972°" in str(said)
     raise_if_impossible([fisheye, *map(_phone, (0.56, 1.12))])
-    (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 11), sensor=Sensor(6000, 4000, 35.9, 23.9)))
+    (said,) = camera_warnings(Camera("D", (0.05, *[0.0] * 12), sensor=Sensor(6000, 4000, 35.9, 23.9)))
     assert (said.code, "angle of view" in said.text) == ("senseless-camera", True)
 
 
 def _phone(pixel: float) -> Camera:
     """Return the camera of a phone with pixels of a size in µm."""
     sensor = Sensor(16320, 12240, 16.320 * pixel, 12.240 * pixel)
-    return Camera("PHONE", (1.2 * sensor.height, *[0.0] * 11), sensor=sensor)
+    return Camera("PHONE", (1.2 * sensor.height, *[0.0] * 12), sensor=sensor)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_a_camera_in_another_unit_ends_with_the_value_to_write(
     c: float, sides: tuple[float, float], words: str
 ) -> None:
     with pytest.raises(InputError, match="camera DRONE") as raised:
-        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 11), sensor=Sensor(5472, 3648, *sides))])
+        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 12), sensor=Sensor(5472, 3648, *sides))])
     assert words in str(raised.value)
 
 
@@ -106,30 +106,30 @@ def test_a_camera_in_another_unit_ends_with_the_value_to_write(
 )
 def test_a_principal_distance_of_no_lens_ends_with_the_value_to_write(c: float, words: str) -> None:
     with pytest.raises(InputError, match="camera DRONE") as raised:
-        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 11), sensor=Sensor(5472, 3648, 13.2, 8.8))])
+        raise_if_impossible([Camera("DRONE", (c, *[0.0] * 12), sensor=Sensor(5472, 3648, 13.2, 8.8))])
     assert words in str(raised.value)
 
 
 def test_other_impossible_cameras_end_with_the_values_to_write() -> None:
-    known = (8.8, *[0.0] * 11)
+    known = (8.8, *[0.0] * 12)
     sensor = Sensor(5472, 3648, 13.2, 8.8)
     cameras = [
         (Camera("D", known, sensor=Sensor(5472, 3648, 13200.0, 8800.0)), "write width = 13.2, height = 8.8"),
         (Camera("D", known, sensor=Sensor(5472, 3648, 0.51969, 0.34646)), "in inches: write width = 13.2"),
-        (Camera("D", (8.8, 2744.0, 1838.0, *[0.0] * 9), sensor=sensor), "principal_point = [0.01930, -0.03377]"),
-        (Camera("D", (8.8, 0.0, 0.0, 0.0, -0.2, 0.05, *[0.0] * 6), sensor=sensor), "A3 = -0.002583, A5 = 8.338e-06"),
+        (Camera("D", (8.8, 2744.0, 1838.0, *[0.0] * 10), sensor=sensor), "principal_point = [0.01930, -0.03377]"),
+        (Camera("D", (8.8, 0.0, 0.0, 0.0, -0.2, 0.05, *[0.0] * 7), sensor=sensor), "A3 = -0.002583, A5 = 8.338e-06"),
     ]
     for camera, words in cameras:
         with pytest.raises(InputError, match="camera D:") as raised:
             raise_if_impossible([camera])
         assert words in str(raised.value)
-    (said,) = camera_warnings(Camera("D", (8.8, 6.62, 4.43, *[0.0] * 9), sensor=sensor))
+    (said,) = camera_warnings(Camera("D", (8.8, 6.62, 4.43, *[0.0] * 10), sensor=sensor))
     assert "subtract 6.6 from x and 4.4 from y" in said.text
 
 
 def test_a_frame_in_metres_ends_with_the_value_to_write() -> None:
     with pytest.raises(InputError, match=r"write frame = \[230, 230\]"):
-        raise_if_impossible([Camera("RC30", (153.0, *[0.0] * 11), frame=(0.23, 0.23))])
+        raise_if_impossible([Camera("RC30", (153.0, *[0.0] * 12), frame=(0.23, 0.23))])
 
 
 # --------------------------------------------------------------------------------------------------------------- marks
@@ -160,7 +160,7 @@ def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], foun
     around = np.array([(-1, -1), (0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0)], dtype=float)
     given = around * [18.0, 12.0] + asymmetry_mm * random.normal(size=around.shape)
     fiducials = tuple(Mark(str(k + 1), x, y) for k, (x, y) in enumerate(given.tolist()))
-    camera = Camera("A", (35.0, *[0.0] * 11), fiducials=fiducials)
+    camera = Camera("A", (35.0, *[0.0] * 12), fiducials=fiducials)
     photos = [_photo(str(k), given, [1, 2, 3, 4, 5, 6, 7, 8], random) for k in range(4)]
     photos.append(_photo("last", given, labels, random))
     said = misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos])
@@ -171,7 +171,7 @@ def test_marks_named_by_their_place(asymmetry_mm: float, labels: list[int], foun
 def test_one_mark_mispointed_is_no_other_name() -> None:
     random = np.random.default_rng(42)
     given = np.array([(-18.02, -12.01), (18.01, -12.03), (18.0, 12.02), (-17.98, 12.0)])
-    camera = Camera("A", (35.0, *[0.0] * 11), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
+    camera = Camera("A", (35.0, *[0.0] * 12), fiducials=tuple(Mark(str(k + 1), *xy) for k, xy in enumerate(given)))
     photos = [_photo(str(k), given, [1, 2, 3, 4], random) for k in range(5)]
     photos[2].marks.measured[1] += 0.5
     assert misnamed_marks([orient_photo(photo, camera, on_template=False).adjustment for photo in photos]) == []
@@ -297,7 +297,7 @@ def test_micrometres_on_the_stage_change_nothing(tmp_path: Path) -> None:
     ],
 )
 def test_the_columns_of_a_sensor_that_the_points_exceed(sensor: Sensor, words: str) -> None:
-    camera = Camera("D", (8.8, *[0.0] * 11), sensor=sensor)
+    camera = Camera("D", (8.8, *[0.0] * 12), sensor=sensor)
     photos = {record_key(name): Photo(name, "D") for name in ("1", "2")}
     definitions = Definitions({record_key("D"): camera}, {}, {}, photos, {})
     xy = np.array([[20.0, 10.0], [5450.0, 3630.0], [2700.0, 900.0], [4000.0, 1800.0]])

@@ -59,7 +59,7 @@ from orip.prelim.rays import image_rays
 from orip.prelim.refinement import no_corrections
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.camera import CAMERA_PARAMETERS, Sensor
 from orip.records.control import (
     NOT_GIVEN,
     ControlDirection,
@@ -521,7 +521,7 @@ def blocks() -> dict[str, Block]:
     plain = {
         f"{scene}, {argument}": _with_everything(
             synthetic_block(
-                scene, "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS,
+                scene, "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS[:12],
                 constant=_CONSTANT[scene], noise_mm=0.01, start_error=_START_ERROR[scene],
             ).block
         )
@@ -530,7 +530,7 @@ def blocks() -> dict[str, Block]:
     }  # fmt: skip
     fisheyes = {
         f"room, {argument}": synthetic_block(
-            "room", "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS,
+            "room", "partials", distortion=DISTORTED, distortion_at=argument, unknown=CAMERA_PARAMETERS[:12],
             noise_mm=0.01, start_error=0.003,
         ).block
         for argument in _ARGUMENTS
@@ -543,10 +543,15 @@ def blocks() -> dict[str, Block]:
             ("strip, ideal", "GRUEN"),
         )
     }
+    rolling = {
+        f"rolling {label}": _rolling(block)
+        for label, block in {**plain, **fisheyes, **with_set}.items()
+        if label in {"strip, ideal", "convergent, measured", "room, ideal", "convergent, ideal, EBNER"}
+    }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
     strip = _in_a_crs(plain["strip, ideal"])
     correlated = {"correlated, in a crs": _correlated(strip), "correlated": _correlated(plain["convergent, ideal"])}
-    return plain | fisheyes | with_set | same_lens | {"strip in a crs": strip} | correlated
+    return plain | fisheyes | with_set | rolling | same_lens | {"strip in a crs": strip} | correlated
 
 
 def _correlated(block: Block) -> Block:
@@ -614,6 +619,22 @@ def _with_set(block: Block, name: str) -> Block:
     return replace(block, cameras=(camera,), held_additional=frozenset([held]))
 
 
+def _rolling(block: Block) -> Block:
+    """Return a block of a rolling shutter, with unknown readout and motions."""
+    camera = block.cameras[0]
+    height = 2.5 * float(np.abs(block.photo_points.xy).max())
+    return replace(
+        block,
+        definition=replace(block.definition, velocity_error=0.3, rate_error=2.0),
+        cameras=(
+            replace(
+                camera, parameters=(*camera.parameters[:-1], 0.05), sensor=Sensor(3000, 2000, 1.5 * height, height),
+                unknown=(*camera.unknown, "READOUT"),
+            ),
+        ),
+    )  # fmt: skip
+
+
 def state_of(block: Block) -> BlockState:
     """Return the starting state, with additional parameters, shifts and drifts that are not zero."""
     state = starting_state(block)
@@ -625,8 +646,13 @@ def state_of(block: Block) -> BlockState:
         ]
         values[row, : len(names)] = np.random.default_rng(row).normal(size=len(names)) * errors
     random = np.random.default_rng(17)
-    shifts, drifts = (random.normal(size=table.shape) for table in (state.shifts, state.drifts))
-    return replace(state, additional=values, shifts=shifts, drifts=drifts)
+    shifts, drifts, motions, corrections = (
+        random.normal(size=table.shape)
+        for table in (state.shifts, state.drifts, state.motions, state.motion_corrections)
+    )
+    return replace(
+        state, additional=values, shifts=shifts, drifts=drifts, motions=motions, motion_corrections=corrections
+    )
 
 
 # at phi = ±90 no angle can be held, and the photos stay exactly there

@@ -88,7 +88,7 @@ def test_a_camera_far_off_is_found(off: float) -> None:
 
 
 def test_camera_by_hand() -> None:
-    camera = Camera("CAM", (100.0, 1.0, 2.0, *(0.0,) * 9))
+    camera = Camera("CAM", (100.0, 1.0, 2.0, *(0.0,) * 10))
     assert parameters_with(camera, np.array([np.log(0.8), 0.0, 0.0, 0.0]))[:3] == pytest.approx((80.0, 1.0, 2.0))
     # 0.5 mm at 45 degrees and its third power elsewhere: 0.5 mm / (100 mm)³
     assert parameters_with(camera, np.array([0.0, 0.01, 0.0, 0.005]))[1:5] == pytest.approx((0.0, 2.0, 0.0, -5e-7))

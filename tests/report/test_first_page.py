@@ -136,7 +136,7 @@ def two_photos_from_above(base: Solution) -> ReportInput:
     """Return photos 100 above four points; c is 50 mm, a pixel 0.005 mm, the frame 40 by 30 mm."""
     ground = np.array([[0.0, 0, 0], [10, 0, 0], [0, 10, 0], [10, 10, 0]])
     centres = np.array([[0.0, 0, 100, 0, 0, 0], [10, 0, 100, 0, 0, 90.0]])
-    camera = Camera("C", (50.0, *(0.0,) * 11), sensor=Sensor(8000, 6000, 40.0, 30.0))
+    camera = Camera("C", (50.0, *(0.0,) * 12), sensor=Sensor(8000, 6000, 40.0, 30.0))
     names, photos = ("1", "2", "3", "4"), ("P1", "P2")
     n = 16
     residuals = replace(
@@ -148,7 +148,7 @@ def two_photos_from_above(base: Solution) -> ReportInput:
     solution = replace(
         base, photos=Estimates(photos, centres, np.full((2, 6), 0.01)),
         points=Estimates(names, ground, np.full((4, 3), 0.01)),
-        cameras=Estimates(("C",), np.array([camera.parameters]), np.full((1, 12), np.nan)), residuals=residuals,
+        cameras=Estimates(("C",), np.array([camera.parameters]), np.full((1, 13), np.nan)), residuals=residuals,
         point_kinds=("tie",) * 4, point_rays=np.full(4, 2),
     )  # fmt: skip
     return given(solution, cameras={"C": camera}, photos={name: Photo(name, "C") for name in photos})

@@ -76,7 +76,7 @@ def of_page(solution: Solution) -> ReportInput:
 
 def test_probable_sizes_are_in_pixels_too_where_these_were_measured() -> None:
     solution = with_w(1.05 * suspicious_w(with_w(1.0)))
-    camera = Camera("GRID", (50.0,), sensor=Sensor(3000, 2000, 36.0, 24.0))
+    camera = Camera("GRID", (50.0, *(0.0,) * 12), sensor=Sensor(3000, 2000, 36.0, 24.0))
     photos = {record_key(name): Photo(name, "GRID") for name in solution.photos.names}
     table = suspect_table(ReportInput(solution, (), BundleDefinition("MAIN"), {record_key("GRID"): camera}, photos))
     plain = suspect_table(of_page(solution))

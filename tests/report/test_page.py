@@ -146,7 +146,7 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
     )  # fmt: skip
     solution = replace(
         awkward(),
-        cameras=Estimates(("CAMERA",), np.array([[150.0, *(0.0,) * 11]]), np.full((1, 12), np.nan)),
+        cameras=Estimates(("CAMERA",), np.array([[150.0, *(0.0,) * 12]]), np.full((1, 13), np.nan)),
         projections=("perspective",),
         photos=Estimates(photo_names, stations, random.uniform(0.01, 0.2, (photos, 6))),
         points=Estimates(point_names, at, random.uniform(0.01, 0.2, (points, 3))),
@@ -157,7 +157,7 @@ def large_block(photos: int, points: int, rays: int) -> ReportInput:
         photo_correlations=random.uniform(-0.9, 0.9, (photos, 15)),
         point_correlations=random.uniform(-0.9, 0.9, (points, 3)),
     )  # fmt: skip
-    camera = Camera("CAMERA", (150.0, *(0.0,) * 11), frame=(230.0, 230.0))
+    camera = Camera("CAMERA", (150.0, *(0.0,) * 12), frame=(230.0, 230.0))
     return given(solution, cameras={"CAMERA": camera}, photos={name: Photo(name, "CAMERA") for name in photo_names})
 
 

@@ -104,7 +104,7 @@ class AerialBlock(Struct, frozen=True):
         for row, kinds in held.items():
             columns = [PHOTO_PARAMETERS.index(kind) for kind in kinds]
             start[row, columns] = self.orientations[row, columns]
-        camera = Camera("RMK", (PRINCIPAL_DISTANCE, *[0.0] * 11))
+        camera = Camera("RMK", (PRINCIPAL_DISTANCE, *[0.0] * 12))
         photos = [
             Photo(name, "RMK", orientation=tuple(row), constant=tuple(held.get(index, ())))
             for index, (name, row) in enumerate(zip(self.photo_names, start.tolist(), strict=True))

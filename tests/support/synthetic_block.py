@@ -37,7 +37,7 @@ class SyntheticBlock(Struct, frozen=True):
     ----------
     block : Block
         Measurements with noise, starting values off the truth.
-    cameras : array (number of cameras, 12)
+    cameras : array (number of cameras, 13)
     orientations : array (number of photos, 6)
         Ground unit and radians.
     points : array (number of points, 3)
@@ -104,7 +104,9 @@ def synthetic_block(
     """
     random = np.random.default_rng(zlib.crc32(f"{scene} {name}".encode()))
     layout = _LAYOUTS[scene](random)
-    camera = np.array([layout.principal_distance, 0.12, -0.07, *np.array(distortion) / (layout.frame / 2.0) ** _POWERS])
+    camera = np.array(
+        [layout.principal_distance, 0.12, -0.07, *np.array(distortion) / (layout.frame / 2.0) ** _POWERS, 0.0]
+    )
     orientations = layout.orientations.copy()
     orientations[:, 3:] = np.radians(orientations[:, 3:])
     photo, point, xy = _images(layout, orientations, camera, distortion_at)
@@ -237,7 +239,7 @@ def _images(
         shown = np.flatnonzero((np.abs(ideal) < layout.frame / 2.0).all(axis=1))
         photo.append(np.full(len(shown), row))
         point.append(shown)
-        images.append(camera[1:3] + _MEASURED[distortion_at](ideal[shown], camera[3:]))
+        images.append(camera[1:3] + _MEASURED[distortion_at](ideal[shown], camera[3:12]))
     return np.concatenate(photo), np.concatenate(point), np.vstack(images)
 
 

@@ -419,7 +419,7 @@ def test_prediction_with_a_parameter_set(tmp_path: Path) -> None:
 def in_crs() -> tuple[Solution, np.ndarray, np.ndarray, np.ndarray]:
     block = aerial_block()
     count = len(block.orientations)
-    values = np.array([[PRINCIPAL_DISTANCE, *(0.0,) * 11]])
+    values = np.array([[PRINCIPAL_DISTANCE, *(0.0,) * 12]])
     solution = replace(
         empty(),
         cameras=Estimates(("CAM",), values, values),

@@ -31,7 +31,7 @@ def estimates(parameters: tuple[str, ...], sd: dict[str, float], value: float = 
 
 
 def camera(**given: object) -> Camera:
-    return Camera("C35", tuple(float(place) for place in range(12)), **given)  # type: ignore[arg-type]
+    return Camera("C35", tuple(float(place) for place in range(13)), **given)  # type: ignore[arg-type]
 
 
 def photo(**given: object) -> Photo:

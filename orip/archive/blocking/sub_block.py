@@ -34,7 +34,7 @@ class SubBlock(NamedTuple):
         Measured photo coordinates and their a-priori errors, mm.
     at_measured, is_equidistant : arrays (n,) of bool
         See `PhotoPointObservations`.
-    camera_columns : array (c, 12) of int
+    camera_columns : array (c, 13) of int
         Places of the unknowns in the front of the node, `CONSTANT` where there is none.
     additional_columns : array (c, k) of int
     photo_columns : array (p, 6) of int
@@ -46,6 +46,8 @@ class SubBlock(NamedTuple):
         Number of unknowns in the front.
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
+    row : array (n,) or None
+        See `PhotoPointObservations`.
     """
 
     photo: IntArray
@@ -62,6 +64,7 @@ class SubBlock(NamedTuple):
     coordinates: FloatArray
     front: int
     sets: tuple[tuple[int, AdditionalSet, float], ...]
+    row: FloatArray | None
 
 
 class SubBlockSource(Protocol):
@@ -120,6 +123,8 @@ class Members(Struct, frozen=True):
             additional=state.additional[self.cameras],
             centres=state.centres[self.photos],
             rotations=state.rotations[self.photos],
+            motions=state.motions[self.photos],
+            motion_corrections=state.motion_corrections[self.photos],
             points=state.points[self.points],
             antennas=nothing,
             shifts=nothing,
@@ -196,6 +201,7 @@ def _sub_block(
         coordinates[points],
         front,
         tuple((cameras.tolist().index(row), name, base) for row, name, base in observed.sets if row in cameras),
+        None if observed.row is None else observed.row[rays],
     )
     blocks = np.empty(len(points), dtype=np.int64)
     blocks[blocks_of_points(_unknowns(found))] = of_point[points]
@@ -208,7 +214,7 @@ def loop_of(sub_block: SubBlock) -> PhotoPointLoop:
     rows = Rows(PHOTO_POINT, (), (), (), sub_block.xy.ravel(), sub_block.error.ravel(), np.zeros(0, dtype=bool), None)
     observed = PhotoPointObservations(
         rows, sub_block.photo, sub_block.point, sub_block.camera, sub_block.xy, sub_block.at_measured,
-        sub_block.is_equidistant, sub_block.sets, unknowns,
+        sub_block.is_equidistant, sub_block.sets, unknowns, sub_block.row,
     )  # fmt: skip
     return photo_loop(observed, unknowns, sub_block.coordinates)
 
@@ -230,6 +236,7 @@ def _unknowns(sub_block: SubBlock) -> Unknowns:
         drifts=nothing,
         theodolites=np.zeros(0, dtype=np.int64),
         photos=sub_block.photo_columns,
+        motions=np.full((len(sub_block.photo_columns), 6), CONSTANT),
         points=sub_block.point_columns,
         layout=layout_of(sub_block, fixed),
         names=UnknownNames((), (), np.arange(count), fixed.ravel()),

@@ -29,8 +29,10 @@ typedef struct {
     /* photo points */
     const int32_t *camera_of_photo, *photo, *point;
     const double *xy, *error;
+    /* of photos and of photo points, with `moving` */
+    const double *motions, *row;
     int64_t count, camera_count, photo_count;
-    int turned;
+    int turned, moving;
 } Block;
 
 /* How the photo points of eliminated points go into the normal equations. */
@@ -94,6 +96,18 @@ INLINE void take_rays(const Block *b, const int32_t *rows, Ray *ray)
         ray->xy[k] = GATHERED(xy, k);
 }
 
+/* Take rays to the time of their rows, with the cameras that are loaded. */
+INLINE void move_rays(const Block *b, const int32_t *rows, Ray *ray)
+{
+    const double *motion[LANES], *row[LANES];
+    for (int lane = 0; lane < LANES; lane++)
+        motion[lane] = b->motions + 6 * (int64_t)b->photo[rows[lane]], row[lane] = b->row + rows[lane];
+    for (int k = 0; k < 6; k++)
+        ray->motion[k] = GATHERED(motion, k);
+    ray->row = GATHERED(row, 0);
+    move_ray(ray, b->turned);
+}
+
 INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
 {
     const double *camera[LANES];
@@ -108,15 +122,16 @@ INLINE void take_cameras(const Block *b, const int32_t *cameras, Ray *ray)
 INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int linear, Linearised *found)
 {
     const int form = b->form[camera], is_equidistant = form & IS_EQUIDISTANT;
+    const int turned = b->turned || b->moving;
     if (b->kind[camera] < KINDS) {
         if (form == 0)
-            collinearity(ray, 0, 0, 0, b->turned, linear, found);
+            collinearity(ray, 0, 0, 0, turned, b->moving, linear, found);
         else if (form == IS_MEASURED)
-            collinearity(ray, 0, 1, 0, b->turned, linear, found);
+            collinearity(ray, 0, 1, 0, turned, b->moving, linear, found);
         else if (form == IS_EQUIDISTANT)
-            collinearity(ray, 1, 0, 0, b->turned, linear, found);
+            collinearity(ray, 1, 0, 0, turned, b->moving, linear, found);
         else
-            collinearity(ray, 1, 1, 0, b->turned, linear, found);
+            collinearity(ray, 1, 1, 0, turned, b->moving, linear, found);
         return;
     }
     const Set set = {
@@ -124,9 +139,9 @@ INLINE void linearise_kind(const Block *b, int32_t camera, const Ray *ray, int l
         {b->deformation + 2 * PRODUCTS * camera, b->deformation + 2 * PRODUCTS * camera + PRODUCTS},
     };
     if (form & IS_MEASURED)
-        collinearity(ray, is_equidistant, 1, &set, b->turned, linear, found);
+        collinearity(ray, is_equidistant, 1, &set, turned, b->moving, linear, found);
     else
-        collinearity(ray, is_equidistant, 0, &set, b->turned, linear, found);
+        collinearity(ray, is_equidistant, 0, &set, turned, b->moving, linear, found);
 }
 
 /* Linearise the photo points in `rows`, one in each lane. The ray keeps its cameras from one call to the next; `cameras`
@@ -143,6 +158,8 @@ INLINE void linearise(const Block *b, const int32_t *rows, int linear, Ray *ray,
     if (!kept)
         take_cameras(b, cameras, ray);
     take_rays(b, rows, ray);
+    if (b->moving)
+        move_rays(b, rows, ray);
     linearise_kind(b, cameras[0], ray, linear, found);
     for (int lane = 1; !same && lane < LANES; lane++) {
         Linearised other;

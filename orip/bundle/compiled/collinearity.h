@@ -12,14 +12,14 @@
 
 #include "../../lanes.h"
 
-#define CAMERA_PARAMETERS 12
+#define CAMERA_PARAMETERS 13
 #define COEFFICIENT_COUNT 9
 #define MOST_ADDITIONAL 44
 #define POLYNOMIALS 5
 #define PRODUCTS (POLYNOMIALS * POLYNOMIALS)
 
 /* Where the partials by each group of unknowns begin. */
-enum { CAMERA = 0, COEFFICIENTS = 3, PHOTO = 12, ROTATION = 15, POINT = 18, ELEMENTS = 21 };
+enum { CAMERA = 0, COEFFICIENTS = 3, READOUT = 12, PHOTO = 13, ROTATION = 16, POINT = 19, ELEMENTS = 22 };
 
 /* The deformation by a set of additional parameters: dx and dy are sums of products B_i(y) A_j(x) of two polynomials of a
  * coordinate, numbered i times `polynomials` plus j. by_powers: their coefficients by powers of the coordinate; dx, dy:
@@ -30,7 +30,7 @@ typedef struct {
 } Set;
 
 typedef struct {
-    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2];
+    Lanes camera[CAMERA_PARAMETERS], centre[3], rotation[9], basis[9], ground[3], xy[2], motion[6], row;
 } IN_LINES Ray;
 
 /* product: those of a set, by whose coefficients in dx (or dy) they are the partials of x (or y). */
@@ -173,13 +173,64 @@ INLINE void equidistant(const Lanes *u, Projected *p, int *in_front)
     }
 }
 
+/* Exp([a]x): see rotation_about_axes of orip/geometry/rotation.py. */
+INLINE void rotation_about(const Lanes *a, Lanes *rotation)
+{
+    const Lanes square = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
+    Lanes sine = ALL(1.0), versine = ALL(0.5);
+    for (int lane = 0; lane < LANES; lane++) {
+        const double angle = sqrt(LANE(square, lane));
+        if (angle > 0.0) {
+            const double half = sin(0.5 * angle) / angle;
+            LANE(sine, lane) = sin(angle) / angle, LANE(versine, lane) = 2.0 * half * half;
+        }
+    }
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++)
+            rotation[3 * row + column] = versine * a[row] * a[column];
+    for (int axis = 0; axis < 3; axis++) {
+        const int next = (axis + 1) % 3, last = (axis + 2) % 3;
+        rotation[4 * axis] += 1.0 - versine * square;
+        rotation[3 * last + next] += sine * a[axis];
+        rotation[3 * next + last] -= sine * a[axis];
+    }
+}
+
+INLINE void turn_matrix(const Lanes *turn, Lanes *matrix)
+{
+    for (int column = 0; column < 3; column++) {
+        const Lanes a = matrix[column], b = matrix[3 + column], c = matrix[6 + column];
+        for (int row = 0; row < 3; row++)
+            matrix[3 * row + column] = turn[3 * row] * a + turn[3 * row + 1] * b + turn[3 * row + 2] * c;
+    }
+}
+
+/* Take a ray's photo to where it was when the row of the photo point was exposed; rotations about the ground axes are
+ * those of then. See orip/geometry/rolling_shutter.py. */
+INLINE void move_ray(Ray *ray, int turned)
+{
+    const Lanes time = ray->camera[READOUT] * ray->row;
+    Lanes angles[3], turn[9];
+    for (int axis = 0; axis < 3; axis++) {
+        ray->centre[axis] += time * ray->motion[axis];
+        angles[axis] = time * ray->motion[3 + axis];
+    }
+    rotation_about(angles, turn);
+    turn_matrix(turn, ray->rotation);
+    if (turned)
+        turn_matrix(turn, ray->basis);
+    else
+        for (int k = 0; k < 9; k++)
+            ray->basis[k] = turn[k];
+}
+
 /* Linearise photo points. The numbers in lanes whose point is not in front of the camera are meaningless.
  *
  * is_equidistant: the projection, else the perspective; rotation: photo to ground, by rows; basis: from the photo's rotation unknowns to rotations about the ground axes, used
- * with `turned`; set: NULL for a camera without one; partials are found if `linear`.
+ * with `turned`; moving: the ray was moved by move_ray; set: NULL for a camera without one; partials are found if `linear`.
  */
-INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, const Set *set, int turned, int linear,
-                         Linearised *found)
+INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, const Set *set, int turned, int moving,
+                         int linear, Linearised *found)
 {
     const Lanes *camera = ray->camera, *rotation = ray->rotation;
     const Lanes v[3] = {ray->ground[0] - ray->centre[0], ray->ground[1] - ray->centre[1], ray->ground[2] - ray->centre[2]};
@@ -244,6 +295,9 @@ INLINE void collinearity(const Ray *ray, int is_equidistant, int at_measured, co
         turn[0] = g[1] * v[2] - g[2] * v[1];
         turn[1] = g[2] * v[0] - g[0] * v[2];
         turn[2] = g[0] * v[1] - g[1] * v[0];
+        p[READOUT] = ALL(0.0);
+        for (int axis = 0; moving && axis < 3; axis++)
+            p[READOUT] += ray->row * (turn[axis] * ray->motion[3 + axis] - g[axis] * ray->motion[axis]);
         if (turned) {
             const Lanes axes[3] = {turn[0], turn[1], turn[2]}, *basis = ray->basis;
             for (int axis = 0; axis < 3; axis++)

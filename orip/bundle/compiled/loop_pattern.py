@@ -188,7 +188,7 @@ def _halves(size: int) -> list[tuple[IntArray, IntArray, IntArray]]:
 
 Int32Array = NDArray[np.int32]
 
-_CAMERA_PARAMETERS, _MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 12, 44, 5, 4
+_CAMERA_PARAMETERS, _MOST_ADDITIONAL, _POLYNOMIALS, _FORMS = 13, 44, 5, 4
 
 
 class Cameras(Struct, frozen=True):
@@ -215,13 +215,13 @@ class Cameras(Struct, frozen=True):
         1: the polynomial of the distortion is at measured coordinates, 2: the projection is equidistant, 3: both.
     product_columns, own_columns : arrays (c,) of int
         Number of columns of products in dx (as many are in dy), and of elements.
-    elements : array (c, 12) of int
+    elements : array (c, 13) of int
         For each column of an element its number among the partials.
     unknowns : array (c,) of int
         Their number.
-    columns : array (c, 56) of int
+    columns : array (c, 57) of int
         Of each unknown in the normal equations.
-    terms, term_factors : arrays (c, 56, 2)
+    terms, term_factors : arrays (c, 57, 2)
         Each unknown is the sum of two columns of the camera times factors.
     """
 

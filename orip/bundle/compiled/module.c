@@ -10,10 +10,11 @@
 
 /* The arguments that all loops have in common, in this order, after the layout and the turns and before their own. */
 enum {
-    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, OBSERVATION_END,
+    CAMERAS, DEFORMATION, CENTRES, ROTATIONS, BASES, GROUND, SET_POLYNOMIALS, TERM_FACTORS, XY, ERROR, MOTIONS, ROW_IN_READOUT,
+    OBSERVATION_END,
     CAMERA_PLACES = OBSERVATION_END, PHOTO_PLACES, PATTERN_END
 };
-#define OBSERVATIONS "dddddd" "dddd"
+#define OBSERVATIONS "dddddd" "dddd" "dd"
 #define PATTERN "ii"
 
 typedef struct {
@@ -49,13 +50,15 @@ static int take_block(Call *call)
     b->rotations = v[ROTATIONS].buf, b->bases = v[BASES].buf, b->ground = v[GROUND].buf;
     b->by_powers = v[SET_POLYNOMIALS].buf, call->pattern.term_factors = v[TERM_FACTORS].buf;
     b->xy = v[XY].buf, b->error = v[ERROR].buf;
-    b->turned = v[BASES].len > 0;
+    b->motions = v[MOTIONS].buf, b->row = v[ROW_IN_READOUT].buf;
+    b->turned = v[BASES].len > 0, b->moving = v[ROW_IN_READOUT].len > 0;
     return has(a, CAMERAS, CAMERA_PARAMETERS * b->camera_count)
         && has(a, DEFORMATION, 2 * PRODUCTS * b->camera_count) && has(a, CENTRES, 3 * b->photo_count) && has(a, ROTATIONS, 9 * b->photo_count)
         && (!b->turned || has(a, BASES, 9 * b->photo_count)) && length_of(a, GROUND) / 3 >= call->points
         && has(a, SET_POLYNOMIALS, POLYNOMIALS * POLYNOMIALS * b->camera_count)
         && has(a, TERM_FACTORS, 2 * MOST_CAMERA_UNKNOWNS * b->camera_count) && has(a, XY, 2 * b->count)
-        && has(a, ERROR, 2 * b->count);
+        && has(a, ERROR, 2 * b->count) && has(a, MOTIONS, b->moving ? 6 * b->photo_count : 0)
+        && (!b->moving || has(a, ROW_IN_READOUT, b->count));
 }
 
 /* The first address from `memory` on at which a line of the cache begins: vectors do not cross lines then. */

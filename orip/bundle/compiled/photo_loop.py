@@ -223,11 +223,11 @@ class PhotoPointLoop(Struct, frozen=True):
 
     def _observations(self, state: BlockState) -> tuple[object, ...]:
         points, cameras = self.points, self.cameras
-        turned = state.turned_by_angles.any()
+        turned, row, nothing = state.turned_by_angles.any(), points.row, np.empty(0)
         arrays = (
             state.cameras, cameras.deformation(state.additional), state.centres, state.rotations,
-            state.rotation_basis() if turned else np.empty(0), state.points, cameras.by_powers, cameras.term_factors,
-            points.xy, points.rows.error,
+            state.rotation_basis() if turned else nothing, state.points, cameras.by_powers, cameras.term_factors,
+            points.xy, points.rows.error, nothing if row is None else state.motions, nothing if row is None else row,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(array) for array in arrays)
 

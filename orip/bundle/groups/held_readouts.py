@@ -1,13 +1,12 @@
 """Cameras whose rows were exposed one after the other while they flew: residuals along the flight depend on the row.
 
 The readout time is tested as an unknown that was held at zero (a score test): by the residuals of the photo points and
-the partials of the exact model, with velocities from the adjusted centres and the times of the exposure stations. What
+the partials of the exact model, with motions from the adjusted orientations and the times of exposure stations. What
 the other unknowns absorb has no part in it; where they absorb all, nothing is said.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -17,8 +16,6 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
-from orip.records.block import Block
-from orip.records.names import record_key
 
 
 class ReadoutTest(NamedTuple):
@@ -44,35 +41,7 @@ class ReadoutTest(NamedTuple):
     pixels: float
 
 
-def velocities_in_strips(block: Block, centres: FloatArray) -> FloatArray:
-    """Return the velocities of photos (number of photos, 3), ground units a second; zero where no times are known.
-
-    Parameters
-    ----------
-    block : Block
-        Its stations have times and strips.
-    centres : array (number of photos, 3)
-        Adjusted.
-
-    Notes
-    -----
-    By a parabola through the neighbours in the strip, at its ends by a line.
-    """
-    found = np.zeros((len(block.photos), 3))
-    timed = [station for station in block.stations if np.isfinite(station.time)]
-    row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos) if timed}
-    strips: dict[tuple[int, str], list[tuple[float, int]]] = {}
-    for station in timed:
-        row = row_of[record_key(station.photo)]
-        strips.setdefault((int(block.photo_camera[row]), station.strip), []).append((station.time, row))
-    for members in strips.values():
-        times, rows = zip(*sorted(members), strict=True)
-        if len(rows) > 1 and all(one < other for one, other in pairwise(times)):
-            found[list(rows)] = np.gradient(centres[list(rows)], np.array(times), axis=0)
-    return found
-
-
-def readout_test(solved: SolvedBlock, camera: int, velocity: FloatArray) -> ReadoutTest:
+def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> ReadoutTest:
     """Test the readout time of a camera with a sensor.
 
     Parameters
@@ -80,8 +49,8 @@ def readout_test(solved: SolvedBlock, camera: int, velocity: FloatArray) -> Read
     solved : SolvedBlock
     camera : int
         Its row in the block.
-    velocity : array (number of photos, 3)
-        Of the photos, in the frame of the block.
+    motions : array (number of photos, 6)
+        Of the photos; see `orip.bundle.motions`.
     """
     kind, sensor = solved.problem.observations[0], solved.block.cameras[camera].sensor
     assert isinstance(kind, PhotoPointObservations), "photo points are the first kind of observation"
@@ -93,7 +62,7 @@ def readout_test(solved: SolvedBlock, camera: int, velocity: FloatArray) -> Read
     for part in kind.in_parts():
         rows = slice(first, first + len(part.rows.error))
         first = rows.stop
-        by_readout = np.where((part.camera == camera)[:, None], _by_readout(solved, part, velocity, sensor.height), 0.0)
+        by_readout = np.where((part.camera == camera)[:, None], _by_readout(solved, part, motions, sensor.height), 0.0)
         acts = by_readout.ravel() / part.rows.error
         weighted = weight[rows] * acts
         value += float(weighted @ np.nan_to_num(equations.residual[rows]))
@@ -113,15 +82,15 @@ def readout_test(solved: SolvedBlock, camera: int, velocity: FloatArray) -> Read
     return ReadoutTest(readout, solved.deviation_scale / float(np.sqrt(shown)), fall, number, float(pixels))
 
 
-def _by_readout(solved: SolvedBlock, points: PhotoPointObservations, velocity: FloatArray, height: float) -> FloatArray:
+def _by_readout(solved: SolvedBlock, points: PhotoPointObservations, motions: FloatArray, height: float) -> FloatArray:
     """Return how the images of photo points (n, 2) move with the readout time, mm a second; at a readout of zero."""
-    state, moving = solved.state, velocity[points.photo]
+    state, moving = solved.state, motions[points.photo]
     found = moving_image_with_partials(
         state.points[points.point] - state.centres[points.photo],
         state.rotations[points.photo],
         state.cameras[points.camera, 0],
         points.is_equidistant,
-        Motion(moving, np.zeros_like(moving)),
+        Motion(moving[:, :3], moving[:, 3:]),
         -points.xy[:, 1] / height,
         np.zeros(len(moving)),
     )

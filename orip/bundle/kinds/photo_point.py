@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
+from orip.bundle.motions import rows_of_readout
 from orip.bundle.state import BlockState
-from orip.bundle.unknowns import Unknowns
+from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.perspective import Perspective
 from orip.geometry.projection import projected_with_partials
+from orip.geometry.rolling_shutter import Motion, MovingImage, moving_image_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet
+from orip.records.camera import CAMERA_PARAMETERS, READOUT, AdditionalSet
 from orip.records.coded_names import CodedNames, coded
 from orip.records.observation_kinds import PHOTO_POINT, measured_before, measurement_name
 from orip.set_aside import set_aside
@@ -42,6 +44,8 @@ class PhotoPointObservations(Observations, frozen=True):
     sets : tuple of (camera, set, base)
         Cameras with additional parameters.
     unknowns : Unknowns
+    row : array (n,) or None
+        Place of each point in the readout, -1/2 in the upper row to 1/2; None: no camera has one.
     """
 
     rows: Rows
@@ -53,13 +57,22 @@ class PhotoPointObservations(Observations, frozen=True):
     is_equidistant: BoolArray
     sets: tuple[tuple[int, AdditionalSet, float], ...]
     unknowns: Unknowns
+    row: FloatArray | None = None
 
     def columns(self) -> NDArray[np.int32]:
         """Return the unknowns (2 n, k) that each equation touches; computed on request, as there may be millions."""
-        tables, places = self.unknowns, (self.camera, self.photo, self.point, self.camera)
-        columns = (tables.cameras, tables.photos, tables.points, tables.additional)
+        tables, places = self.unknowns, [self.camera, self.photo, self.point, self.camera]
+        columns = [tables.cameras, tables.photos, tables.points, tables.additional]
+        if self.has_unknown_motions:
+            columns.append(tables.motions)
+            places.append(self.photo)
         of_points = [table.astype(np.int32)[place] for table, place in zip(columns, places, strict=True)]
         return np.repeat(np.concatenate(of_points, axis=1), 2, axis=0)
+
+    @property
+    def has_unknown_motions(self) -> bool:
+        """Return whether the motions of photos are unknowns."""
+        return bool((self.unknowns.motions != CONSTANT).any())
 
     def of(self, chosen: BoolArray) -> PhotoPointObservations:
         """Return some of the photo points, given as (n,)."""
@@ -87,34 +100,50 @@ class PhotoPointObservations(Observations, frozen=True):
         return PhotoPointObservations(
             some, self.photo[places], self.point[places], self.camera[places], self.xy[places],
             self.at_measured[places], self.is_equidistant[places], self.sets, self.unknowns,
+            None if self.row is None else self.row[places],
         )  # fmt: skip
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
-        """Return residuals (mm) and partials by 12 camera, 3 + 3 photo and 3 point unknowns and the additional ones.
+        """Return residuals (mm) and partials by camera (13), photo (3 + 3), point (3), set and motion (6).
 
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
         """
         parameters = state.cameras[self.camera]
-        image = projected_with_partials(
-            state.points[self.point] - state.centres[self.photo],
-            state.rotations[self.photo],
-            parameters[:, 0],
-            self.is_equidistant,
-        )
+        moving = self._moving_image(state)
+        image = moving.image
         residual = np.empty_like(self.xy)
-        partials = np.zeros((len(self.xy), 2, _FIRST_ADDITIONAL + state.additional.shape[1]))
+        motions = _FIRST_ADDITIONAL + state.additional.shape[1]
+        partials = np.zeros((len(self.xy), 2, motions + 6 * self.has_unknown_motions))
         for rows, at_measured, additional in self._groups(state):
             found = image_residuals_with_partials(
-                image.xy[rows], self.xy[rows], parameters[rows, 1:], at_measured, additional
+                image.xy[rows], self.xy[rows], parameters[rows, 1:READOUT], at_measured, additional
             )
             residual[rows] = found.value
             partials[rows, :, : _FIRST_ADDITIONAL + found.by_additional.shape[2]] = _chained(image.of(rows), found)
+            if self.row is not None:
+                partials[rows, :, READOUT] = (found.by_ideal @ moving.by_readout[rows, :, None])[:, :, 0]
+            if self.has_unknown_motions:
+                by_motion = np.concatenate([moving.by_velocity[rows], moving.by_rate[rows]], axis=2)
+                partials[rows, :, motions:] = found.by_ideal @ by_motion
         partials[:, :, _ROTATION] = partials[:, :, _ROTATION] @ state.rotation_basis()[self.photo]
         residual[~image.in_front] = 0.0
         partials[~image.in_front] = 0.0
         return Linearisation(
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
+
+    def _moving_image(self, state: BlockState) -> MovingImage:
+        """Return the ideal coordinates, each at the time of its row."""
+        offset = state.points[self.point] - state.centres[self.photo]
+        rotation, parameters = state.rotations[self.photo], state.cameras[self.camera]
+        if self.row is None:
+            image = projected_with_partials(offset, rotation, parameters[:, 0], self.is_equidistant)
+            return MovingImage(image, *[np.empty(0)] * 3)
+        motion = (state.motions + state.motion_corrections)[self.photo]
+        return moving_image_with_partials(
+            offset, rotation, parameters[:, 0], self.is_equidistant, Motion(motion[:, :3], motion[:, 3:]), self.row,
+            parameters[:, READOUT],
+        )  # fmt: skip
 
     def _groups(self, state: BlockState) -> Iterator[tuple[BoolArray, bool, SetValues | None]]:
         """Yield the rows (n,) with one form of image equation, the form, and the additional parameters."""
@@ -132,13 +161,13 @@ class PhotoPointObservations(Observations, frozen=True):
 
 
 def _chained(image: Perspective, residuals: ImageResiduals) -> FloatArray:
-    """Return the partials (n, 2, 21 + k) by all unknowns, of the projection and the image equation together."""
+    """Return the partials (n, 2, 22 + k) of the projection and the image equation together; none by the readout."""
     by_ideal = residuals.by_ideal
     by_point = by_ideal @ image.by_point
     by_distance = by_ideal @ image.by_principal_distance[:, :, None]
     return np.concatenate(
         [
-            by_distance, residuals.by_principal_point, residuals.by_coefficients,
+            by_distance, residuals.by_principal_point, residuals.by_coefficients, np.zeros_like(by_distance),
             -by_point, by_ideal @ image.by_rotation, by_point, residuals.by_additional,
         ],
         axis=2,
@@ -168,7 +197,7 @@ def observe_photo_points(block: Block, unknowns: Unknowns) -> PhotoPointObservat
     is_equidistant = np.array([record.projection == "equidistant" for record in block.cameras], dtype=bool)
     return PhotoPointObservations(
         rows, points.photo, points.point, camera, points.xy, set_aside(at_measured[camera]),
-        set_aside(is_equidistant[camera]), sets, unknowns,
+        set_aside(is_equidistant[camera]), sets, unknowns, rows_of_readout(block, points.xy, camera),
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
-from orip.records.camera import Camera
+from orip.records.camera import READOUT, Camera
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.solution import Solution
@@ -65,5 +65,5 @@ def _image_equation(solution: Solution, camera: Camera, parameters: FloatArray) 
     name, additional = camera.additional_set, None
     if name is not None and len(values) == len(PARAMETER_SETS[name].parameter_names):
         additional = image_polynomial(name, base_of_camera(camera), values)
-    x0, y0, *coefficients = parameters[1:].tolist()
+    x0, y0, *coefficients = parameters[1:READOUT].tolist()
     return ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", additional)

@@ -12,7 +12,7 @@ from orip.arrays import FloatArray
 from orip.exchange.conversion.lens_exact import Polynomial
 from orip.exchange.conversion.lens_table import STEP
 from orip.interior.distortion import distorted_by_coefficients
-from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.camera import DISTORTION_PARAMETERS
 
 # The radial profile is a quotient of polynomials of the squared tangent. It is fitted from several denominators, one of
 # them that of linear least squares with the denominator before as weight (Sanathanan and Koerner, 1963); with the best
@@ -224,7 +224,7 @@ _FAR = 1e12
 # With the polynomial at ideal coordinates, measured coordinates are linear in DX, DY, C, C³ A3, C⁵ A5, C⁷ A7, C² P1,
 # C² P2, C B1 and C B2: one linear least-squares problem.
 
-_FITTED = tuple(name for name in CAMERA_PARAMETERS[3:] if name != "A1")
+_FITTED = tuple(name for name in DISTORTION_PARAMETERS if name != "A1")
 """A1 does the same as C."""
 
 _POWER = {name: (int(name[1]) if name[0] == "A" else 2 if name[0] == "P" else 1) for name in _FITTED}
@@ -248,7 +248,7 @@ def fitted_polynomial(directions: FloatArray, image: FloatArray) -> tuple[Polyno
     """
     x, y = directions.T
     by_coefficients = distorted_by_coefficients(x, y)
-    columns = [CAMERA_PARAMETERS[3:].index(name) for name in _FITTED]
+    columns = [DISTORTION_PARAMETERS.index(name) for name in _FITTED]
     design = np.zeros((len(x), 2, 3 + len(columns)))
     design[:, 0, 0] = design[:, 1, 1] = 1.0
     design[:, :, 2] = directions

@@ -21,6 +21,7 @@ from orip.records.control import (
     COEFFICIENT_ERRORS,
     GROUND_ERRORS,
     PHOTO_ERRORS,
+    TIME_ERRORS,
     Control,
     ControlDirection,
     ControlDistance,
@@ -234,6 +235,8 @@ def _read_element(reader: FieldReader, found: _RecordList[ControlElement]) -> No
 
 def _error_limits(group: ElementGroup, kind: str) -> ErrorLimits:
     if group == "CAMERA":
+        if kind == "READOUT":
+            return TIME_ERRORS
         return PHOTO_ERRORS if kind in {"C", "DX", "DY"} else COEFFICIENT_ERRORS
     return GROUND_ERRORS if kind in {"X0", "Y0", "Z0", *_AXES} else ANGLE_ERRORS
 

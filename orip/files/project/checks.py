@@ -12,7 +12,7 @@ from orip.files.project.source import Located, NamePlace, ProjectSource
 from orip.files.project.tables import Fault, unknown_name
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, DISTORTION_PARAMETERS, OWN_PARAMETERS, Camera
 from orip.records.definition import ANTENNA_PARAMETERS, BundleDefinition, StereoModel
 from orip.records.names import name_fault, record_key
 from orip.records.photo import Photo, Template
@@ -83,7 +83,7 @@ def _of_the_lens(camera: Camera) -> Iterator[tuple[str, str]]:
     parameters = dict(zip(CAMERA_PARAMETERS, camera.parameters, strict=True))
     if not math.isnan(parameters["C"]):
         yield "c", "c"
-    given = [name for name in CAMERA_PARAMETERS[3:] if parameters[name] != 0.0]
+    given = [name for name in DISTORTION_PARAMETERS if parameters[name] != 0.0]
     if given:
         yield "distortion", f"{', '.join(given)} of distortion"
     if camera.distortion_isp is not None:

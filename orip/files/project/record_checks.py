@@ -10,7 +10,7 @@ from orip.files.project.source import Located, ProjectSource
 from orip.files.project.tables import Fault, ProjectTable, instead, nearest_word
 from orip.files.project.toml_lines import KeyPath
 from orip.files.text.shown import shown_token
-from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera, Mark
+from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, READOUT, Camera, Mark
 from orip.records.definition import BundleDefinition
 from orip.records.names import look_alikes, name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -19,6 +19,8 @@ _RADIAL_FORMS = ("distortion_isp", "distortion_curve")
 """What may stand in place of A1, A3, A5, A7, A9 of the key `distortion`, which holds P1, P2, B1, B2 then."""
 _LISTING_BASES = ("INTERIOR", "PRELIM")
 _LEAST_CURVE_RADII = 4
+_LONGEST_READOUT = 1.0
+"""Seconds."""
 _EXAMPLE_C = 8.595
 
 LineOf = Callable[[KeyPath], int]
@@ -81,6 +83,7 @@ def check_cameras(source: ProjectSource, line_of: LineOf) -> Iterator[Fault]:
             message = f"{where} has both sensor and fiducials; a sensor is for cameras without fiducials"
             yield (*camera.place, "sensor"), message
         yield from _curve(camera, where)
+        yield from _readout(camera, where)
         yield from parameter_names((*camera.place, "unknown"), table.unknown, CAMERA_PARAMETERS, f"unknown of {where}")
         yield from _marks((*camera.place, "fiducials"), table.fiducials, f"fiducial mark of {where}", line_of)
 
@@ -99,6 +102,20 @@ def _radial_distortion(camera: Located[Camera], where: str) -> Iterator[Fault]:
             f"beside {given[0]} distortion may have P1, P2, B1 and B2"
         )
         yield (*camera.place, given[0]), message
+
+
+def _readout(camera: Located[Camera], where: str) -> Iterator[Fault]:
+    """Check that a readout time is one, and that the camera has rows."""
+    record, readout = camera.record, camera.record.parameters[READOUT]
+    if abs(readout) > _LONGEST_READOUT:
+        message = (
+            f"{where} has readout = {readout:g}; it is in seconds from the upper row to the lower one (negative where "
+            f"the lower row is first), {_LONGEST_READOUT:g} at most: write for example readout = 0.030"
+        )
+        yield (*camera.place, "readout"), message
+    elif record.sensor is None and (readout or "READOUT" in record.unknown):
+        key = "readout" if readout else "unknown"
+        yield (*camera.place, key), f"{where} has a readout, but no sensor whose rows it is of; give its sensor, too"
 
 
 def _curve(camera: Located[Camera], where: str) -> Iterator[Fault]:

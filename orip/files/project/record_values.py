@@ -37,7 +37,7 @@ def _elements(part: Part, table: Mapping[str, Any]) -> Sequence[Any]:
         return [(value or {}).get(name, 0.0) for name in part.names]
     if part.size > 1:
         return (0.0,) * part.size if value is None else value
-    return (value,)
+    return (part.default if value is None else value,)
 
 
 def _value(record_field: RecordField, value: Any) -> Any:
@@ -76,7 +76,8 @@ def _keys_of(record_field: RecordField, value: Any) -> Iterator[tuple[str, Any]]
         if part.names:
             yield part.key, {name: element for name, element in zip(part.names, elements, strict=True) if element}
         else:
-            yield part.key, elements[0] if part.size == 1 else list(elements)
+            given = elements[0] if part.size == 1 else list(elements)
+            yield part.key, None if given == part.default else given
 
 
 def _plain(value: Any) -> Any:

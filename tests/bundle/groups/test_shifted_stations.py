@@ -56,7 +56,7 @@ def drone_block(shift: np.ndarray, seed: int = 5) -> Block:
     )
     return Block(
         definition=BundleDefinition("MAIN", Precision(PHOTO_ERROR), **OFF),
-        cameras=(Camera("CAM", (C_MM + 0.01, *[0.0] * 11), unknown=("C",)),),
+        cameras=(Camera("CAM", (C_MM + 0.01, *[0.0] * 12), unknown=("C",)),),
         photos=photos,
         photo_camera=np.zeros(60, dtype=np.int64),
         photo_orientation=np.hstack([observed, angles]),

@@ -51,7 +51,7 @@ def test_opposite_strips_separate_them() -> None:
     xy[[photo in turned for photo in points.photo.tolist()]] *= -1.0
     block = replace(
         block, photo_orientation=orientations, photo_points=replace(points, xy=xy),
-        cameras=(replace(block.cameras[0], parameters=(153.0, *(0.0,) * 11)),),
+        cameras=(replace(block.cameras[0], parameters=(153.0, *(0.0,) * 12)),),
     )  # fmt: skip
     antenna = Antenna("GNSS", unknown=("LX", "LY"), shift="session", shift_error=(5.0, 5.0, 5.0))
     observed = tuple(replace(each, angles=NOT_GIVEN, angle_error=NOT_GIVEN) for each in stations())

@@ -47,7 +47,7 @@ def block(seed: int, *, turn: np.ndarray = TURN, fixed: bool = True) -> Block:
     known = range(0, len(points), 6)
     return Block(
         definition=BundleDefinition("RIG", Precision(ERROR), start_down_weight=30, max_iterations=30),
-        cameras=tuple(Camera(name, (C, *(0.0,) * 11), unknown=("C", "DX")) for name in ("LEFT", "RIGHT")),
+        cameras=tuple(Camera(name, (C, *(0.0,) * 12), unknown=("C", "DX")) for name in ("LEFT", "RIGHT")),
         photos=tuple(
             Photo(f"{'LR'[row % 2]}_{row // 2:04d}.jpg", ("LEFT", "RIGHT")[row % 2]) for row in range(len(poses))
         ),

@@ -51,7 +51,7 @@ def test_the_defaults() -> None:
         measurement_files=("*.MEA",),
         ground_unit="m",
         crs=None,
-        cameras=(Camera("O", (8.5, *[0.0] * 11)),),
+        cameras=(Camera("O", (8.5, *[0.0] * 12)),),
         photos=(Photo("P", "o"),),
         bundles=(BundleDefinition("M"),),
     )
@@ -71,7 +71,7 @@ def test_every_key() -> None:
     film, digital, curve = project.cameras
     assert film == Camera(
         "FILM",
-        (152, -0.1905, 0.9305, 1e-3, 2, 3, 4, 9, 5, 6, 7, 8),
+        (152, -0.1905, 0.9305, 1e-3, 2, 3, 4, 9, 5, 6, 7, 8, 0),
         distortion_at="measured",
         frame=(24, 36),
         fiducials=(Mark("1", -12, 18), Mark("2", 12, 18)),

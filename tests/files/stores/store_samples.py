@@ -331,7 +331,7 @@ def filled_stores(folder):
     two_orientations = [PhotoOrientation(name, "A", marks_of("1", "9")) for name in ("P1", "p2")]
     camera_record = Camera(
         "Größe",
-        tuple(0.1 * k for k in range(12)),
+        tuple(0.1 * k for k in range(13)),
         "measured",
         (10.0, 0.1, 0.2, 0.3),
         ((1.0, 0.01), (2.0, 0.04)),

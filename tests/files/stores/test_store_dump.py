@@ -216,7 +216,7 @@ def test_all_faults_are_told_at_once_and_lists_of_a_refused_record_are_not(tmp_p
 def test_names_that_differ_in_case_alone_are_refused(tmp_path):
     path = tmp_path / "C.CAM"
     with writing([path]) as stores:
-        cameras.write(stores[path], [StoredRecord(Camera(name, (0.0,) * 12)) for name in ("ä", "b")])
+        cameras.write(stores[path], [StoredRecord(Camera(name, (0.0,) * 13)) for name in ("ä", "b")])
     with pytest.raises(InputError, match=r"'ä' and 'Ä' are one name"):
         load(edited(dump(path), '["b"', '["Ä"'), path)
 

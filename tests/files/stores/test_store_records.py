@@ -184,14 +184,14 @@ def test_writing_definitions_keeps_orientations_and_solutions(tmp_path):
 @pytest.mark.parametrize(("first", "second"), [("OLYMPUS", "Olympus"), ("ä", "Ä"), ("A", "A")])
 def test_records_whose_names_differ_in_case_alone_are_refused(tmp_path, first, second):
     path = tmp_path / "C.CAM"
-    twins = [StoredRecord(Camera(name, (0.0,) * 12)) for name in (first, second)]
+    twins = [StoredRecord(Camera(name, (0.0,) * 13)) for name in (first, second)]
     with pytest.raises(InputError, match=f"'{first}' and '{second}' are one name"), writing([path]) as stores:
         cameras.write(stores[path], twins)
 
 
 def test_a_record_that_breaks_a_rule_is_bad_input(tmp_path):
     path = tmp_path / "C.CAM"
-    wrong = Camera("A", (0.0,) * 12, additional_set="BROWN")
+    wrong = Camera("A", (0.0,) * 13, additional_set="BROWN")
     with pytest.raises(InputError, match=r"C\.CAM: a record breaks a rule.*additional_set"), writing([path]) as stores:
         cameras.write(stores[path], [StoredRecord(wrong)])
 

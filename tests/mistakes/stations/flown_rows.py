@@ -60,7 +60,7 @@ def flight(seed: int, readout: float, speed: float, unknown: tuple[str, ...] = (
         definition=BundleDefinition("FLIGHT", Precision(NOISE)),
         cameras=(
             Camera(
-                "CAM", (C, *(0.0,) * 11), sensor=Sensor(round(WIDTH / PIXEL), round(HEIGHT / PIXEL), WIDTH, HEIGHT),
+                "CAM", (C, *(0.0,) * 12), sensor=Sensor(round(WIDTH / PIXEL), round(HEIGHT / PIXEL), WIDTH, HEIGHT),
                 unknown=unknown,
             ),
         ),

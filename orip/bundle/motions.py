@@ -1,0 +1,214 @@
+"""How the photos of rolling shutters move while they are exposed: velocities and angular rates from their neighbours.
+
+They follow from the orientations and times of the photos before and after in the strip: by a parabola, at the ends of
+the strip by a line. That is good for the velocities of a steady flight, and for the turning of a camera that is led
+around something. It says nothing of the swinging of a camera between two exposures: a component whose changes do not
+go on from one interval to the next is taken as zero. For that the bundle may have corrections as weighted unknowns
+(`velocity_error`, `rate_error`).
+
+While an iteration lasts the motions are held; they are found again from what it has changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.errors import ProjectWarning
+from orip.geometry.rotation import angles_between, rotation_about_axes, rotation_vectors_with_partials
+from orip.records.block import Block
+from orip.records.camera import READOUT
+from orip.records.definition import DRIFT
+from orip.records.names import record_key
+from orip.records.observation_kinds import RATES
+from orip.wording import counted, first_names
+
+MOTION_PARAMETERS = (*DRIFT, *RATES)
+"""Velocity in ground units a second, angular rate in radians a second, along and about the ground axes."""
+
+_LONGEST_PAUSE = 2.5
+"""In median intervals of a strip: after a longer one the flight was another one."""
+
+_GOES_ON, _FADES = 0.75, 0.25
+"""Correlation of the changes in successive intervals from which a component counts fully, and up to which not at all.
+
+It is near 1 for what is steady, 1/2 for a swing of six intervals, and -1/2 for attitudes that are independent.
+"""
+
+_LARGEST_TURN = 1.0
+"""Radians between two exposures: a camera that turns further does not do so evenly."""
+
+
+_NAMED = 3
+"""Photos that a warning names."""
+
+
+class TimedPhotos(Struct, frozen=True):
+    """Photos in the order of the exposures of a strip.
+
+    Parameters
+    ----------
+    photos : array (k,) of int
+        Their rows in the block, k at least 2.
+    times : array (k,)
+        Seconds, ascending.
+    """
+
+    photos: IntArray
+    times: FloatArray
+
+
+def rolling_cameras(block: Block) -> BoolArray:
+    """Return which cameras (number of cameras,) have a readout time that is not zero, or unknown."""
+    return np.array([camera.parameters[READOUT] != 0.0 or "READOUT" in camera.unknown for camera in block.cameras])
+
+
+def strips_of_rolling_shutters(block: Block) -> tuple[TimedPhotos, ...]:
+    """Return the strips of a block with a rolling shutter; none of others."""
+    return timed_photos(block) if rolling_cameras(block).any() else ()
+
+
+def unknown_motions(block: Block) -> tuple[str, ...]:
+    """Return which `MOTION_PARAMETERS` are unknowns of the photos of rolling shutters."""
+    definition = block.definition
+    velocities = DRIFT if definition.velocity_error is not None else ()
+    return velocities + (RATES if definition.rate_error is not None else ())
+
+
+def timed_photos(block: Block) -> tuple[TimedPhotos, ...]:
+    """Return the photos of each strip and camera whose stations have times; a strip with equal times is left out."""
+    timed = [station for station in block.stations if np.isfinite(station.time)]
+    row_of = {record_key(photo.name): row for row, photo in enumerate(block.photos) if timed}
+    strips: dict[tuple[int, str], list[tuple[float, int]]] = {}
+    for station in timed:
+        row = row_of[record_key(station.photo)]
+        strips.setdefault((int(block.photo_camera[row]), station.strip), []).append((station.time, row))
+    found = []
+    for members in strips.values():
+        times, photos = zip(*sorted(members), strict=True)
+        if len(photos) > 1 and all(one < other for one, other in pairwise(times)):
+            found.append(TimedPhotos(np.array(photos, dtype=np.int64), np.array(times)))
+    return tuple(found)
+
+
+def without_motion(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning of each rolling shutter with photos whose motion is not known."""
+    known = {row for strip in strips_of_rolling_shutters(block) for row in strip.photos.tolist()}
+    for camera in np.flatnonzero(rolling_cameras(block)).tolist():
+        photos = np.flatnonzero(block.photo_camera == camera).tolist()
+        still = [block.photos[row].name for row in photos if row not in known]
+        if still:
+            text = (
+                f"it has a readout, but {counted(len(still), 'photo')} of {len(photos)} have no known motion "
+                f"({first_names(still, _NAMED)}); give exposure stations with times and strips (.STA)"
+            )
+            if not unknown_motions(block):
+                text += ", or velocity_error and rate_error in the [[bundle]]"
+            yield ProjectWarning("no-motion", f"camera {block.cameras[camera].name}", text)
+
+
+def motions(strips: tuple[TimedPhotos, ...], centres: FloatArray, rotations: FloatArray) -> FloatArray:
+    """Return the motions (number of photos, 6) in the order of `MOTION_PARAMETERS`; zero where they are not known.
+
+    Parameters
+    ----------
+    strips : tuple of TimedPhotos
+    centres : array (number of photos, 3)
+    rotations : array (number of photos, 3, 3)
+        Photo to ground.
+    """
+    found = np.zeros((len(centres), 6))
+    products, squares = np.zeros(6), np.zeros(6)
+    for strip in strips:
+        turns = _turns(rotations[strip.photos[:-1]], rotations[strip.photos[1:]])
+        steps, intervals = np.hstack([np.diff(centres[strip.photos], axis=0), turns]), np.diff(strip.times)
+        slopes, counted = steps / intervals[:, None], _are_one_flight(strip, rotations)
+        found[strip.photos] = _derivatives(slopes, intervals, counted)
+        both = counted[:-1] & counted[1:]
+        one, other = slopes[:-1][both], slopes[1:][both]
+        products += np.sum(one * other, axis=0)
+        squares += 0.5 * np.sum(one**2 + other**2, axis=0)
+    return found * _part_that_goes_on(products, squares)
+
+
+def _part_that_goes_on(products: FloatArray, squares: FloatArray) -> FloatArray:
+    """Return with which factor (6,) each component counts; where no interval has a neighbour, velocities do."""
+    if not squares.any():
+        return np.repeat([1.0, 0.0], 3)
+    correlation = products / np.maximum(squares, np.finfo(np.float64).tiny)
+    return np.clip((correlation - _FADES) / (_GOES_ON - _FADES), 0.0, 1.0)
+
+
+def _turns(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return the vectors (n, 3) about the ground axes that turn one photo into the next."""
+    return rotation_vectors_with_partials(after @ np.swapaxes(before, 1, 2))[0]
+
+
+def _are_one_flight(strip: TimedPhotos, rotations: FloatArray) -> BoolArray:
+    """Return between which neighbours (k - 1,) the motion was even."""
+    intervals = np.diff(strip.times)
+    turn = angles_between(rotations[strip.photos[:-1]], rotations[strip.photos[1:]])
+    return np.asarray((intervals <= _LONGEST_PAUSE * np.median(intervals)) & (turn <= _LARGEST_TURN))
+
+
+def _derivatives(slopes: FloatArray, intervals: FloatArray, counted: BoolArray) -> FloatArray:
+    """Return derivatives (k, m) by time from the slopes (k - 1, m) between neighbours and their intervals.
+
+    Of a parabola through a value and both neighbours it is the mean of both slopes, each weighted with the interval of
+    the other one.
+    """
+    of_others = np.where(counted, 1.0, 0.0)
+    before, after = np.zeros(len(slopes) + 1), np.zeros(len(slopes) + 1)
+    before[1:], after[:-1] = of_others, of_others
+    both = np.flatnonzero((before > 0.0) & (after > 0.0))
+    before[both], after[both] = intervals[both], intervals[both - 1]
+    padded = np.vstack([np.zeros_like(slopes[:1]), slopes, np.zeros_like(slopes[:1])])
+    total = np.maximum(before + after, np.finfo(np.float64).tiny)
+    return np.asarray((before[:, None] * padded[:-1] + after[:, None] * padded[1:]) / total[:, None])
+
+
+class Poses(Struct, frozen=True):
+    """Where the camera of each of n photo points was when their row was exposed.
+
+    Parameters
+    ----------
+    centres : array (n, 3)
+    rotations : array (n, 3, 3)
+        Photo to ground.
+    """
+
+    centres: FloatArray
+    rotations: FloatArray
+
+
+def rows_of_readout(block: Block, xy: FloatArray, camera: IntArray) -> FloatArray | None:
+    """Return the place (n,) of photo points in the readout, −1/2 in the upper row to 1/2; None: no camera has one.
+
+    Parameters
+    ----------
+    block : Block
+    xy : array (n, 2)
+        Photo coordinates, mm.
+    camera : array (n,) of int
+    """
+    rolling = rolling_cameras(block)
+    if not rolling.any():
+        return None
+    per_mm = np.array(
+        [
+            1.0 / record.sensor.height if moves and record.sensor is not None else 0.0
+            for record, moves in zip(block.cameras, rolling, strict=True)
+        ]
+    )
+    return np.asarray(-xy[:, 1] * per_mm[camera])
+
+
+def poses(centres: FloatArray, rotations: FloatArray, motion: FloatArray, time: FloatArray) -> Poses:
+    """Return poses at times (n,) after the middle row, of centres (n, 3), rotations (n, 3, 3) and motions (n, 6)."""
+    return Poses(
+        centres + motion[:, :3] * time[:, None], rotation_about_axes(motion[:, 3:] * time[:, None]) @ rotations
+    )
