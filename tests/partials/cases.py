@@ -28,6 +28,7 @@ from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
+from orip.geometry.rig import photos_with_partials
 from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
@@ -102,7 +103,7 @@ def all_cases() -> list[Case]:
         *_plain_ground(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
-        *_relative_poses(),
+        *_relative_poses(), *_rig_photos(),
         *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
 
@@ -255,6 +256,27 @@ def _relative_poses() -> Iterator[Case]:
 
     partials = np.hstack([found.by_first[0], found.by_second[0]])
     yield Case(full_name(relative_poses_with_partials), "", np.zeros(12), moved, partials)
+
+
+def _rig_photos() -> Iterator[Case]:
+    """Return the cases of a photo of a rig: its centre and rotation, by the exposure and by the camera's mounting."""
+    for angles in ([0.1, -0.2, 0.7], [0.0, np.pi / 2.0, 0.0], [2.0, 1.0, -3.0]):
+        rotation, mounting = rotation_from_angles(np.array([angles, [-0.8, 0.3, 1.9]]))
+        at = np.array([3.0, -2.0, 1.5, 0.0, 0.0, 0.0, 0.4, -0.3, 0.2, 0.0, 0.0, 0.0])
+
+        def photo(x: np.ndarray, rotation: np.ndarray = rotation, mounting: np.ndarray = mounting):
+            turned, mounted = rotation_about_axes(x[3:6]) @ rotation, rotation_about_axes(x[9:]) @ mounting
+            return photos_with_partials(x[None, :3], turned[None], x[None, 6:9], mounted[None])
+
+        found = photo(at)
+
+        def value(x: np.ndarray, photo=photo, found=found) -> np.ndarray:
+            now = photo(x)
+            turn = now.rotations[0] @ found.rotations[0].T
+            return np.concatenate([now.centres[0], Rotation.from_matrix(turn).as_rotvec()])
+
+        partials = np.hstack([found.by_exposure[0], found.by_mounting[0]])
+        yield Case(full_name(photos_with_partials), str(angles), at, value, partials)
 
 
 def _frame() -> GroundFrame:
