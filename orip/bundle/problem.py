@@ -23,7 +23,7 @@ from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_l
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
-from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import (
     Moves,
@@ -46,6 +46,8 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
+from orip.bundle.rigs import columns_by_rigs
+from orip.bundle.starting_rigs import starting_rigs
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
@@ -94,7 +96,8 @@ class BlockProblem(Struct, frozen=True):
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
         """Return the unknowns that each equation touches, kind by kind."""
-        return [kind.columns() for kind in self.observations]
+        rigs = self.unknowns.rigs
+        return [columns_by_rigs(np.asarray(kind.columns()), rigs) for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Convert equation residuals to residuals (n,) of the observations, in observed units."""
@@ -158,9 +161,9 @@ class BlockProblem(Struct, frozen=True):
         active, exact = ColumnByParts(np.dtype(np.bool_)), ColumnByParts(np.dtype(np.bool_))
         measured = [kind for kind in self.observations if len(kind.rows.error)]
         for observations in chain.from_iterable(kind.in_parts() for kind in measured):
-            values, columns = observations.linearise_with_partials(state), observations.columns()
+            values, (partials, columns) = partials_by_unknowns(observations, state, self.unknowns)
             error, keep = observations.rows.error, columns != CONSTANT
-            data.append((values.partials / error[:, None])[keep])
+            data.append((partials / error[:, None])[keep])
             indices.append(columns[keep])
             counts.append(keep.sum(axis=1))
             residual.append((values.residual + state.memory.get(observations.rows.kind.name, 0.0)) / error)
@@ -335,7 +338,7 @@ def posed(block: Block) -> Posed:
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
-    if not couples_points:
+    if not couples_points and problem.unknowns.rigs is None:
         loop = photo_loop(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
     return freed(problem, block) if block.is_free_network else problem
@@ -376,7 +379,7 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
     places = station_places(block)
-    return BlockState(
+    state = BlockState(
         cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         antennas=antenna_parameters(block),
@@ -391,3 +394,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
+    return state.with_rigs(starting_rigs(block))

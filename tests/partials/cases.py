@@ -17,7 +17,7 @@ from support.drive_tables import cameras as driven_cameras
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.all_kinds import KINDS
-from orip.bundle.kinds.observation import Observations, coordinates_with_partials
+from orip.bundle.kinds.observation import Observations, coordinates_with_partials, partials_by_unknowns
 from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
@@ -62,6 +62,7 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import ControlDirection, ControlDistance, ControlElement, Station
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
+from orip.records.rig import Mounting, Rig, RigExposure, Rigs
 from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
@@ -553,7 +554,27 @@ def blocks() -> dict[str, Block]:
         )
     }
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
-    return plain | fisheyes | with_set | same_lens | {"strip in a crs": _in_a_crs(plain["strip, ideal"])}
+    others = {"strip in a crs": _in_a_crs(plain["strip, ideal"]), "rig": _on_a_rig(plain["strip, ideal"])}
+    return plain | fisheyes | with_set | same_lens | others
+
+
+def _on_a_rig(block: Block) -> Block:
+    """Return a block whose photos are of two cameras on one body, but for the last two."""
+    other = replace(block.cameras[0], name="CAM2")
+    photos = tuple(
+        replace(photo, camera=("CAM", "CAM2")[row % 2], constant=()) for row, photo in enumerate(block.photos)
+    )
+    rotation, error = (3.0, -2.0, 30.0), (0.1, 0.1, 0.1)
+    mountings = (Mounting("CAM"), Mounting("CAM2", (490.0, 30.0, -20.0), (1.0, 1.0, 1.0), rotation, error))
+    exposures = tuple(RigExposure(f"E{row}", (f"P{row}", f"P{row + 1}")) for row in (1, 3))
+    return replace(
+        block,
+        cameras=(block.cameras[0], other),
+        photos=photos,
+        photo_camera=np.arange(len(photos)) % 2,
+        rigs=Rigs((Rig("BODY", mountings),), exposures),
+        elements=tuple(element for element in block.elements if element.name != "P5"),
+    )
 
 
 def _in_a_crs(block: Block) -> Block:
@@ -720,11 +741,11 @@ def _kinds() -> Iterator[Case]:
             found = observations.linearise_with_partials(state)
             if not len(found.residual):
                 continue
-            columns = observations.columns()
+            _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
             rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
             partials = np.zeros((len(columns), size))
             free = columns != CONSTANT
-            np.add.at(partials, (rows[free], columns[free]), found.partials[free])
+            np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
             assert found.computable.all()
             yield Case(
                 method_of(observations), f"{observations.rows.kind.name}, {label}", np.zeros(size),

@@ -184,7 +184,7 @@ def _observed(
         observed=angles[station, axis],
         error=error,
         used=used,
-        columns=np.hstack([unknowns.photos[places.photo[station], 3:], boresight]),
+        columns=np.hstack([unknowns.elements[places.photo[station], 3:], boresight]),
     )
     return rows, station, axis, angles[station], places, block.ground
 

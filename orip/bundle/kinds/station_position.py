@@ -158,7 +158,7 @@ def _columns(
     block: Block, unknowns: Unknowns, places: StationPlaces, members: IntArray, whitening: FloatArray
 ) -> IntArray:
     """Return the unknowns (s, 3, 16) of X, Y and Z of stations."""
-    photo, antenna = unknowns.photos[places.photo[members]], places.antenna[members]
+    photo, antenna = unknowns.elements[places.photo[members]], places.antenna[members]
     of_antenna = rows_or(unknowns.antennas, antenna, CONSTANT)
     shift = rows_or(unknowns.shifts, places.shift[members], CONSTANT)
     drift = rows_or(unknowns.drifts, places.drift[members], CONSTANT)
