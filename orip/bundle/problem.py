@@ -20,6 +20,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
+from orip.bundle.compiled.rig_loop import RigLoop, rig_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
@@ -338,16 +339,19 @@ def posed(block: Block) -> Posed:
 def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
-    if not couples_points and problem.unknowns.rigs is None:
-        loop = photo_loop(photo_points, problem.unknowns, block.point_start)
+    if not couples_points:
+        found = photo_loop if problem.unknowns.rigs is None else rig_loop
+        loop = found(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
     return freed(problem, block) if block.is_free_network else problem
 
 
-def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
+def _arranged(problem: BlockProblem, loop: PhotoPointLoop | RigLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), len(loop.pattern.coupled_start))
+    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), loop.sets)
     layout = replace(problem.layout, arrangement=arranged(*touched))
+    if isinstance(loop, RigLoop):
+        loop = loop.arranged_as(layout.arrangement)
     unknowns = replace(problem.unknowns, layout=layout)
     return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
 

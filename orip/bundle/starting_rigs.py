@@ -95,7 +95,7 @@ def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray) -> R
         )
     while True:
         state = _with_exposures(state, photos, known)
-        placed = np.isfinite(state.centres).all(axis=1)
+        placed: BoolArray = np.asarray(np.isfinite(state.centres).all(axis=1))
         usable = ~known[state.mounted] & placed[state.exposure] & np.isfinite(photos[0]).all(axis=1)
         usable &= np.isfinite(photos[1]).all(axis=(1, 2))
         if not usable.any():

@@ -103,11 +103,8 @@ def rig_block(
     exposure, camera = np.divmod(np.arange(len(centres) * cameras), cameras)
     names = [f"{number + 1}{'ABCDE'[of]}" for number, of in zip(exposure, camera, strict=True)]
     photo_centres, photo_rotations = _planted(planted, photo_centres, photo_rotations, camera, cameras)
-    offset = ground[None] - photo_centres[:, None]
-    u = offset @ photo_rotations
-    with np.errstate(divide="ignore"):
-        xy = -C * u[..., :2] / u[..., 2:]
-    seen = (u[..., 2] < 0) & (np.abs(xy) < 0.5 * np.array(FRAME)).all(axis=2)
+    images = [_image(ground, *photo) for photo in zip(photo_centres, photo_rotations, strict=True)]
+    seen = np.array([inside for _, inside in images])
     there = np.ones(len(names), dtype=bool)
     if missing:
         there[random.choice(len(names), missing, replace=False)] = False
@@ -115,7 +112,8 @@ def rig_block(
     kept = np.flatnonzero(seen.sum(axis=0) >= 2)
     seen, ground = seen[:, kept], ground[kept]
     photo, point = np.nonzero(seen)
-    measured = xy[:, kept][photo, point] + noise * ERROR * random.normal(size=(len(photo), 2))
+    exact = np.vstack([xy[kept[row]] for (xy, _), row in zip(images, seen, strict=True)])
+    measured = exact + noise * ERROR * random.normal(size=exact.shape)
     shown = np.flatnonzero(there)
     photo = np.searchsorted(shown, photo)
     start = np.hstack([photo_centres, Rotation.from_matrix(photo_rotations).as_euler("XYZ")])[shown]
@@ -149,6 +147,14 @@ def rig_block(
         ),
     )  # fmt: skip
     return RigBlock(block, centres, rotations, offsets, mountings, ground)
+
+
+def _image(ground: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the photo coordinates of points, and which of them are inside of the frame."""
+    u = (ground - centre) @ rotation
+    in_front = u[:, 2] < 0.0
+    xy = -C * u[:, :2] / np.where(in_front, u[:, 2], -1.0)[:, None]
+    return xy, in_front & (np.abs(xy) < 0.5 * np.array(FRAME)).all(axis=1)
 
 
 def _body(head: str, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
