@@ -17,7 +17,10 @@ from orip.records.block import Block
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 
-_ROUNDS = 5
+_ROUNDS = 8
+_LEAST_ANGLE = 1e-5
+"""Radians, that weights stay finite."""
+
 _Poses = tuple[FloatArray, FloatArray]
 """Places (n, 3) and rotations (n, 3, 3)."""
 
@@ -117,11 +120,9 @@ def _with_exposures(state: RigState, photos: _Poses, known: BoolArray) -> RigSta
     rows = np.flatnonzero(known[state.mounted] & np.isfinite(photos[0]).all(axis=1))
     mounted = state.mounted[rows]
     found = exposures_of_photos(photos[0][rows], photos[1][rows], state.offsets[mounted], state.mountings[mounted])
+    exposures, group = np.unique(state.exposure[rows], return_inverse=True)
     centres, rotations = state.centres.copy(), state.rotations.copy()
-    order = np.argsort(state.exposure[rows], kind="stable")
-    exposures, starts = np.unique(state.exposure[rows][order], return_index=True)
-    for exposure, of_it in zip(exposures.tolist(), np.split(order, starts[1:]), strict=True):
-        centres[exposure], rotations[exposure] = robust_pose(found[0][of_it], found[1][of_it])
+    centres[exposures], rotations[exposures] = robust_poses(*found, group, len(exposures))
     return replace(state, centres=centres, rotations=rotations)
 
 
@@ -130,33 +131,45 @@ def _with_mounting(state: RigState, photos: _Poses, rows: IntArray, camera: int)
     to_rig = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
     offsets = (to_rig @ (photos[0][rows] - state.centres[state.exposure[rows]])[:, :, None])[:, :, 0]
     new_offsets, new_mountings = state.offsets.copy(), state.mountings.copy()
-    new_offsets[camera], new_mountings[camera] = robust_pose(offsets, to_rig @ photos[1][rows])
+    one = np.zeros(len(rows), dtype=np.int64)
+    new_offsets[[camera]], new_mountings[[camera]] = robust_poses(offsets, to_rig @ photos[1][rows], one, 1)
     return replace(state, offsets=new_offsets, mountings=new_mountings)
 
 
-def robust_pose(places: FloatArray, rotations: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the place (3,) and the rotation (3, 3) about which most of n poses lie.
+def robust_poses(
+    places: FloatArray, rotations: FloatArray, group: IntArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (g, 3) and rotations (g, 3, 3) about which most poses of each group lie.
 
-    The place is the median of each coordinate. The rotation is the one with the least sum of angles (Hartley, Trumpf,
-    Dai and Li 2013, *Rotation averaging*), from the one of the poses that has the least.
+    A place is the median of each coordinate. A rotation is the one with the least sum of angles, from the mean on
+    (Hartley, Aftab and Trumpf 2011, *L1 rotation averaging using the Weiszfeld algorithm*).
+
+    Parameters
+    ----------
+    places, rotations : arrays (n, 3) and (n, 3, 3)
+    group : array (n,) of int
+        From 0 to g - 1; none of them is empty.
+    count : int
+        g.
     """
-    place = np.median(places, axis=0)
-    if len(rotations) < 3:  # the first one or, of two, the one in their middle
-        start = rotations[0]
-        return place, _turned(start, _vectors(rotations, start).mean(axis=0))
-    some = rotations[:: max(1, len(rotations) // 50)]
-    traces = np.einsum("aij,bij->ab", some, rotations)
-    start = some[np.argmax(np.sqrt(np.maximum(3.0 - traces, 0.0)).sum(axis=1) * -1.0)]
+    sums = np.zeros((count, 3, 3))
+    np.add.at(sums, group, rotations)
+    u, _, vt = np.linalg.svd(sums)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    found = u @ vt
     for _ in range(_ROUNDS):
-        vectors = _vectors(rotations, start)
-        weight = 1.0 / np.maximum(np.linalg.norm(vectors, axis=1), 1e-9)
-        start = _turned(start, weight @ vectors / weight.sum())
-    return place, start
+        vectors = rotation_vectors_with_partials(rotations @ np.swapaxes(found, 1, 2)[group])[0]
+        weight = 1.0 / np.maximum(np.linalg.norm(vectors, axis=1), _LEAST_ANGLE)
+        moves = np.zeros((count, 3))
+        np.add.at(moves, group, weight[:, None] * vectors)
+        found = rotation_about_axes(moves / np.bincount(group, weight, count)[:, None]) @ found
+    return _medians(places, group, count), found
 
 
-def _vectors(rotations: FloatArray, start: FloatArray) -> FloatArray:
-    return rotation_vectors_with_partials(rotations @ start.T)[0]
-
-
-def _turned(rotation: FloatArray, vector: FloatArray) -> FloatArray:
-    return np.asarray(rotation_about_axes(vector[None])[0] @ rotation)
+def _medians(places: FloatArray, group: IntArray, count: int) -> FloatArray:
+    sizes = np.bincount(group, minlength=count)
+    first, found = np.cumsum(sizes) - sizes, np.empty((count, 3))
+    for axis in range(3):
+        ordered = places[np.lexsort((places[:, axis], group)), axis]
+        found[:, axis] = (ordered[first + (sizes - 1) // 2] + ordered[first + sizes // 2]) / 2.0
+    return found
