@@ -52,7 +52,7 @@ def columns_of_positions(
     block: Block, unknowns: Unknowns, places: StationPlaces, members: IntArray, whitening: FloatArray
 ) -> IntArray:
     """Return the unknowns (s, k, 16) of k combinations (s, k, 3) of X, Y and Z of stations."""
-    photo, antenna = unknowns.photos[places.photo[members]], places.antenna[members]
+    photo, antenna = unknowns.elements[places.photo[members]], places.antenna[members]
     of_antenna = rows_or(unknowns.antennas, antenna, CONSTANT)
     shift = rows_or(unknowns.shifts, places.shift[members], CONSTANT)
     drift = rows_or(unknowns.drifts, places.drift[members], CONSTANT)

@@ -14,6 +14,7 @@ from orip.bundle.antennas import with_orientations_of_stations
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.motions import without_motion
 from orip.bundle.points.starting import with_starting_points
+from orip.bundle.starting_rigs import with_photos_on_rigs
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions
@@ -27,6 +28,7 @@ from orip.records.ground import GroundSystem
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
+from orip.records.rig import Rigs
 from orip.set_aside import set_aside
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
@@ -54,6 +56,7 @@ class BlockInput(Struct, frozen=True):
         What is known to be doubtful already.
     antennas : tuple of Antenna
         All of the project.
+    rigs : Rigs
     """
 
     definition: BundleDefinition
@@ -66,6 +69,7 @@ class BlockInput(Struct, frozen=True):
     crs: str | None = None
     warnings: tuple[ProjectWarning, ...] = ()
     antennas: tuple[Antenna, ...] = ()
+    rigs: Rigs = Rigs()
 
     @property
     def observations(self) -> PhotoObservations:
@@ -115,7 +119,7 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
 
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
-    block, warnings = with_starting_points(block)
+    block, warnings = with_starting_points(with_photos_on_rigs(block))
     block = replace(block, theodolites=theodolite_sets(block))
     return constants_in_frame(block), warnings
 
@@ -153,6 +157,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         stations=ground.stations,
         differences=ground.differences,
         antennas=inputs.antennas,
+        rigs=inputs.rigs,
         ground=system
         or ground_system(inputs.crs, inputs.ground_unit, ground.points, _places(orientation, ground.stations)),
         preliminary=inputs.preliminary,

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.null_space import InnerConstraints, PointMovements
 from orip.arrays import FloatArray, IntArray
+from orip.bundle.rigs import RigState
 from orip.bundle.state import BlockState, entries_at
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
@@ -133,12 +134,23 @@ def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     zero_directions = np.zeros((len(unknowns.theodolites), 7))
     # azimuths run clockwise, rotations about Z the other way
     zero_directions[:, 5] = -1.0
-    rows = (_positions(state.centres - centre, size), rotations, zero_directions)
-    columns = (unknowns.photos[:, :3], unknowns.photos[:, 3:], unknowns.theodolites)
+    rows = [_positions(state.centres - centre, size), rotations, zero_directions]
+    columns = [unknowns.photos[:, :3], unknowns.photos[:, 3:], unknowns.theodolites]
+    if state.rigs is not None and unknowns.rigs is not None:
+        rows += _movements_of_rigs(state.rigs, centre, size)
+        columns += [unknowns.rigs.exposures[:, :3], unknowns.rigs.exposures[:, 3:], unknowns.rigs.mountings]
     places = np.concatenate([table.ravel() for table in columns])
     values = np.concatenate([table.reshape(-1, 7) for table in rows])
     free = places != CONSTANT
     return Movements(size, homogeneous, coefficients, unknowns.points, places[free], values[free], unknowns.layout.size)
+
+
+def _movements_of_rigs(rigs: RigState, centre: FloatArray, size: float) -> list[FloatArray]:
+    """Return the changes of centres and rotations of exposures, and of mountings: the scale moves their offsets."""
+    rotations, mountings = np.zeros((len(rigs.centres), 3, 7)), np.zeros((len(rigs.offsets), 6, 7))
+    rotations[:, :, 3:6] = np.eye(3)
+    mountings[:, :3, 6] = rigs.offsets
+    return [_positions(rigs.centres - centre, size), rotations, mountings]
 
 
 def _offsets(points: FloatArray) -> tuple[FloatArray, FloatArray, int]:
@@ -259,8 +271,9 @@ def free_datum(
     free = free_movements(state, unknowns, equations.design[on_the_ground & equations.active])
     if not free.shape[1]:
         return None
-    photo_columns = np.sort(unknowns.photos[unknowns.photos != CONSTANT])
-    length = np.isin(photo_columns, unknowns.photos[:, :3])
+    moving = unknowns.photos if unknowns.rigs is None else np.vstack([unknowns.photos, unknowns.rigs.exposures])
+    photo_columns = np.sort(moving[moving != CONSTANT])
+    length = np.isin(photo_columns, moving[:, :3])
     scaled = (movements.rows_of(photo_columns) / np.where(length, movements.size, 1.0)[:, None]) @ free
     datum = FreeDatum(free, photo_columns[_pivots(scaled.T)[: free.shape[1]]], _datum_points(block))
     _require_enough_points(datum, state, unknowns)
@@ -340,16 +353,23 @@ def _beyond_antennas(
 
 def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
     """Return how the movements would change constant photo elements and points: they are not free to."""
-    constant = np.concatenate([unknowns.photos.ravel(), unknowns.points.ravel()]) == CONSTANT
+    tables = [unknowns.elements, unknowns.points]
+    rigs = unknowns.rigs
+    if rigs is not None:
+        tables += [rigs.mountings]
+    constant = np.concatenate([table.ravel() for table in tables]) == CONSTANT
     if not constant.any():
         return np.empty((0, 7))
-    photos = np.arange(6 * len(state.centres)).reshape(-1, 6)
-    points = photos.size + np.arange(3 * len(state.points)).reshape(-1, 3)
-    size = photos.size + points.size
+    ends = np.cumsum([table.size for table in tables])
+    size = int(ends[-1])
+    numbered = [np.arange(end - table.size, end).reshape(table.shape) for table, end in zip(tables, ends, strict=True)]
+    if rigs is not None:
+        rigs = replace(rigs, mountings=numbered[2], exposures=np.full_like(rigs.exposures, CONSTANT))
     as_unknown = replace(
         unknowns,
-        photos=photos,
-        points=points,
+        photos=numbered[0],
+        points=numbered[1],
+        rigs=rigs,
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
         layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )

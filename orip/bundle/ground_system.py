@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.datum import information_on_movements, movements_of_block
 from orip.bundle.problem import BlockProblem
-from orip.bundle.results.ground import reduced_cofactors
+from orip.bundle.results.ground import photo_cofactors, undetermined_photos
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import axes_rotation_from_angle_rates
@@ -134,10 +134,10 @@ def _unfounded_photos(solved: SolvedBlock) -> Iterator[Diagnosis]:
 
     Where no photo has unknowns, the points are what is to be determined.
     """
-    photos, removed = solved.problem.unknowns.photos, solved.normals.removed
+    elements, removed = solved.problem.unknowns.elements, solved.normals.removed
     names = [photo.name for photo in solved.block.photos]
-    unknown = (photos != CONSTANT).any(axis=1)
-    left = ((photos != CONSTANT) & removed[photos]).any(axis=1)
+    unknown = (elements != CONSTANT).any(axis=1)
+    left = undetermined_photos(solved).any(axis=1)
     turned = _turned_at_will(solved)
     where = f"bundle {solved.block.definition.name}"
     remedy = "measure more points, spread over the photos and at different depths, or give control near them"
@@ -206,8 +206,7 @@ def _turned_at_will(solved: SolvedBlock) -> BoolArray:
 
     sigma0 enters only where it is below 1: residuals far above the a-priori errors are another finding.
     """
-    columns = solved.problem.unknowns.photos[:, 3:]
-    cofactors = reduced_cofactors(solved, columns)
+    cofactors = photo_cofactors(solved)[:, 3:, 3:].copy()
     by_angles = solved.state.turned_by_angles
     about_axes = axes_rotation_from_angle_rates(solved.state.angles()[by_angles])
     cofactors[by_angles] = about_axes @ cofactors[by_angles] @ about_axes.transpose(0, 2, 1)

@@ -119,6 +119,7 @@ def photos_in_frame(block: Block) -> Block:
 
 def constants_in_frame(block: Block) -> Block:
     """Return the block with what is constant in the project either constant in the frame, or an exact constraint."""
+    block = constants_of_rigs(block)
     if block.ground is PLAIN:
         return block
     whole = block.constant_points & block.constant_points.all(axis=1, keepdims=True)
@@ -132,8 +133,26 @@ def constants_in_frame(block: Block) -> Block:
         block,
         constant_points=whole,
         photos=tuple(photo for photo, _ in photos),
-        constant_elements=(*single, *(element for _, elements in photos for element in elements)),
-    )
+        constant_elements=(
+            *block.constant_elements, *single, *(element for _, elements in photos for element in elements),
+        ),
+    )  # fmt: skip
+
+
+def constants_of_rigs(block: Block) -> Block:
+    """Return the block with the constant elements of photos of rigs as exact constraints: they are no unknowns."""
+    of_rigs = {photo.photo for photo in block.places_on_rigs().photos}
+    if not any(block.photos[row].constant for row in of_rigs):
+        return block
+    photos, found = list(block.photos), list(block.constant_elements)
+    for row in sorted(of_rigs):
+        values = dict(zip(PHOTO_PARAMETERS, photos[row].orientation, strict=True))
+        given = ((kind, values[kind]) for kind in photos[row].constant)
+        found += [
+            ControlElement(photos[row].name, "PHOTO", kind, value, 0.0) for kind, value in given if value is not None
+        ]
+        photos[row] = replace(photos[row], constant=())
+    return replace(block, photos=tuple(photos), constant_elements=tuple(found))
 
 
 def _constants_of_photo(photo: Photo) -> tuple[Photo, list[ControlElement]]:

@@ -20,10 +20,11 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.antennas import station_places
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
+from orip.bundle.compiled.rig_loop import RigLoop, rig_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
-from orip.bundle.kinds.observation import Observations
+from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.bundle.points.consensus import (
@@ -47,6 +48,8 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
+from orip.bundle.rigs import columns_by_rigs
+from orip.bundle.starting_rigs import starting_rigs
 from orip.bundle.state import (
     BlockState,
     antenna_parameters,
@@ -105,7 +108,8 @@ class BlockProblem(Struct, frozen=True):
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
         """Return the unknowns that each equation touches, kind by kind."""
-        return [kind.columns() for kind in self.observations]
+        rigs = self.unknowns.rigs
+        return [columns_by_rigs(np.asarray(kind.columns()), rigs) for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Convert equation residuals to residuals (n,) of the observations, in observed units."""
@@ -173,9 +177,9 @@ class BlockProblem(Struct, frozen=True):
         active, exact = ColumnByParts(np.dtype(np.bool_)), ColumnByParts(np.dtype(np.bool_))
         measured = [kind for kind in self.observations if len(kind.rows.error)]
         for observations in chain.from_iterable(kind.in_parts() for kind in measured):
-            values, columns = observations.linearise_with_partials(state), observations.columns()
+            values, (partials, columns) = partials_by_unknowns(observations, state, self.unknowns)
             error, keep = observations.rows.error, columns != CONSTANT
-            data.append((values.partials / error[:, None])[keep])
+            data.append((partials / error[:, None])[keep])
             indices.append(columns[keep])
             counts.append(keep.sum(axis=1))
             residual.append((values.residual + state.memory.get(observations.rows.kind.name, 0.0)) / error)
@@ -352,15 +356,18 @@ def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
     if not couples_points and (problem.unknowns.motions == CONSTANT).all():
-        loop = photo_loop(photo_points, problem.unknowns, block.point_start)
+        found = photo_loop if problem.unknowns.rigs is None else rig_loop
+        loop = found(photo_points, problem.unknowns, block.point_start)
         problem = _arranged(problem, loop, others)
     return freed(problem, block) if block.is_free_network else problem
 
 
-def _arranged(problem: BlockProblem, loop: PhotoPointLoop, others: BlockProblem) -> BlockProblem:
+def _arranged(problem: BlockProblem, loop: PhotoPointLoop | RigLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), len(loop.pattern.coupled_start))
+    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), loop.sets)
     layout = replace(problem.layout, arrangement=arranged(*touched))
+    if isinstance(loop, RigLoop):
+        loop = loop.arranged_as(layout.arrangement)
     unknowns = replace(problem.unknowns, layout=layout)
     return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
 
@@ -409,4 +416,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-    return with_motions(state, strips_of_rolling_shutters(block))
+    return with_motions(state.with_rigs(starting_rigs(block)), strips_of_rolling_shutters(block))

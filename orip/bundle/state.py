@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray
 from orip.bundle.motions import TimedPhotos, motions
+from orip.bundle.rigs import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
     angles_from_rotation,
@@ -57,6 +58,8 @@ class BlockState(Struct, frozen=True):
         Points that take no part: their rays have no angle of intersection.
     memory : mapping of kind to array
         Shifts of exact constraints, kept from one iteration to the next.
+    rigs : RigState or None
+        Exposures and mountings, from which centres and rotations of the photos of rigs follow.
     """
 
     cameras: FloatArray
@@ -73,6 +76,19 @@ class BlockState(Struct, frozen=True):
     turned_by_angles: NDArray[np.bool_]
     left_out: NDArray[np.bool_]
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
+    rigs: RigState | None = None
+
+    def partials_of_rigs(self) -> FloatArray | None:
+        """Return the partials (k, 6, 12) of the photos of rigs; None without any."""
+        return None if self.rigs is None else partials_of_photos(self.rigs)
+
+    def with_rigs(self, rigs: RigState | None) -> BlockState:
+        """Return the state with photos that follow from exposures and mountings."""
+        if rigs is None:
+            return self
+        photos, centres, rotations = rigs.photos(), self.centres.copy(), self.rotations.copy()
+        centres[rigs.photo], rotations[rigs.photo] = photos.centres, photos.rotations
+        return replace(self, rigs=rigs, centres=centres, rotations=rotations)
 
     def angles(self) -> FloatArray:
         """Return omega, phi, kappa (number of photos, 3), radians."""
@@ -92,7 +108,11 @@ class BlockState(Struct, frozen=True):
         if self.turned_by_angles.any():
             turned = self.turned_by_angles
             rotations[turned] = rotation_from_angles(self.angles()[turned] + rotation[turned])
-        return replace(
+        rigs = self.rigs
+        if rigs is not None and unknowns.rigs is not None:
+            columns = unknowns.rigs
+            rigs = rigs.moved(entries_at(correction, columns.exposures), entries_at(correction, columns.mountings))
+        moved = replace(
             self,
             cameras=self.cameras + entries_at(correction, unknowns.cameras),
             additional=self.additional + entries_at(correction, unknowns.additional),
@@ -105,6 +125,7 @@ class BlockState(Struct, frozen=True):
             points=self.points + entries_at(correction, unknowns.points),
             theodolites=self.theodolites + entries_at(correction, unknowns.theodolites),
         )
+        return moved.with_rigs(rigs)
 
 
 def with_motions(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
@@ -114,7 +135,10 @@ def with_motions(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockSta
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
     """Return the factor that keeps the rotation of every photo within `LARGEST_ROTATION`."""
-    turns = np.linalg.norm(entries_at(correction, unknowns.photos[:, 3:]), axis=1)
+    tables = [unknowns.photos]
+    if unknowns.rigs is not None:
+        tables += [unknowns.rigs.exposures, unknowns.rigs.mountings]
+    turns = np.linalg.norm(entries_at(correction, np.vstack(tables)[:, 3:]), axis=1)
     largest = float(turns.max(initial=0.0))
     return min(1.0, LARGEST_ROTATION / largest) if largest > 0.0 else 1.0
 

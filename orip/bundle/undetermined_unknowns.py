@@ -8,7 +8,7 @@ where it started.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.problem import BlockProblem
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.geometry.rotation import rotation_from_angles
+from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.ground import PlainGround
 from orip.structs import replace
@@ -227,7 +227,17 @@ def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, Float
         (unknowns.photos[:, 3:], state.angles()),
         (unknowns.motions, state.motion_corrections),
         (unknowns.points, state.points),
+        *_tables_of_rigs(state, unknowns),
     ]
+
+
+def _tables_of_rigs(state: BlockState, unknowns: Unknowns) -> Iterator[tuple[IntArray, FloatArray]]:
+    rigs, columns = state.rigs, unknowns.rigs
+    if rigs is not None and columns is not None:
+        yield columns.exposures[:, :3], rigs.centres
+        yield columns.exposures[:, 3:], angles_from_rotation(rigs.rotations)
+        yield columns.mountings[:, :3], rigs.offsets
+        yield columns.mountings[:, 3:], angles_from_rotation(rigs.mountings)
 
 
 def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: Unknowns) -> BlockState:
@@ -237,15 +247,30 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
         return np.where(padded[columns], started, values)
 
-    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, corrections, points = (
+    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, corrections, points, *of_rigs = (
         table(columns, values, started)
         for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
     )
     rotations = state.rotations.copy()
     turned = padded[unknowns.photos[:, 3:]].any(axis=1)
     rotations[turned] = rotation_from_angles(angles[turned])
-    return replace(
+    found = replace(
         state, cameras=cameras, additional=additional, antennas=antennas, shifts=shifts, drifts=drifts,
         theodolites=theodolites, centres=centres, rotations=rotations, motion_corrections=corrections, points=points,
         memory={},
     )  # fmt: skip
+    rigs, columns = state.rigs, unknowns.rigs
+    if rigs is None or columns is None:
+        return found
+    turned_exposures, turned_mountings = (
+        np.asarray(padded[table[:, 3:]].any(axis=1))[:, None, None] for table in (columns.exposures, columns.mountings)
+    )
+    return found.with_rigs(
+        replace(
+            rigs,
+            centres=of_rigs[0],
+            rotations=np.where(turned_exposures, rotation_from_angles(of_rigs[1]), rigs.rotations),
+            offsets=of_rigs[2],
+            mountings=np.where(turned_mountings, rotation_from_angles(of_rigs[3]), rigs.mountings),
+        )
+    )

@@ -1,4 +1,6 @@
-"""The unknowns and their order: cameras, antennas, theodolites, photos, tied points; other points are eliminated.
+"""The unknowns and their order: cameras, antennas, theodolites, mountings, photos, exposures, tied points.
+
+Other points are eliminated, and photos of rigs follow from exposures and mountings.
 
 Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined,
 OMEGA or PHI is reported, and not KAPPA.
@@ -18,11 +20,14 @@ from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
 from orip.bundle.motions import MOTION_PARAMETERS, rolling_cameras, unknown_motions
+from orip.bundle.rigs import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.rig import MOUNTING_PARAMETERS, MountedCamera, RigPlaces
+from orip.structs import replace
 
 CONSTANT = -1
 POINT_COORDINATES = ("X", "Y", "Z")
@@ -30,7 +35,7 @@ _PHOTO_ORDER = ("X0", "Y0", "Z0", "KAPPA", "OMEGA", "PHI")
 
 
 class UnknownName(NamedTuple):
-    """An unknown in the user's names: group (CAMERA, ANTENNA, THEODOLITE, PHOTO, POINT), record or point, kind."""
+    """An unknown in the user's names: group (CAMERA, ANTENNA, MOUNTING, PHOTO, ...), record or point, kind."""
 
     group: str
     name: str
@@ -86,13 +91,15 @@ class Unknowns(Struct, frozen=True):
         Those of the stretches of `StationPlaces`.
     theodolites : array (number of theodolite sets,)
     photos : array (number of photos, 6)
-        In the order of `PHOTO_PARAMETERS`.
+        In the order of `PHOTO_PARAMETERS`; none of photos of rigs.
     motions : array (number of photos, 6)
         In the order of `MOTION_PARAMETERS`: corrections of the motions of photos of rolling shutters.
     points : array (number of points, 3)
     layout : Layout
     names : UnknownNames, length m + 3 b
         None for places that are no unknowns.
+    rigs : RigColumns or None
+        None: there are no photos of rigs.
     """
 
     cameras: IntArray
@@ -106,6 +113,16 @@ class Unknowns(Struct, frozen=True):
     points: IntArray
     layout: Layout
     names: UnknownNames
+    rigs: RigColumns | None = None
+
+    @property
+    def elements(self) -> IntArray:
+        """Return the elements of all photos (n, 6) that observations depend on: unknowns, or numbers beyond them."""
+        if self.rigs is None:
+            return self.photos
+        found = self.photos.copy()
+        found[self.rigs.photo] = self.rigs.numbers()
+        return found
 
 
 def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
@@ -132,7 +149,10 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
-    photos, motions = _number_photos(block, names)
+    on_rigs = block.places_on_rigs()
+    mountings = _number_mountings(on_rigs.mounted, names)
+    photos, motions = _number_photos(block, names, frozenset(photo.photo for photo in on_rigs.photos))
+    rigs = _number_exposures(on_rigs, mountings, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
     for point in tied:
@@ -146,6 +166,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     held = block.constant_points[eliminated]
     points[eliminated] = np.where(held, CONSTANT, reduced + np.arange(3 * len(eliminated)).reshape(-1, 3))
     fixed = np.concatenate([np.zeros(reduced, dtype=bool), held.ravel()])
+    layout = Layout(reduced, len(eliminated), fixed, calibration=calibration)
     return Unknowns(
         cameras,
         additional,
@@ -156,8 +177,9 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         photos,
         motions,
         points,
-        Layout(reduced, len(eliminated), fixed, calibration=calibration),
+        layout,
         UnknownNames(tuple(names), block.point_names, eliminated, held.ravel()),
+        replace(rigs, first=layout.size) if len(rigs.photo) else None,
     )
 
 
@@ -176,14 +198,41 @@ def _number_cameras(block: Block, names: list[UnknownName]) -> tuple[IntArray, I
     return cameras, additional
 
 
-def _number_photos(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray]:
-    """Return the columns of the elements of photos (n, 6), in the order of PHOTO_PARAMETERS, and of their motions."""
-    place = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
+_PLACES = [_PHOTO_ORDER.index(kind) for kind in PHOTO_PARAMETERS]
+
+
+def _number_photos(block: Block, names: list[UnknownName], of_rigs: Container[int]) -> tuple[IntArray, IntArray]:
+    """Return the columns of the elements of photos (n, 6), in the order of PHOTO_PARAMETERS, and of their motions.
+
+    Some photos have no elements of their own: they are of rigs.
+    """
     photos, motions = [], []
-    for photo, moves in zip(block.photos, rolling_cameras(block)[block.photo_camera], strict=True):
-        photos.append(_number("PHOTO", photo.name, _PHOTO_ORDER, set(_PHOTO_ORDER) - set(photo.constant), names))
+    for row, (photo, moves) in enumerate(zip(block.photos, rolling_cameras(block)[block.photo_camera], strict=True)):
+        free = () if row in of_rigs else set(_PHOTO_ORDER) - set(photo.constant)
+        photos.append(_number("PHOTO", photo.name, _PHOTO_ORDER, free, names))
         motions.append(_number("PHOTO", photo.name, MOTION_PARAMETERS, unknown_motions(block) if moves else (), names))
-    return np.array(photos)[:, place], np.array(motions)
+    return np.array(photos)[:, _PLACES], np.array(motions)
+
+
+def _number_mountings(mounted: Sequence[MountedCamera], names: list[UnknownName]) -> IntArray:
+    """Return the columns of the mountings of cameras (c, 6), in the order of MOUNTING_PARAMETERS."""
+    columns = []
+    for camera in mounted:
+        given = (camera.mounting.offset, camera.mounting.offset_error), (
+            camera.mounting.rotation, camera.mounting.rotation_error,
+        )  # fmt: skip
+        free = [value is None or error is not None for value, error in given]
+        unknown = (*MOUNTING_PARAMETERS[: 3 * free[0]], *MOUNTING_PARAMETERS[3 : 3 + 3 * free[1]])
+        columns.append(_number("MOUNTING", camera.name, MOUNTING_PARAMETERS, unknown, names))
+    return np.array(columns, dtype=np.int64).reshape(-1, len(MOUNTING_PARAMETERS))
+
+
+def _number_exposures(places: RigPlaces, mountings: IntArray, names: list[UnknownName]) -> RigColumns:
+    """Return the columns of exposures, and those of the mountings."""
+    rows = [_number("EXPOSURE", name, _PHOTO_ORDER, _PHOTO_ORDER, names) for name in places.exposures]
+    columns = np.array(rows, dtype=np.int64).reshape(-1, len(_PHOTO_ORDER))[:, _PLACES]
+    photo, exposure, mounted = np.array(places.photos, dtype=np.int64).reshape(-1, 3).T
+    return RigColumns(photo, exposure, mounted, columns, mountings)
 
 
 def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:

@@ -14,6 +14,7 @@ from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.residual_sums import residual_sums
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.groups.observation_groups import rows_under_test
+from orip.bundle.kinds.observation import partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock, solve_problem, without_observations
@@ -187,9 +188,9 @@ def _design_in_parts(solved: SolvedBlock) -> Iterator[tuple[IntArray, csr_array]
             continue
         start = 0
         for part in kind.in_parts():
-            found, columns = part.linearise_with_partials(solved.state), part.columns()
+            _, (partials, columns) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
             rows, places = np.nonzero(columns != CONSTANT)
-            values = (found.partials / part.rows.error[:, None])[rows, places]
+            values = (partials / part.rows.error[:, None])[rows, places]
             shape = (len(columns), solved.problem.layout.size)
             yield numbers[start : start + len(columns)], csr_array((values, (rows, columns[rows, places])), shape=shape)
             start += len(columns)

@@ -23,6 +23,7 @@ from orip.records.definition import Antenna, BundleDefinition
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.names import places_of_names
 from orip.records.photo import Photo
+from orip.records.rig import RigPlaces, Rigs, places_on_rigs
 
 
 class IndexedPhotoPoints(Struct, frozen=True):
@@ -101,6 +102,8 @@ class Block(Struct, frozen=True):
     theodolites : tuple of TheodoliteSet
     antennas : tuple of Antenna
         That of a camera is the first one for all cameras or for it.
+    rigs : Rigs
+        All of the project; exposures may have photos that are not in the block.
     held_additional : set of (camera, parameter)
         Additional parameters that are held at zero.
     ground : GroundSystem
@@ -136,6 +139,7 @@ class Block(Struct, frozen=True):
     differences: tuple[StationDifference, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     antennas: tuple[Antenna, ...] = ()
+    rigs: Rigs = Rigs()
     held_additional: frozenset[tuple[str, str]] = frozenset()
     ground: GroundSystem = PLAIN
     constant_elements: tuple[ControlElement, ...] = ()
@@ -149,6 +153,11 @@ class Block(Struct, frozen=True):
     def is_free_network(self) -> bool:
         """Return whether inner constraints fix the ground system, and not control."""
         return self.definition.datum == "free"
+
+    def places_on_rigs(self) -> RigPlaces:
+        """Return where the photos of the block are on rigs."""
+        photos = [(photo.name, photo.camera) for photo in self.photos]
+        return places_on_rigs(self.rigs, photos, self.definition.cameras)
 
     def point_index(self) -> Mapping[str, int]:
         """Return the place of each point by its name."""

@@ -14,6 +14,7 @@ from orip.records.fields import GROUND_UNIT, Field
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings
+from orip.records.rig import Rigs
 
 LEVER_ARM: Final = ("LX", "LY", "LZ")
 BORESIGHT: Final = ("BX", "BY", "BZ")
@@ -298,6 +299,7 @@ class ProjectDefinition(Struct, frozen=True):
     gates: tuple[str, ...] = ()
     report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()
+    rigs: Rigs = field(default_factory=Rigs)
     output_folder: str | None = None
     test_level: float | None = None
     plan: PlanSettings | None = None

@@ -16,6 +16,7 @@ from orip.records.definition import ANTENNA_UNITS
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.rig import OFFSET
 
 # Stores, residuals.csv and result.json name a kind by `ObservationKind.name`; listings, the report and messages take
 # label and unit from here. The equations of a kind are in its module of `orip.bundle.kinds`. A new kind is a line here
@@ -24,8 +25,8 @@ from orip.records.photo import PHOTO_PARAMETERS
 
 ObservedIn = Literal["mm", "ground unit", "degrees", "pure number", "unit of the unknown"]
 
-GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], "X", "Y", "Z"})
-"""Unknowns in the ground unit: projection centres and points."""
+GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], *OFFSET, "X", "Y", "Z"})
+"""Unknowns in the ground unit: projection centres, offsets on rigs and points."""
 
 ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
 """Unknowns in degrees: rotations of photos and zero directions of theodolite sets."""
@@ -96,6 +97,7 @@ CONSTANT_ATTITUDE: Final = _listed("constant attitude", "constant attitude", "de
 DIFFERENCE: Final = _listed("difference", "station difference", "unit of the unknown")
 ANTENNA_PARAMETER: Final = _listed("antenna", "antenna parameter", "unit of the unknown")
 MOTION: Final = _listed("motion", "motion", "unit of the unknown")
+MOUNTING: Final = _listed("mounting", "mounting of camera", "unit of the unknown")
 
 OBSERVATION_KINDS: Final[Mapping[str, ObservationKind]] = MappingProxyType({kind.name: kind for kind in _ALL})
 """All kinds by name, in the order of their lines above, in which residuals are listed."""

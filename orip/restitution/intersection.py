@@ -22,6 +22,7 @@ import numpy as np
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations, observe_photo_points
 from orip.bundle.results.covariance import cofactor_columns
+from orip.bundle.rigs import chained
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.projection import PROJECTIONS
@@ -179,25 +180,30 @@ def _linearised(
 
 def _of_orientations(solved: SolvedBlock, observed: PhotoPointObservations, partials: FloatArray) -> FloatArray:
     """Return B Q Bᵀ (n, 4, 4), mm²: what the cofactors of both photos and their cameras contribute."""
-    columns = _columns(observed)
+    kept = [place for place in range(partials.shape[2]) if not POINT_PARTIALS.start <= place < POINT_PARTIALS.stop]
+    count = len(partials)
+    of_all, columns_of_all = chained(
+        partials[:, :, kept].reshape(4 * count, -1), np.tile(_columns(observed), (count, 1)),
+        solved.problem.unknowns.rigs, solved.state.partials_of_rigs(),
+    )  # fmt: skip
+    columns, partials = columns_of_all[:4], of_all.reshape(count, 4, -1)
     unknowns = np.unique(columns[columns != CONSTANT])
     if not len(unknowns):
-        return np.zeros((len(partials), 4, 4))
+        return np.zeros((count, 4, 4))
     cofactors = cofactor_columns(solved, unknowns)[unknowns]
-    by_unknown = np.zeros((len(partials), 4, len(unknowns)))
-    kept = [place for place in range(partials.shape[2]) if not POINT_PARTIALS.start <= place < POINT_PARTIALS.stop]
+    by_unknown = np.zeros((count, 4, len(unknowns)))
     for row in range(4):
-        for place, column in zip(kept, columns[row].tolist(), strict=True):
+        for place, column in enumerate(columns[row].tolist()):
             if column != CONSTANT:
                 by_unknown[:, row, np.searchsorted(unknowns, column)] += partials[:, row, place]
     return np.asarray(by_unknown @ cofactors @ np.swapaxes(by_unknown, 1, 2))
 
 
 def _columns(observed: PhotoPointObservations) -> IntArray:
-    """Return the columns (4, k) of the unknowns but the point's, of the equations of a vertex of the two photos."""
+    """Return the columns (4, k) of elements and camera unknowns, of the equations of a vertex of the two photos."""
     tables, pair = observed.unknowns, slice(0, 2)
     of_photos: Sequence[IntArray] = (
-        tables.cameras[observed.camera[pair]], tables.photos[observed.photo[pair]],
+        tables.cameras[observed.camera[pair]], tables.elements[observed.photo[pair]],
         tables.additional[observed.camera[pair]],
     )  # fmt: skip
     return np.repeat(np.concatenate(of_photos, axis=1), 2, axis=0)

@@ -6,6 +6,7 @@ import numpy as np
 
 from orip.adjustment.convergence import TerminationReason
 from orip.arrays import BoolArray
+from orip.bundle.results.ground import undetermined_photos
 from orip.bundle.results.reliability import lost_rays
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -109,9 +110,7 @@ def _soundness(solved: SolvedBlock) -> tuple[bool, int]:
 
 
 def _undetermined_photos(solved: SolvedBlock) -> list[str]:
-    columns = solved.problem.unknowns.photos
-    removed = solved.normals.removed[columns] & (columns != CONSTANT)
-    return _names(solved.block, np.flatnonzero(removed.any(axis=1)).tolist())
+    return _names(solved.block, np.flatnonzero(undetermined_photos(solved).any(axis=1)).tolist())
 
 
 def _points_behind(solved: SolvedBlock) -> list[str]:

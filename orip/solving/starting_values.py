@@ -11,6 +11,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import without_photos
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
+from orip.bundle.starting_rigs import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
 from orip.mistakes.ground_systems import contradicting_ground_systems
@@ -70,6 +71,7 @@ def started_block(block: Block, find: Callable[[Block], PreliminaryValues]) -> S
     NotSolvableError
         Where no photo, or none on the ground, could be oriented: with the reason for each.
     """
+    block = oriented_by_rigs(block)
     if np.isfinite(block.photo_orientation).all():
         started, warnings = with_starting_values(block)
         return StartedBlock(started, block, warnings=tuple(warnings))
@@ -106,6 +108,7 @@ def own_start(block: Block, values: PreliminaryValues) -> StartedBlock:
 def _started_at(
     block: Block, values: PreliminaryValues, orientation: FloatArray, preliminary: Sequence[PreliminaryPoint]
 ) -> StartedBlock:
+    orientation = oriented_by_rigs(replace(block, photo_orientation=orientation)).photo_orientation
     missing: BoolArray = np.asarray(np.isnan(orientation).any(axis=1))
     oriented_by_chain = any(photo.rotation is not None for photo in values.photos)
     if missing.all() or (missing.any() and not oriented_by_chain):

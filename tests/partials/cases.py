@@ -21,7 +21,7 @@ from support.prelim_references.relative import parallaxes_with_partials
 from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.all_kinds import KINDS
-from orip.bundle.kinds.observation import Observations, coordinates_with_partials
+from orip.bundle.kinds.observation import Observations, coordinates_with_partials, partials_by_unknowns
 from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
@@ -32,6 +32,7 @@ from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
 from orip.geometry.ground_frame import GroundFrame, ground_frame
 from orip.geometry.perspective import perspective_with_partials
 from orip.geometry.projection import projected_with_partials
+from orip.geometry.rig import photos_with_partials
 from orip.geometry.rolling_shutter import Motion, moving_image_with_partials
 from orip.geometry.rotation import (
     angle_rates_from_axes_rotation,
@@ -71,6 +72,7 @@ from orip.records.control import (
 )
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
+from orip.records.rig import Mounting, Rig, RigExposure, Rigs
 from orip.structs import replace
 
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 5), np.linspace(-12.0, 12.0, 4)), axis=-1).reshape(-1, 2)
@@ -115,7 +117,7 @@ def all_cases() -> list[Case]:
         *_plain_ground(),
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
-        *_relative_poses(),
+        *_relative_poses(), *_rig_photos(),
         *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
     ]  # fmt: skip
 
@@ -268,6 +270,27 @@ def _relative_poses() -> Iterator[Case]:
 
     partials = np.hstack([found.by_first[0], found.by_second[0]])
     yield Case(full_name(relative_poses_with_partials), "", np.zeros(12), moved, partials)
+
+
+def _rig_photos() -> Iterator[Case]:
+    """Return the cases of a photo of a rig: its centre and rotation, by the exposure and by the camera's mounting."""
+    for angles in ([0.1, -0.2, 0.7], [0.0, np.pi / 2.0, 0.0], [2.0, 1.0, -3.0]):
+        rotation, mounting = rotation_from_angles(np.array([angles, [-0.8, 0.3, 1.9]]))
+        at = np.array([3.0, -2.0, 1.5, 0.0, 0.0, 0.0, 0.4, -0.3, 0.2, 0.0, 0.0, 0.0])
+
+        def photo(x: np.ndarray, rotation: np.ndarray = rotation, mounting: np.ndarray = mounting):
+            turned, mounted = rotation_about_axes(x[3:6]) @ rotation, rotation_about_axes(x[9:]) @ mounting
+            return photos_with_partials(x[None, :3], turned[None], x[None, 6:9], mounted[None])
+
+        found = photo(at)
+
+        def value(x: np.ndarray, photo=photo, found=found) -> np.ndarray:
+            now = photo(x)
+            turn = now.rotations[0] @ found.rotations[0].T
+            return np.concatenate([now.centres[0], Rotation.from_matrix(turn).as_rotvec()])
+
+        partials = np.hstack([found.by_exposure[0], found.by_mounting[0]])
+        yield Case(full_name(photos_with_partials), str(angles), at, value, partials)
 
 
 def _frame() -> GroundFrame:
@@ -551,7 +574,8 @@ def blocks() -> dict[str, Block]:
     same_lens = {f"same lens, {argument}": with_two_frames(plain[f"convergent, {argument}"]) for argument in _ARGUMENTS}
     strip = _in_a_crs(plain["strip, ideal"])
     correlated = {"correlated, in a crs": _correlated(strip), "correlated": _correlated(plain["convergent, ideal"])}
-    return plain | fisheyes | with_set | rolling | same_lens | {"strip in a crs": strip} | correlated
+    others = {"strip in a crs": strip, "rig": _on_a_rig(plain["strip, ideal"])}
+    return plain | fisheyes | with_set | rolling | same_lens | others | correlated
 
 
 def _correlated(block: Block) -> Block:
@@ -562,6 +586,25 @@ def _correlated(block: Block) -> Block:
     pairs = tuple(PointCorrelation(whole[0].name, point.name, matrix) for point in whole[1:])
     points = tuple(own.get(point.name, point) for point in block.control_points)
     return replace(block, control_points=points, control_correlations=pairs)
+
+
+def _on_a_rig(block: Block) -> Block:
+    """Return a block whose photos are of two cameras on one body, but for the last two."""
+    other = replace(block.cameras[0], name="CAM2")
+    photos = tuple(
+        replace(photo, camera=("CAM", "CAM2")[row % 2], constant=()) for row, photo in enumerate(block.photos)
+    )
+    rotation, error = (3.0, -2.0, 30.0), (0.1, 0.1, 0.1)
+    mountings = (Mounting("CAM"), Mounting("CAM2", (490.0, 30.0, -20.0), (1.0, 1.0, 1.0), rotation, error))
+    exposures = tuple(RigExposure(f"E{row}", (f"P{row}", f"P{row + 1}")) for row in (1, 3))
+    return replace(
+        block,
+        cameras=(block.cameras[0], other),
+        photos=photos,
+        photo_camera=np.arange(len(photos)) % 2,
+        rigs=Rigs((Rig("BODY", mountings),), exposures),
+        elements=tuple(element for element in block.elements if element.name != "P5"),
+    )
 
 
 def _in_a_crs(block: Block) -> Block:
@@ -792,11 +835,11 @@ def _kinds() -> Iterator[Case]:
             found = observations.linearise_with_partials(state)
             if not len(found.residual):
                 continue
-            columns = observations.columns()
+            _, (by_unknowns, columns) = partials_by_unknowns(observations, state, unknowns)
             rows = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
             partials = np.zeros((len(columns), size))
             free = columns != CONSTANT
-            np.add.at(partials, (rows[free], columns[free]), found.partials[free])
+            np.add.at(partials, (rows[free], columns[free]), by_unknowns[free])
             assert found.computable.all()
             for part, move, rounding in _parts(block, observations):
                 yield Case(

@@ -277,6 +277,31 @@ def arranged(groups: IntArray, touched: csr_array, central: BoolArray | None = N
     return _narrow(groups, pattern, sizes, of_border) or _wide(groups, pattern, sizes, of_border)
 
 
+def in_order(order: IntArray, in_band: BoolArray, touching: IntArray, touched: IntArray) -> Arrangement:
+    """Return the arrangement of unknowns in a given order, those in the border last.
+
+    Parameters
+    ----------
+    order : array (m,) of int
+    in_band : array (m,) of bool
+        Unknowns that are not in the border.
+    touching, touched : arrays (k,) of int
+        Pairs of an observation, or eliminated block, and the first unknown of a group that it touches.
+    """
+    order = np.concatenate([order[in_band[order]], order[~in_band[order]]])
+    places = np.empty_like(order)
+    places[order] = np.arange(len(order))
+    mine = in_band[touched]
+    number, place = touching[mine], places[touched[mine]]
+    count = int(number.max(initial=-1)) + 1
+    first, last = np.full(count, len(order)), np.full(count, -1)
+    np.minimum.at(first, number, place)
+    np.maximum.at(last, number, place)
+    # groups have six unknowns at most
+    width = min(int((last - first).max(initial=0)) + 5, max(int(in_band.sum()) - 1, 0))
+    return Arrangement(places, int(in_band.sum()), width)
+
+
 def _narrow(groups: IntArray, pattern: csr_array, sizes: IntArray, central: BoolArray) -> Arrangement | None:
     """Return the arrangement as a narrow band; None if there is none."""
     is_border = central | (np.diff(pattern.indptr) > _BORDER_SHARE * len(sizes))

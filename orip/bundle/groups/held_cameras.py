@@ -14,6 +14,7 @@ import numpy as np
 from orip.adjustment.residual_sums import HeldParameters
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.groups.observation_groups import ObservationGroup
+from orip.bundle.kinds.observation import partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -59,8 +60,8 @@ def held_cameras(solved: SolvedBlock, weight: FloatArray) -> HeldCameras | None:
     for part in _photo_points(solved).in_parts():
         rows = slice(first, first + len(part.rows.error))
         first = rows.stop
-        found, columns = part.linearise_with_partials(solved.state), part.columns()
-        partials = found.partials / part.rows.error[:, None]
+        _, (partials, columns) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
+        partials = partials / part.rows.error[:, None]
         camera = np.repeat(part.camera, 2)
         acts = np.column_stack(
             # a parameter that is too large acts like photo coordinates that are too small by its partials

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orip.arrays import FloatArray
+from orip.bundle.kinds.observation import partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
@@ -69,8 +70,8 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
         square += float(weighted @ acts)
         motion += float(np.sum(by_readout[weight[rows].reshape(-1, 2).min(axis=1) > 0.0] ** 2))
         number += int(np.count_nonzero(weighted))
-        columns = part.columns()
-        partials = part.linearise_with_partials(solved.state).partials * (weighted / part.rows.error)[:, None]
+        _, (partials, columns) = partials_by_unknowns(part, solved.state, solved.problem.unknowns)
+        partials = partials * (weighted / part.rows.error)[:, None]
         touched = columns != CONSTANT
         right += np.bincount(columns[touched], partials[touched], minlength=len(right))
     shown = square - float(right @ solved.normals.solve(right[:, None])[:, 0])

@@ -236,9 +236,9 @@ _KINDS = {"CAMERA": CAMERA_PARAMETERS, "POINT": POINT_COORDINATES, "THEODOLITE":
 def _columns(place: _Place, unknowns: Unknowns, ground: GroundSystem) -> IntArray:
     """Return the unknowns (3,) that an element depends on."""
     if place.quantity == "rotation":
-        return np.asarray(unknowns.photos[place.row, 3:])
+        return np.asarray(unknowns.elements[place.row, 3:])
     if place.quantity in ("centre", "point"):
-        table = unknowns.photos[:, :3] if place.quantity == "centre" else unknowns.points
+        table = unknowns.elements[:, :3] if place.quantity == "centre" else unknowns.points
         return np.asarray(columns_of_coordinates(ground, table[[place.row]], np.array([place.column]))[0])
     column = (
         unknowns.cameras[place.row, place.column] if place.quantity == "camera" else unknowns.theodolites[place.row]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.correlated_rows import CorrelatedRows
+from orip.bundle.rigs import Chained, chained
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
@@ -112,6 +113,15 @@ class Observations(Struct, frozen=True):
         """
         del state
         return None
+
+
+def partials_by_unknowns(
+    observations: Observations, state: BlockState, unknowns: Unknowns
+) -> tuple[Linearisation, Chained]:
+    """Return observations at a state, and their partials by unknowns alone, also where photos are of rigs."""
+    found = observations.linearise_with_partials(state)
+    columns = np.asarray(observations.columns(), dtype=np.int64)
+    return found, chained(found.partials, columns, unknowns.rigs, state.partials_of_rigs())
 
 
 def _ties_no_points(_: Block) -> frozenset[int]:

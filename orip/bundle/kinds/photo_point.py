@@ -62,7 +62,7 @@ class PhotoPointObservations(Observations, frozen=True):
     def columns(self) -> NDArray[np.int32]:
         """Return the unknowns (2 n, k) that each equation touches; computed on request, as there may be millions."""
         tables, places = self.unknowns, [self.camera, self.photo, self.point, self.camera]
-        columns = [tables.cameras, tables.photos, tables.points, tables.additional]
+        columns = [tables.cameras, tables.elements, tables.points, tables.additional]
         if self.has_unknown_motions:
             columns.append(tables.motions)
             places.append(self.photo)

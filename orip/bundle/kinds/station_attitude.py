@@ -263,7 +263,7 @@ def _observed(
     angles *= DEGREES_PER_RADIAN
     boresight = rows_or(unknowns.antennas[:, BORESIGHT_PLACES], places.antenna[station], CONSTANT)
     own = mixing[station, axis]
-    columns = np.hstack([unknowns.photos[places.photo[station], 3:], boresight])
+    columns = np.hstack([unknowns.elements[places.photo[station], 3:], boresight])
     if (own[:, :3] != 0.0).any():
         of_position = columns_of_positions(block, unknowns, places, station, own[:, None, :3])[:, 0]
         columns = np.hstack([columns, of_position[:, :3], of_position[:, 6:]])

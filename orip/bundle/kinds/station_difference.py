@@ -189,7 +189,7 @@ def _columns(
     given = np.array([record.lever_arm for record in block.antennas], dtype=np.float64).reshape(-1, arm)
     has_arm = (rows_or(given, places.antenna, 0.0) != 0.0).any(axis=1) | (of_antenna[:, :arm] != CONSTANT).any(axis=1)
     of_stations = np.hstack([
-        unknowns.photos[places.photo], of_antenna[:, [0, 1, 2, 6]],
+        unknowns.elements[places.photo], of_antenna[:, [0, 1, 2, 6]],
         rows_or(unknowns.shifts, places.shift, CONSTANT), rows_or(unknowns.drifts, places.drift, CONSTANT),
     ])  # fmt: skip
     first, second = np.split(of_stations, 2)

@@ -12,6 +12,7 @@ from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
 from orip.bundle.points.consensus import PointRays, points_by_photos_alone
+from orip.bundle.rigs import chained
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.image_coordinates import image_vectors
@@ -76,10 +77,11 @@ class RaysAtPlaces(NamedTuple):
     def _by_reduced(self, place: int, point: int, unknowns: Unknowns) -> FloatArray:
         """Return the partials (2 k, m) of the rays to a place of a point by the reduced unknowns."""
         size = unknowns.layout.reduced
-        columns = _at(self.kind, self.rays[place], point).columns()
+        columns = np.asarray(_at(self.kind, self.rays[place], point).columns(), dtype=np.int64)
+        partials, columns = chained(self.partials[place], columns, unknowns.rigs, self.state.partials_of_rigs())
         design = np.zeros((len(columns), size + 1))
         rows = np.arange(len(columns))[:, None]
-        design[rows, np.where((columns == CONSTANT) | (columns >= size), size, columns)] = self.partials[place]
+        design[rows, np.where((columns == CONSTANT) | (columns >= size), size, columns)] = partials
         return np.asarray(design[:, :size])
 
 

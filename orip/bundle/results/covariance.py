@@ -57,12 +57,20 @@ def photo_figures(solved: SolvedBlock, photo: int) -> Figures:
     centre = solved.state.centres[photo : photo + 1]
     ground = solved.block.ground
     turns, _ = rotation_partials(solved)
-    columns = solved.problem.unknowns.photos[photo]
-    return Figures(
-        columns,
-        along_diagonal(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN),
-        along_diagonal(ground.dependence.astype(np.float64), np.eye(3)) @ _removed(solved, columns) > 0.0,
-    )
+    columns, partials = _dependence(solved, photo)
+    shown = along_diagonal(ground.project_with_partials(centre).by_local[0], turns[photo] * DEGREES_PER_RADIAN)
+    touched = along_diagonal(ground.dependence.astype(np.float64), np.eye(3)) @ (partials != 0.0)
+    return Figures(columns, shown @ partials, touched @ _removed(solved, columns) > 0.0)
+
+
+def _dependence(solved: SolvedBlock, photo: int) -> tuple[IntArray, FloatArray]:
+    """Return the unknowns (k,) of a photo, and the partials (6, k) of its elements by them."""
+    unknowns, partials = solved.problem.unknowns, solved.state.partials_of_rigs()
+    if unknowns.rigs is not None and partials is not None:
+        rows = np.flatnonzero(unknowns.rigs.photo == photo)
+        if len(rows):
+            return unknowns.rigs.of_photos[rows[0]], partials[rows[0]]
+    return unknowns.photos[photo], np.eye(6)
 
 
 def point_figures(solved: SolvedBlock, point: int) -> Figures:

@@ -126,15 +126,20 @@ def adjusted_photos(solved: SolvedBlock) -> PhotoResults:
     centres = ground.to_project(state.centres)
     angles = angles_from_rotation(ground.axes_at(centres) @ state.rotations)
     shown, about_axes = rotation_partials(solved)
-    centre = solved.problem.unknowns.photos[:, :3]
+    elements, cofactors, removed = (
+        solved.problem.unknowns.elements,
+        photo_cofactors(solved),
+        undetermined_photos(solved),
+    )
+    of_centres = ground.cofactors_to_project(state.centres, cofactors[:, :3, :3])
     sd = np.hstack(
         [
-            _place_deviations(solved, centre, _centre_cofactors(solved), _removed(solved, centre)),
+            _place_deviations(solved, elements[:, :3], of_centres, removed[:, :3]),
             deviations(solved, solved.problem.unknowns.photos[:, 3:]),
         ]
     )
     turned = np.flatnonzero(~state.turned_by_angles)
-    sd[turned, 3:] = _rotation_deviations(solved, turned, shown[turned])
+    sd[turned, 3:] = _rotation_deviations(solved, cofactors[turned, 3:, 3:], shown[turned], removed[turned, 3:])
     sd[:, 3:] *= DEGREES_PER_RADIAN
     row_of = {record_key(photo.name): row for row, photo in enumerate(solved.block.photos)}
     for element in solved.block.constant_elements:
@@ -172,12 +177,37 @@ def deviations(solved: SolvedBlock, columns: IntArray) -> FloatArray:
     return np.asarray(deviation)
 
 
-def _rotation_deviations(solved: SolvedBlock, photos: IntArray, shown: FloatArray) -> FloatArray:
-    """Return deviations (n, 3) of what is shown of photos' small rotations: `shown` (n, 3, 3) are their partials."""
-    rotation = solved.problem.unknowns.photos[photos, 3:]
-    cofactor = solved.cofactors.reduced[rotation[:, :, None], rotation[:, None, :]]
+def photo_cofactors(solved: SolvedBlock) -> FloatArray:
+    """Return the cofactors (n, 6, 6) of the elements of photos: local places, rotations; zero for constants."""
+    unknowns = solved.problem.unknowns
+    found = reduced_cofactors(solved, unknowns.photos)
+    partials = solved.state.partials_of_rigs()
+    if unknowns.rigs is not None and partials is not None:
+        of_rigs = reduced_cofactors(solved, unknowns.rigs.of_photos)
+        found[unknowns.rigs.photo] = partials @ of_rigs @ np.swapaxes(partials, 1, 2)
+    return found
+
+
+def undetermined_photos(solved: SolvedBlock) -> BoolArray:
+    """Return which elements of photos (n, 6) depend on an unknown that was removed."""
+    unknowns = solved.problem.unknowns
+    found = _removed(solved, unknowns.photos)
+    partials = solved.state.partials_of_rigs()
+    if unknowns.rigs is not None and partials is not None:
+        removed = _removed(solved, unknowns.rigs.of_photos)
+        found[unknowns.rigs.photo] = ((partials != 0.0) & removed[:, None, :]).any(axis=2)
+    return found
+
+
+def _rotation_deviations(
+    solved: SolvedBlock, cofactor: FloatArray, shown: FloatArray, removed: BoolArray
+) -> FloatArray:
+    """Return deviations (n, 3) of what is shown of photos' small rotations.
+
+    `cofactor` (n, 3, 3) are those of the rotations, `shown` (n, 3, 3) their partials, `removed` (n, 3) marks those that
+    nothing determines.
+    """
     variance = np.einsum("nii->ni", shown @ cofactor @ shown.transpose(0, 2, 1))
-    removed = solved.normals.removed[rotation]
     return np.where(removed, UNDETERMINED, solved.deviation_scale * np.sqrt(np.maximum(variance, 0.0)))
 
 
@@ -186,14 +216,14 @@ def photo_correlations(solved: SolvedBlock) -> FloatArray:
 
     Rotations are those of `photo_results`. NaN where one of the two is constant or not determined.
     """
-    columns, centres = solved.problem.unknowns.photos, solved.state.centres
-    partials = np.zeros((len(columns), 6, 6))
+    elements, centres = solved.problem.unknowns.elements, solved.state.centres
+    partials = np.zeros((len(elements), 6, 6))
     partials[:, :3, :3] = solved.block.ground.project_with_partials(centres).by_local
     partials[:, 3:, 3:], _ = rotation_partials(solved)
-    covariance = partials @ reduced_cofactors(solved, columns) @ partials.transpose(0, 2, 1)
+    covariance = partials @ photo_cofactors(solved) @ partials.transpose(0, 2, 1)
     deviation = np.sqrt(np.maximum(np.einsum("nii->ni", covariance), 0.0))
-    removed = _removed(solved, columns)
-    place = _place_deviations(solved, columns[:, :3], _centre_cofactors(solved), removed[:, :3])
+    removed = undetermined_photos(solved)
+    place = _place_deviations(solved, elements[:, :3], covariance[:, :3, :3], removed[:, :3])
     deviation[:, :3][~np.isfinite(place)] = np.nan
     deviation[removed[:, 3:].any(axis=1), 3:] = np.nan
     a, b = np.tril_indices(6, -1)
@@ -236,12 +266,6 @@ def _place_deviations(
     deviation[undetermined @ ground.dependence.T] = UNDETERMINED
     deviation[~((columns != CONSTANT) @ ground.dependence.T)] = np.nan
     return np.asarray(deviation)
-
-
-def _centre_cofactors(solved: SolvedBlock) -> FloatArray:
-    """Return the cofactors (n, 3, 3) of the project's coordinates of the projection centres."""
-    cofactors = _place_cofactors(solved, solved.problem.unknowns.photos[:, :3])
-    return solved.block.ground.cofactors_to_project(solved.state.centres, cofactors)
 
 
 def _place_cofactors(solved: SolvedBlock, columns: IntArray) -> FloatArray:

@@ -131,9 +131,12 @@ def _instants(block: Block) -> dict[int, object]:
 
 
 def _determined(solved: SolvedBlock) -> IntArray:
-    """Return the photos of which nothing was removed from the unknowns."""
-    columns = solved.problem.unknowns.photos
-    return np.flatnonzero(~(solved.normals.removed[columns] & (columns != CONSTANT)).any(axis=1))
+    """Return the photos of which nothing was removed from the unknowns, but those of rigs, which have mountings."""
+    columns, rigs = solved.problem.unknowns.photos, solved.problem.unknowns.rigs
+    found = ~(solved.normals.removed[columns] & (columns != CONSTANT)).any(axis=1)
+    if rigs is not None:
+        found[rigs.photo] = False
+    return np.flatnonzero(found)
 
 
 def _estimates(solved: SolvedBlock, rig: Rig) -> Iterator[RigEstimate]:

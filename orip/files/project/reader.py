@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.errors import Complaint, ProjectWarning
 from orip.files.project import checks as antenna_checks
 from orip.files.project import checks as project_checks
-from orip.files.project import record_checks
+from orip.files.project import record_checks, rig_checks
 from orip.files.project.records import project_definition
 from orip.files.project.source import ProjectSource, project_source
 from orip.files.project.tables import Fault
@@ -125,6 +125,8 @@ def _check(source: ProjectSource, line_of: project_checks.LineOf) -> Iterator[Fa
     yield from record_checks.check_photo_parameters(source)
     yield from record_checks.check_bundles(source)
     yield from antenna_checks.check_antennas(source, references)
+    yield from rig_checks.check_rigs(source, references)
+    yield from rig_checks.check_exposures(source, references)
     yield from project_checks.check_templates(source, references, line_of)
     yield from project_checks.check_photos(source, references, line_of)
     yield from project_checks.check_precision(source, references)

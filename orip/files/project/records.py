@@ -9,12 +9,13 @@ from msgspec.structs import asdict
 
 from orip.files.project.record_values import TomlTable, toml_of
 from orip.files.project.source import Located, ProjectSource
-from orip.files.project.tables import ProjectTable
+from orip.files.project.tables import RECORD_SECTIONS, SINGLE_SECTIONS, ProjectTable
 from orip.files.project.toml_text import toml_table
 from orip.records.camera import Camera, with_shared_lenses, without_lens, without_radial_distortion
 from orip.records.definition import BundleDefinition, ProjectDefinition, ReportDetails, StereoModel
 from orip.records.names import record_key
 from orip.records.photo import Template
+from orip.records.rig import Rigs
 from orip.structs import replace
 
 
@@ -51,6 +52,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         report=source.report,
         plan=source.plan,
         antennas=tuple(antenna.record for antenna in source.antennas),
+        rigs=Rigs(tuple(rig.record for rig in source.rigs), tuple(found.record for found in source.exposures)),
         output_folder=project.output_folder,
     )
 
@@ -63,10 +65,6 @@ def _with_photos(template: Template, photo_names: dict[str, str], photos_of: dic
 
 def _with_models(bundle: Located[BundleDefinition], models: list[Located[StereoModel]]) -> BundleDefinition:
     return replace(bundle.record, models=tuple(model.record for model in models if model.place[:2] == bundle.place))
-
-
-SINGLE_SECTIONS = ("project", "check", "report", "plan")
-RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")
 
 
 def project_document(definition: ProjectDefinition) -> TomlTable:
@@ -96,6 +94,8 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "template": [toml_of(template) for template in definition.templates],
         "photo": [toml_of(photo) for photo in definition.photos],
         "antenna": [toml_of(antenna) for antenna in definition.antennas],
+        "rig": [toml_of(rig) for rig in definition.rigs.rigs],
+        "exposure": [toml_of(exposure) for exposure in definition.rigs.exposures],
         "bundle": [toml_of(bundle) for bundle in definition.bundles],
     }
 

@@ -16,6 +16,7 @@ from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.plan import PlanSettings
+from orip.records.rig import Rig, RigExposure
 
 Record = TypeVar("Record")
 
@@ -51,6 +52,8 @@ class ProjectSource(Struct):
     templates: list[Located[Template]] = field(default_factory=list)
     photos: list[Located[Photo]] = field(default_factory=list)
     antennas: list[Located[Antenna]] = field(default_factory=list)
+    rigs: list[Located[Rig]] = field(default_factory=list)
+    exposures: list[Located[RigExposure]] = field(default_factory=list)
     bundles: list[Located[BundleDefinition]] = field(default_factory=list)
     models: list[Located[StereoModel]] = field(default_factory=list)
     names: dict[str, list[NamePlace]] = field(default_factory=dict)
@@ -72,6 +75,8 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.templates = _records(document, "template", Template, source)
     source.photos = _records(document, "photo", Photo, source)
     source.antennas = _records(document, "antenna", Antenna, source)
+    source.rigs = _records(document, "rig", Rig, source)
+    source.exposures = _records(document, "exposure", RigExposure, source)
     _bundles(document, source)
     return source
 

@@ -34,7 +34,9 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-SECTIONS = ("project", "check", "report", "plan", "camera", "temtick", "template", "photo", "antenna", "bundle")
+SINGLE_SECTIONS = ("project", "check", "report", "plan")
+RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "rig", "exposure", "bundle")
+SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
 """Tables of orip.toml; all but the first four may come several times."""
 
 

@@ -112,4 +112,5 @@ def block_input_so_far(bundle: BundleState) -> BlockInput:
         definition.crs,
         (*unread_files(bundle, given.value.control), *given.warnings),
         definition.antennas,
+        definition.rigs,
     )

@@ -119,6 +119,13 @@ class ProjectFolder(Struct, frozen=True):
         return tuple((f"antenna {antenna.name} of {PROJECT_FILE}", record_digest(antenna)) for antenna in antennas)
 
     @property
+    def rig_digest(self) -> tuple[tuple[str, str], ...]:
+        """Return the name, in messages, and the digest of each rig, and of all exposures."""
+        rigs, exposures = self.definition.rigs.rigs, self.definition.rigs.exposures
+        found = tuple((f"rig {rig.name} of {PROJECT_FILE}", record_digest(rig)) for rig in rigs)
+        return (*found, (f"exposures of {PROJECT_FILE}", record_digest(exposures))) if exposures else found
+
+    @property
     def cameras(self) -> Path:
         """Return the store of cameras."""
         return self.folder / self.definition.camera_file

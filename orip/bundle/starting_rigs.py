@@ -1,0 +1,175 @@
+"""Where exposures and mountings of rigs start: robust means of what the orientations of their photos give."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from orip.arrays import BoolArray, FloatArray, IntArray
+from orip.bundle.rigs import RigState
+from orip.geometry.rig import exposures_of_photos
+from orip.geometry.rotation import (
+    angles_from_rotation,
+    rotation_about_axes,
+    rotation_from_angles,
+    rotation_vectors_with_partials,
+)
+from orip.records.block import Block
+from orip.structs import replace
+from orip.units import RADIANS_PER_DEGREE
+
+_ROUNDS = 8
+_LEAST_ANGLE = 1e-5
+"""Radians, that weights stay finite."""
+
+_Poses = tuple[FloatArray, FloatArray]
+"""Places (n, 3) and rotations (n, 3, 3)."""
+
+
+def starting_rigs(block: Block) -> RigState | None:
+    """Return exposures and mountings at the orientations of a block's photos; None where no photo is of a rig.
+
+    Photos that are not oriented (NaN) say nothing. What no photo tells is NaN.
+    """
+    places = block.places_on_rigs()
+    if not places.photos:
+        return None
+    photo, exposure, mounted = np.array(places.photos, dtype=np.int64).T
+    given = [(camera.mounting.offset, camera.mounting.rotation) for camera in places.mounted]
+    held = np.array(
+        [camera.mounting.offset_error is None and camera.mounting.rotation_error is None for camera in places.mounted]
+    )
+    offsets, angles = (np.array([one or (np.nan,) * 3 for one in values]) for values in zip(*given, strict=True))
+    state = RigState(
+        photo,
+        exposure,
+        mounted,
+        np.full((len(places.exposures), 3), np.nan),
+        np.full((len(places.exposures), 3, 3), np.nan),
+        offsets,
+        rotation_from_angles(angles * RADIANS_PER_DEGREE),
+    )
+    orientation = block.photo_orientation[photo]
+    rig = np.unique([camera.rig for camera in places.mounted], return_inverse=True)[1]
+    return _found(state, (orientation[:, :3], rotation_from_angles(orientation[:, 3:])), held, rig)
+
+
+def with_photos_on_rigs(block: Block) -> Block:
+    """Return the block with the photos of rigs where exposures and mountings have them at the start."""
+    rigs = starting_rigs(block)
+    if rigs is None:
+        return block
+    found, orientation = rigs.photos(), block.photo_orientation.copy()
+    orientation[rigs.photo] = np.hstack([found.centres, angles_from_rotation(found.rotations)])
+    return replace(block, photo_orientation=orientation)
+
+
+def oriented_by_rigs(block: Block) -> Block:
+    """Return the block with photos of rigs that are not oriented where the others of their exposures have them."""
+    rigs = starting_rigs(block)
+    if rigs is None:
+        return block
+    missing = np.isnan(block.photo_orientation[rigs.photo]).any(axis=1)
+    if not missing.any():
+        return block
+    found = rigs.photos()
+    orientation = block.photo_orientation.copy()
+    own = np.hstack([found.centres, angles_from_rotation(found.rotations)])
+    rows = missing & np.isfinite(own).all(axis=1)
+    orientation[rigs.photo[rows]] = own[rows]
+    return replace(block, photo_orientation=orientation)
+
+
+def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray) -> RigState:
+    """Return the state with what the photos tell, camera after camera; a rig begins with what is held, or given."""
+    given: BoolArray = np.asarray(
+        np.isfinite(state.offsets).all(axis=1) & np.isfinite(state.mountings).all(axis=(1, 2))
+    )
+    known: BoolArray = given & held
+    for number in range(int(rig.max()) + 1):
+        mine = rig == number
+        if not known[mine].any():
+            known |= mine & given if (mine & given).any() else _most_photos(state, mine)
+    first: BoolArray = np.asarray(np.isnan(state.offsets).any(axis=1) & known)
+    if first.any():  # without a reference there is any system of the rig
+        state = replace(
+            state,
+            offsets=np.where(first.reshape(-1, 1), 0.0, state.offsets),
+            mountings=np.where(first.reshape(-1, 1, 1), np.eye(3), state.mountings),
+        )
+    while True:
+        state = _with_exposures(state, photos, known)
+        placed: BoolArray = np.asarray(np.isfinite(state.centres).all(axis=1))
+        usable = ~known[state.mounted] & placed[state.exposure] & np.isfinite(photos[0]).all(axis=1)
+        usable &= np.isfinite(photos[1]).all(axis=(1, 2))
+        if not usable.any():
+            break
+        counts = np.bincount(state.mounted[usable], minlength=len(known))
+        camera = int(np.argmax(counts))
+        state = _with_mounting(state, photos, np.flatnonzero(usable & (state.mounted == camera)), camera)
+        known[camera] = True
+    # a mounting that no photo tells stays as it is given
+    return _with_exposures(state, photos, known | given)
+
+
+def _most_photos(state: RigState, mine: BoolArray) -> BoolArray:
+    counts = np.where(mine, np.bincount(state.mounted, minlength=len(mine)), -1)
+    return np.asarray(np.arange(len(mine)) == int(np.argmax(counts)))
+
+
+def _with_exposures(state: RigState, photos: _Poses, known: BoolArray) -> RigState:
+    rows = np.flatnonzero(known[state.mounted] & np.isfinite(photos[0]).all(axis=1))
+    mounted = state.mounted[rows]
+    found = exposures_of_photos(photos[0][rows], photos[1][rows], state.offsets[mounted], state.mountings[mounted])
+    exposures, group = np.unique(state.exposure[rows], return_inverse=True)
+    centres, rotations = state.centres.copy(), state.rotations.copy()
+    centres[exposures], rotations[exposures] = robust_poses(*found, group, len(exposures))
+    return replace(state, centres=centres, rotations=rotations)
+
+
+def _with_mounting(state: RigState, photos: _Poses, rows: IntArray, camera: int) -> RigState:
+    """Return the state with the mounting of a camera from photos (k,) whose exposures are known."""
+    to_rig = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
+    offsets = (to_rig @ (photos[0][rows] - state.centres[state.exposure[rows]])[:, :, None])[:, :, 0]
+    new_offsets, new_mountings = state.offsets.copy(), state.mountings.copy()
+    one = np.zeros(len(rows), dtype=np.int64)
+    new_offsets[[camera]], new_mountings[[camera]] = robust_poses(offsets, to_rig @ photos[1][rows], one, 1)
+    return replace(state, offsets=new_offsets, mountings=new_mountings)
+
+
+def robust_poses(
+    places: FloatArray, rotations: FloatArray, group: IntArray, count: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return places (g, 3) and rotations (g, 3, 3) about which most poses of each group lie.
+
+    A place is the median of each coordinate. A rotation is the one with the least sum of angles, from the mean on
+    (Hartley, Aftab and Trumpf 2011, *L1 rotation averaging using the Weiszfeld algorithm*).
+
+    Parameters
+    ----------
+    places, rotations : arrays (n, 3) and (n, 3, 3)
+    group : array (n,) of int
+        From 0 to g - 1; none of them is empty.
+    count : int
+        g.
+    """
+    sums = np.zeros((count, 3, 3))
+    np.add.at(sums, group, rotations)
+    u, _, vt = np.linalg.svd(sums)
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    found = u @ vt
+    for _ in range(_ROUNDS):
+        vectors = rotation_vectors_with_partials(rotations @ np.swapaxes(found, 1, 2)[group])[0]
+        weight = 1.0 / np.maximum(np.linalg.norm(vectors, axis=1), _LEAST_ANGLE)
+        moves = np.zeros((count, 3))
+        np.add.at(moves, group, weight[:, None] * vectors)
+        found = rotation_about_axes(moves / np.bincount(group, weight, count)[:, None]) @ found
+    return _medians(places, group, count), found
+
+
+def _medians(places: FloatArray, group: IntArray, count: int) -> FloatArray:
+    sizes = np.bincount(group, minlength=count)
+    first, found = np.cumsum(sizes) - sizes, np.empty((count, 3))
+    for axis in range(3):
+        ordered = places[np.lexsort((places[:, axis], group)), axis]
+        found[:, axis] = (ordered[first + (sizes - 1) // 2] + ordered[first + sizes // 2]) / 2.0
+    return found
