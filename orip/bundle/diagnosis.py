@@ -179,6 +179,11 @@ def _cause(solved: SolvedBlock, group: str, name: str, kinds: Sequence[str]) -> 
             cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"
         return "its points do not determine it", "measure points spread over the photo and at different depths"
+    if group == "MOUNTING":
+        cause = "no exposure has a photo of this camera and of one whose mounting is known"
+        return cause, "give offset and rotation in the [[rig]], or more exposures"
+    if group == "EXPOSURE":
+        return "the points in its photos do not determine it", "measure more points in its photos, or give control"
     if group == "THEODOLITE":
         return "none of its directions is used", "observe a direction, or give R"
     if "READOUT" in kinds and not solved.state.motions[_photos_of(block, name)].any():

@@ -25,10 +25,11 @@ _Poses = tuple[FloatArray, FloatArray]
 """Places (n, 3) and rotations (n, 3, 3)."""
 
 
-def starting_rigs(block: Block) -> RigState | None:
+def starting_rigs(block: Block, *, is_guessed: bool = True) -> RigState | None:
     """Return exposures and mountings at the orientations of a block's photos; None where no photo is of a rig.
 
-    Photos that are not oriented (NaN) say nothing. What no photo tells is NaN.
+    Photos that are not oriented (NaN) say nothing. Mountings that neither photos nor values tell are in the origin of
+    the rig if they are to be guessed, else NaN.
     """
     places = block.places_on_rigs()
     if not places.photos:
@@ -50,7 +51,7 @@ def starting_rigs(block: Block) -> RigState | None:
     )
     orientation = block.photo_orientation[photo]
     rig = np.unique([camera.rig for camera in places.mounted], return_inverse=True)[1]
-    return _found(state, (orientation[:, :3], rotation_from_angles(orientation[:, 3:])), held, rig)
+    return _found(state, (orientation[:, :3], rotation_from_angles(orientation[:, 3:])), held, rig, is_guessed)
 
 
 def with_photos_on_rigs(block: Block) -> Block:
@@ -65,7 +66,7 @@ def with_photos_on_rigs(block: Block) -> Block:
 
 def oriented_by_rigs(block: Block) -> Block:
     """Return the block with photos of rigs that are not oriented where the others of their exposures have them."""
-    rigs = starting_rigs(block)
+    rigs = starting_rigs(block, is_guessed=False)
     if rigs is None:
         return block
     missing = np.isnan(block.photo_orientation[rigs.photo]).any(axis=1)
@@ -79,7 +80,7 @@ def oriented_by_rigs(block: Block) -> Block:
     return replace(block, photo_orientation=orientation)
 
 
-def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray) -> RigState:
+def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray, is_guessed: bool) -> RigState:
     """Return the state with what the photos tell, camera after camera; a rig begins with what is held, or given."""
     given: BoolArray = np.asarray(
         np.isfinite(state.offsets).all(axis=1) & np.isfinite(state.mountings).all(axis=(1, 2))
@@ -89,13 +90,7 @@ def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray) -> R
         mine = rig == number
         if not known[mine].any():
             known |= mine & given if (mine & given).any() else _most_photos(state, mine)
-    first: BoolArray = np.asarray(np.isnan(state.offsets).any(axis=1) & known)
-    if first.any():  # without a reference there is any system of the rig
-        state = replace(
-            state,
-            offsets=np.where(first.reshape(-1, 1), 0.0, state.offsets),
-            mountings=np.where(first.reshape(-1, 1, 1), np.eye(3), state.mountings),
-        )
+    state = _in_origin(state, known)
     while True:
         state = _with_exposures(state, photos, known)
         placed: BoolArray = np.asarray(np.isfinite(state.centres).all(axis=1))
@@ -108,7 +103,20 @@ def _found(state: RigState, photos: _Poses, held: BoolArray, rig: IntArray) -> R
         state = _with_mounting(state, photos, np.flatnonzero(usable & (state.mounted == camera)), camera)
         known[camera] = True
     # a mounting that no photo tells stays as it is given
-    return _with_exposures(state, photos, known | given)
+    known |= given
+    if is_guessed:
+        state, known = _in_origin(state, ~known), np.ones_like(known)
+    return _with_exposures(state, photos, known)
+
+
+def _in_origin(state: RigState, chosen: BoolArray) -> RigState:
+    """Return the state with some of the cameras (c,), where they have no mounting yet, in the origin of their rig."""
+    first: BoolArray = chosen & np.asarray(np.isnan(state.offsets).any(axis=1))
+    return replace(
+        state,
+        offsets=np.where(first.reshape(-1, 1), 0.0, state.offsets),
+        mountings=np.where(first.reshape(-1, 1, 1), np.eye(3), state.mountings),
+    )
 
 
 def _most_photos(state: RigState, mine: BoolArray) -> BoolArray:

@@ -1,4 +1,4 @@
-"""The unknowns and their order: cameras, antennas, theodolites, mountings, photos, exposures, tied points.
+"""The unknowns and their order: cameras, mountings, antennas, theodolites, photos, exposures, tied points.
 
 Other points are eliminated, and photos of rigs follow from exposures and mountings.
 
@@ -140,6 +140,8 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
     """
     names: list[UnknownName] = []
     cameras, additional = _number_cameras(block, names)
+    on_rigs = block.places_on_rigs()
+    mountings = _number_mountings(on_rigs.mounted, names)
     calibration = len(names)
     antennas, shifts, drifts = _number_antennas(block, names)
     theodolites = np.array(
@@ -149,8 +151,6 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
-    on_rigs = block.places_on_rigs()
-    mountings = _number_mountings(on_rigs.mounted, names)
     photos, motions = _number_photos(block, names, frozenset(photo.photo for photo in on_rigs.photos))
     rigs = _number_exposures(on_rigs, mountings, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)

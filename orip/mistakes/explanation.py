@@ -20,6 +20,7 @@ from orip.mistakes.camera_values import far_from_given, rolling_shutters
 from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
 from orip.mistakes.contradicting_control import contradicting_control, without_control
 from orip.mistakes.contradicting_distances import contradicting_distances
+from orip.mistakes.contradicting_rigs import contradicting_rigs
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
     misgiven,
@@ -96,8 +97,8 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    if found := _of_all_stations(solution, solved, readjuster):
-        return found
+    if found := contradicting_rigs(solved, given, readjuster) or _of_all_stations(solution, solved, readjuster):
+        return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
     if found := misread_vertical_photos(solution, solved, readjuster):

@@ -21,6 +21,7 @@ from orip.records.ground import GroundSystem
 from orip.records.measurement import PhotoObservations, no_observations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.rig import Rigs
 from orip.structs import replace
 
 Pair = tuple[float, float]
@@ -354,6 +355,7 @@ class Measurements:
             control=self.control.about(photos, [*points, *sorted(ends - points.keys())]),
             preliminary=(),
             antennas=self._antennas,
+            rigs=Rigs(),  # photos of an exposure are measured one after the other
             warnings=(),
         )
         block = gather(inputs, self._ground)

@@ -229,6 +229,34 @@ class RigEstimate(Struct, frozen=True):
     scatter: float
 
 
+class MountingEstimate(Struct, frozen=True):
+    """A parameter of a camera's mounting on a rig.
+
+    Parameters
+    ----------
+    rig, camera, name : str
+        See `orip.records.rig`.
+    value, sd : float
+        Ground unit, degrees. The standard deviation is NaN for a constant, and infinite for one that was removed.
+    """
+
+    rig: str
+    camera: str
+    name: str
+    value: float
+    sd: float
+
+
+class ExposureEstimate(Struct, frozen=True):
+    """An element of an exposure of a rig: X0, Y0, Z0 (ground unit), OMEGA, PHI, KAPPA (degrees), as of photos."""
+
+    exposure: str
+    rig: str
+    name: str
+    value: float
+    sd: float
+
+
 class ZeroDirection(Struct, frozen=True):
     """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
 
@@ -302,6 +330,8 @@ class Solution(Struct, frozen=True):
     antennas: tuple[AntennaEstimate, ...] = ()
     exposures: tuple[Exposure, ...] = ()
     rigs: tuple[RigEstimate, ...] = ()
+    mountings: tuple[MountingEstimate, ...] = ()
+    rig_exposures: tuple[ExposureEstimate, ...] = ()
     verdict: str = ""
     projections: tuple[Projection, ...] = ()
     groups: tuple[GroupTest, ...] = ()

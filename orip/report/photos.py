@@ -11,12 +11,13 @@ from orip.arrays import FloatArray
 from orip.number_text import decimals_for
 from orip.records.coded_names import coded
 from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.rig import MOUNTING_PARAMETERS, OFFSET
 from orip.records.solution import RigEstimate, Solution
 from orip.records.solution_stations import StationResiduals, station_residuals
 from orip.report.drawings.labels import Bars, histogram
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput, pixel_of_photo
-from orip.report.table import NO_LINKS, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
+from orip.report.table import NO_LINKS, PageColumn, PageTable, counted, decimals_of_most, deviation, fixed, significant
 
 # Each module makes the tables and charts of one subject; the scale of photos is in `orip.report.report_input`, as the
 # drawings need it too.
@@ -157,6 +158,23 @@ def rig_table(solution: Solution) -> PageTable | None:
             sizes = zip(*scatter, strict=True)
             columns.append(PageColumn("Scatter", [_root_mean_square(own) for own in sizes], unit))
     return PageTable("", "Relative orientation of cameras that move together", columns, _NOTE_ON_RIGS)
+
+
+def mounting_table(solution: Solution) -> PageTable | None:
+    """Return how cameras are mounted on rigs; None where there are no rigs."""
+    if not solution.mountings:
+        return None
+    cameras = list(dict.fromkeys((row.rig, row.camera) for row in solution.mountings))
+    columns = [
+        PageColumn("Rig", [rig for rig, _ in cameras], words=True),
+        PageColumn("Camera", [camera for _, camera in cameras], words=True),
+    ]
+    for name in MOUNTING_PARAMETERS:
+        rows = [row for row in solution.mountings if row.name == name]
+        decimals = decimals_of_most([row.sd for row in rows])
+        cells = [f"{fixed(row.value, decimals)} ± {deviation(row.sd, decimals)}" for row in rows]
+        columns.append(PageColumn(name, cells, solution.ground_unit if name in OFFSET else "°"))
+    return PageTable("mountings", "Rigs: mountings of cameras", columns)
 
 
 def _cells(rows: Sequence[RigEstimate]) -> list[str]:

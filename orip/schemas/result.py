@@ -103,6 +103,18 @@ class Rig(Part, frozen=True):
     KAPPA: RigFigure
 
 
+class RigExposure(Part, frozen=True):
+    """An exposure of a rig, as a photo has place and rotation."""
+
+    rig: str
+    X0: Estimate
+    Y0: Estimate
+    Z0: Estimate
+    OMEGA: Estimate
+    PHI: Estimate
+    KAPPA: Estimate
+
+
 class Theodolite(Part, frozen=True):
     """The zero direction of a set."""
 
@@ -259,6 +271,8 @@ class Result(Part, frozen=True):
     antennas: dict[str, Antenna]
     stations: dict[str, Station]
     rigs: list[Rig]
+    mountings: dict[str, dict[str, dict[str, Estimate]]]
+    exposures: dict[str, RigExposure]
     theodolites: dict[str, Theodolite]
     down_weighted: list[Observation]
     singular: list[Singular]

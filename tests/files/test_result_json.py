@@ -33,6 +33,8 @@ TOP = [
         "antennas",
         "stations",
         "rigs",
+        "mountings",
+        "exposures",
         "theodolites",
         "down_weighted",
         "singular",

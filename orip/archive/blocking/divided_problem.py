@@ -326,8 +326,11 @@ def pose_divided(
     Raises
     ------
     NotSolvableError
-        If an observation couples unknowns in a way that no front has.
+        If the block has rigs, or an observation couples unknowns in a way that no front has.
     """
+    if block.places_on_rigs().photos:
+        message = "a block with rigs cannot be divided"
+        raise NotSolvableError(message)
     whole = posed(block)
     problem, unknowns = whole.problem, whole.problem.unknowns
     if whole.couples_points:

@@ -19,6 +19,7 @@ from orip.bundle.results.ground import (
     deviations,
     photo_correlations,
 )
+from orip.bundle.results.mountings import exposure_estimates, mounting_estimates
 from orip.bundle.results.reliability import lost_control, lost_photos
 from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
@@ -97,6 +98,8 @@ def solution_of(solved: SolvedBlock) -> Solution:
         zero_directions=_zero_directions(solved),
         antennas=_antennas(solved),
         rigs=rig_estimates(solved),
+        mountings=mounting_estimates(solved),
+        rig_exposures=exposure_estimates(solved),
         exposures=_exposures(block),
         singular=_singular(solved),
         correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),

@@ -12,6 +12,8 @@ from orip.files.listings.bundle_estimates import (
     antenna_lines,
     camera_lines,
     check_point_lines,
+    exposure_lines,
+    mounting_lines,
     photo_lines,
     point_lines,
     variance_component_lines,
@@ -141,6 +143,9 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     yield from section("POINTS", _at_request(solution, "points") or point_lines(solution))
     if solution.antennas:
         yield from section("ANTENNAS: LEVER ARM, BORESIGHT, SHIFTS AND DRIFTS", antenna_lines(solution))
+    if solution.mountings:
+        yield from section("RIGS: MOUNTINGS OF CAMERAS", mounting_lines(solution))
+        yield from section("RIGS: EXPOSURES", exposure_lines(solution))
     if solution.zero_directions:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_
 from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS
 from orip.records.observation_kinds import unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import AdditionalEstimate, AntennaEstimate, Solution
+from orip.records.solution import AdditionalEstimate, AntennaEstimate, ExposureEstimate, MountingEstimate, Solution
 
 AXES_MARK = "*"
 
@@ -150,7 +150,38 @@ def antenna_lines(solution: Solution) -> list[str]:
     )
 
 
-def _decimals_of_antenna(row: AntennaEstimate) -> int:
+def mounting_lines(solution: Solution) -> list[str]:
+    """Return the table of the parameters of mountings."""
+    rows = solution.mountings
+    names = {"Rig": [row.rig for row in rows], "Camera": [row.camera for row in rows]}
+    return _parameter_lines(rows, names, solution.ground_unit)
+
+
+def exposure_lines(solution: Solution) -> list[str]:
+    """Return the table of the elements of exposures."""
+    rows = solution.rig_exposures
+    names = {"Exposure": [row.exposure for row in rows], "Rig": [row.rig for row in rows]}
+    return _parameter_lines(rows, names, solution.ground_unit)
+
+
+def _parameter_lines(
+    rows: Sequence[MountingEstimate | ExposureEstimate], names: Mapping[str, Sequence[str]], ground_unit: str
+) -> list[str]:
+    decimals = [_decimals_of_antenna(row) for row in rows]
+    values = [fixed([row.value], own)[0] for row, own in zip(rows, decimals, strict=True)]
+    sd = [deviations(np.array([row.sd]), own)[0] for row, own in zip(rows, decimals, strict=True)]
+    return table_lines(
+        [
+            *(Column(heading, of_rows, align="left") for heading, of_rows in names.items()),
+            Column("Parameter", [row.name for row in rows], align="left"),
+            Column("Value", values, align="point"),
+            Column("Standard deviation", sd, align="point"),
+            Column("Unit", [unit_of_unknown(row.name, ground_unit) for row in rows], align="left"),
+        ]
+    )
+
+
+def _decimals_of_antenna(row: AntennaEstimate | MountingEstimate | ExposureEstimate) -> int:
     return _decimals(np.array([row.value]), np.array([row.sd]), 3, 8)
 
 

@@ -42,6 +42,8 @@ def check_exposures(source: ProjectSource, references: References) -> Iterator[F
     for exposure in source.exposures:
         where = f"exposure '{shown_token(exposure.record.name)}'"
         of_rigs: list[tuple[str, str, str]] = []
+        if not exposure.record.photos:
+            yield (*exposure.place, "photos"), f"{where} has no photo; name those of its instant, or remove it"
         for index, photo in enumerate(exposure.record.photos):
             place, shown = (*exposure.place, "photos", index), f"photo '{shown_token(photo)}' of {where}"
             yield from ((place, message) for message in references.check("photo", photo, where))

@@ -48,6 +48,8 @@ def _document(solution: Solution, points: object, point_columns: object, residua
         "antennas": _antennas(solution),
         "stations": _stations(solution),
         "rigs": _rigs(solution),
+        "mountings": _mountings(solution),
+        "exposures": _exposures(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         **_findings(solution),
         "interior": {
@@ -179,6 +181,22 @@ def _rigs(solution: Solution) -> list[dict[str, object]]:
         )
         rig[row.name] = {**_estimate(row.value, row.sd), "scatter": _number(row.scatter)}
     return list(found.values())
+
+
+def _mountings(solution: Solution) -> dict[str, dict[str, dict[str, object]]]:
+    """Return the parameters of the mounting of each camera of each rig."""
+    found: dict[str, dict[str, dict[str, object]]] = {}
+    for row in solution.mountings:
+        found.setdefault(row.rig, {}).setdefault(row.camera, {})[row.name] = _estimate(row.value, row.sd)
+    return found
+
+
+def _exposures(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return rig, place and rotation of each exposure."""
+    found: dict[str, dict[str, object]] = {}
+    for row in solution.rig_exposures:
+        found.setdefault(row.exposure, {"rig": row.rig})[row.name] = _estimate(row.value, row.sd)
+    return found
 
 
 def _stations(solution: Solution) -> dict[str, dict[str, object]]:

@@ -85,6 +85,10 @@ ITEM_LISTS: dict[str, StoreTable] = {
         text("name"),
         *_reals("value", "sd", "scatter"),
     ),
+    "mountings": _list_of_solution("mounting_estimate", *_texts("rig", "camera", "name"), *_reals("value", "sd")),
+    "rig_exposures": _list_of_solution(
+        "rig_exposure_estimate", *_texts("exposure", "rig", "name"), *_reals("value", "sd")
+    ),
     "exposures": _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time")),
     "remarks": _list_of_solution("remark", *_texts("text")),
     "singular": _list_of_solution("singular_unknown", *_texts("group", "name", "kind"), *_reals("lost_digits")),

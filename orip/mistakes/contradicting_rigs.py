@@ -1,0 +1,235 @@
+"""Rigs that photos contradict: a camera mounted elsewhere, two cameras exchanged, a photo of another instant.
+
+The block is adjusted with all photos on their own. How each camera is mounted follows from the exposures, robustly; it
+is compared with what is given, and each photo with the others of its exposure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from orip.arrays import FloatArray
+from orip.errors import ProjectWarning
+from orip.geometry.rotation import (
+    angles_from_rotation,
+    cross_matrix,
+    rotation_from_angles,
+    rotation_vectors_with_partials,
+)
+from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
+from orip.records.observation_kinds import MOUNTING, PHOTO_POINT
+from orip.records.rig import Mounting, Rig, Rigs
+from orip.structs import replace
+from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
+from orip.wording import joined
+
+if TYPE_CHECKING:
+    from orip.bundle.rigs import RigState
+    from orip.bundle.solve import SolvedBlock
+
+_SHARE = 0.15
+"""Part of the rays of a photo that do not fit where its rig is looked at."""
+
+_OFF = 3.0
+"""Standard errors beyond which a ray does not fit."""
+
+_LIMIT = 60.0
+"""Square of a difference of six elements, over their covariance, from which it is no chance: 22 has a probability of
+0.1 %, and correlations between photos are neglected."""
+
+_EXCHANGED = 0.1
+"""Part of the differences that is left where two cameras are exchanged."""
+
+_Pose = tuple[FloatArray, FloatArray]
+"""Place (3,) and rotation (3, 3)."""
+
+
+class _Found(NamedTuple):
+    """Cameras of a rig as k photos have them: poses and covariances (6, 6), by camera."""
+
+    poses: dict[int, _Pose]
+    covariances: dict[int, FloatArray]
+
+
+def contradicting_rigs(solved: SolvedBlock, given: Fit, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with rigs and exposures; nothing where photos on their own do not fit either.
+
+    Parameters
+    ----------
+    solved : SolvedBlock
+    given : Fit
+        How its observations fit.
+    readjuster : Readjuster
+    """
+    rigs = solved.problem.unknowns.rigs
+    if rigs is None or not readjuster.is_worthwhile or not _is_doubtful(given):
+        return []
+    state = solved.state
+    orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
+    names = {photo.name: row for row, photo in enumerate(solved.block.photos)}
+    if any(photo.name not in names for photo in readjuster.block.photos):
+        return []
+    rows = np.array([names[photo.name] for photo in readjuster.block.photos])
+    alone = readjuster.adjust(replace(readjuster.block, rigs=Rigs(), photo_orientation=orientation[rows]))
+    if alone is None or not is_good(fit_of_adjustment(alone)):
+        return []
+    return list(_wrong_mountings(alone, readjuster.block.rigs)) or list(_other_instants(alone, readjuster.block.rigs))
+
+
+def _is_doubtful(given: Fit) -> bool:
+    """Return whether many rays of a photo, or the mounting of a camera, do not fit."""
+    kind, photo, _, _ = given.columns
+    off = given.standard > _OFF * given.scale
+    rays = kind.where(PHOTO_POINT.name.__eq__)
+    count = np.bincount(photo.codes[rays], minlength=len(photo.distinct))
+    wrong = np.bincount(photo.codes[rays & off], minlength=len(photo.distinct))
+    return bool((wrong > _SHARE * count).any() or off[kind.where(MOUNTING.name.__eq__)].any() or not is_good(given))
+
+
+def _wrong_mountings(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
+    state, covariances = _free(alone, given)
+    places = replace(alone.block, rigs=given).places_on_rigs()
+    for rig in given.rigs:
+        rows = [row for row, camera in enumerate(places.mounted) if camera.rig == rig.name]
+        said: dict[int, _Pose] = {}
+        errors: dict[int, FloatArray] = {}
+        for row in rows:
+            mounting = places.mounted[row].mounting
+            if mounting.offset is not None and mounting.rotation is not None:
+                said[row] = (
+                    np.array(mounting.offset),
+                    rotation_from_angles(np.array(mounting.rotation) * RADIANS_PER_DEGREE),
+                )
+                error = np.array([value or 0.0 for value in mounting.errors])
+                error[3:] *= RADIANS_PER_DEGREE
+                errors[row] = np.diag(error**2)
+        if len(said) < 2:
+            continue
+        found = {row: (state.offsets[row], state.mountings[row]) for row in said}
+        of_found = {row: _mean_covariance(state, covariances, row) + errors[row] for row in said}
+        names = {row: places.mounted[row].mounting.name for row in said}
+        yield from _compared(said, _Found(found, of_found), names, rig.name, alone.block.ground_unit)
+
+
+def _compared(
+    said: dict[int, _Pose], found: _Found, names: dict[int, str], rig: str, unit: str
+) -> Iterator[ProjectWarning]:
+    off = _off(said, found)
+    if not off:
+        return
+    size = _size(said, found)
+    for one, other in combinations(said, 2):
+        exchanged = {**said, one: said[other], other: said[one]}
+        if _size(exchanged, found) < _EXCHANGED * size and not _off(exchanged, found):
+            text = (
+                f"cameras {names[one]} and {names[other]} of rig {rig} are exchanged: each is mounted where the other "
+                "one is said to be; exchange their names in the [[rig]], or the cameras of their photos"
+            )
+            yield ProjectWarning("exchanged-cameras", f"rig {rig}", text)
+            return
+    for row, (shift, turn) in off.items():
+        text = (
+            f"camera {names[row]} is mounted {np.linalg.norm(turn) * DEGREES_PER_RADIAN:.2g} degrees and "
+            f"{np.linalg.norm(shift):.2g} {unit} off from what [[rig]] {rig} says; correct it there, or leave offset "
+            "and rotation out: they are then adjusted"
+        )
+        yield ProjectWarning("mounting", f"camera {names[row]}", text)
+
+
+def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]:
+    state, covariances = _free(alone, given)
+    places = replace(alone.block, rigs=given).places_on_rigs()
+    block = alone.block
+    for exposure, name in enumerate(places.exposures):
+        members = np.flatnonzero(state.exposure == exposure)
+        photos = {int(row): int(state.photo[row]) for row in members}
+        poses = {row: (alone.state.centres[photo], alone.state.rotations[photo]) for row, photo in photos.items()}
+        mounted = dict(zip(members.tolist(), state.mounted[members].tolist(), strict=True))
+        said = {row: (state.offsets[camera], state.mountings[camera]) for row, camera in mounted.items()}
+        off = _off(said, _Found(poses, {row: covariances[row] for row in members.tolist()}))
+        if not off:
+            continue
+        names = [block.photos[photos[row]].name for row in (off if len(said) > 2 else said)]
+        shift, turn = max(off.values(), key=lambda one: float(np.linalg.norm(one[0])))
+        size = f"{np.linalg.norm(shift):.2g} {block.ground_unit} and {np.linalg.norm(turn) * DEGREES_PER_RADIAN:.2g}"
+        subject = f"its photo {names[0]} is" if len(names) == 1 else f"its photos {joined(names)} are"
+        others = "each other" if len(said) == 2 else "where the others have it"
+        text = (
+            f"exposure {name} is not synchronous: {subject} {size} degrees off from {others}; take what was not taken "
+            "at that instant out of the [[exposure]]"
+        )
+        yield ProjectWarning("not-synchronous", f"exposure {name}", text)
+
+
+def _free(alone: SolvedBlock, given: Rigs) -> tuple[RigState, FloatArray]:
+    """Return exposures and mountings as the photos have them, and covariances (k, 6, 6) of these."""
+    from orip.bundle.results.ground import photo_cofactors
+    from orip.bundle.starting_rigs import starting_rigs
+
+    unknown = tuple(Rig(rig.name, tuple(Mounting(one.name) for one in rig.cameras)) for rig in given.rigs)
+    state = alone.state
+    orientation = np.hstack([state.centres, angles_from_rotation(state.rotations)])
+    block = replace(alone.block, rigs=replace(given, rigs=unknown), photo_orientation=orientation)
+    found = starting_rigs(block)
+    assert found is not None, "there are photos of rigs"
+    return found, alone.deviation_scale**2 * photo_cofactors(alone)[found.photo]
+
+
+def _mean_covariance(state: RigState, covariances: FloatArray, camera: int) -> FloatArray:
+    """Return the covariance (6, 6) of the mounting of a camera, along the axes of the rig."""
+    rows = np.flatnonzero(state.mounted == camera)
+    turns = np.zeros((len(rows), 6, 6))
+    turns[:, :3, :3] = turns[:, 3:, 3:] = np.swapaxes(state.rotations[state.exposure[rows]], 1, 2)
+    # medians have half as large a variance again as means
+    return np.asarray(1.5 * (turns @ covariances[rows] @ np.swapaxes(turns, 1, 2)).mean(axis=0) / len(rows))
+
+
+def _off(said: dict[int, _Pose], found: _Found) -> dict[int, tuple[FloatArray, FloatArray]]:
+    """Return the cameras that are not where most others, put where these are, have them: shift (3,), rotation (3,).
+
+    Of two cameras it is the second one.
+    """
+    best: dict[int, tuple[FloatArray, FloatArray]] | None = None
+    for anchor in said:
+        off = {}
+        for row in said:
+            if row == anchor:
+                continue
+            difference, arm = _difference(said, found.poses, anchor, row)
+            turn = np.eye(6)
+            turn[:3, 3:] = -cross_matrix(arm[None])[0]
+            covariance = found.covariances[row] + turn @ found.covariances[anchor] @ turn.T
+            if difference @ np.linalg.pinv(covariance, hermitian=True) @ difference > _LIMIT:
+                off[row] = difference[:3], difference[3:]
+        if best is None or len(off) < len(best):
+            best = off
+    return best or {}
+
+
+def _size(said: dict[int, _Pose], found: _Found) -> float:
+    """Return the least sum of squares of differences, over their covariances, that an anchor leaves."""
+    sums = []
+    for anchor in said:
+        total = 0.0
+        for row in said:
+            difference, _ = _difference(said, found.poses, anchor, row)
+            covariance = found.covariances[row] + found.covariances[anchor]
+            total += float(difference @ np.linalg.pinv(covariance, hermitian=True) @ difference)
+        sums.append(total)
+    return min(sums)
+
+
+def _difference(
+    said: dict[int, _Pose], found: dict[int, _Pose], anchor: int, row: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return shift and rotation (6,) of a pose against where an anchor has it, and the arm (3,) from the anchor."""
+    (offset, mounting), (place, rotation) = said[anchor], found[anchor]
+    to_found = rotation @ mounting.T
+    arm = to_found @ (said[row][0] - offset)
+    turn = found[row][1] @ (to_found @ said[row][1]).T
+    vector = rotation_vectors_with_partials(turn[None])[0][0]
+    return np.concatenate([found[row][0] - place - arm, vector]), arm
