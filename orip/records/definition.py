@@ -223,6 +223,9 @@ class BundleDefinition(Struct, frozen=True):
         Base name of its control files; None: that of the project.
     cameras : tuple of (str, str)
         Cameras, and those that photos have in their place in this bundle.
+    stop_angles, stop_coordinates, stop_vtpv : float or None
+        Iterations end, besides, only where the average change of a rotation (degrees), that of a coordinate (ground
+        units), or the part by which the weighted square sum has changed, is not above these.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -250,6 +253,9 @@ class BundleDefinition(Struct, frozen=True):
     points_of: Annotated[str | None, Field(names_record=True, heading="Points of", example='"MAIN"')] = None
     control_files: Annotated[str | None, Field(heading="Control", example='"CHECKED"')] = None
     cameras: Annotated[tuple[tuple[str, str], ...], Field(example='[["WIDE", "WIDE_K1"]]')] = ()
+    stop_angles: Annotated[float | None, Field(above=0, heading="Stop angles", example="0.0001")] = None
+    stop_coordinates: Annotated[float | None, Field(above=0, heading="Stop coordinates", example="0.001")] = None
+    stop_vtpv: Annotated[float | None, Field(above=0, heading="Stop vTPv", example="1e-6")] = None
 
     @property
     def reduces_weights(self) -> bool:
