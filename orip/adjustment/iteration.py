@@ -120,7 +120,7 @@ def adjust(
         now, weights, formed = _determined(problem, now, settings)
         step = _controlled_step(problem, now, weights, formed, settings)
         del formed
-        now = _after(now, step, weights, problem.layout)
+        now = _after(now, step, weights, problem.layout, settings)
         on_iteration(now.records[-1])
         if now.weighing.settled_after == len(now.records):
             now = _settled(problem, now, step.normals, weights)
@@ -266,10 +266,16 @@ def _is_accepted(
 
 
 def _after(
-    now: IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout
+    now: IterationState[StateT],
+    step: _Step[StateT],
+    weights: FloatArray,
+    layout: Layout,
+    settings: IterationSettings,
 ) -> IterationState[StateT]:
     """Return what an iteration leaves to the next."""
     record = _record(len(now.records) + 1, step, weights, layout)
+    if settings.is_small is not None and not settings.is_small(now.current, step.moved, weights):
+        record = replace(record, is_small=False)
     return replace(
         now,
         current=step.moved,
@@ -321,7 +327,8 @@ def _termination_reason(
 
 def _has_converged(now: IterationState[StateT], settings: IterationSettings) -> bool:
     """Return whether a full correction with the final weight function was small enough."""
-    return now.records[-1].enp >= settings.enp_stop and _had_final_weights(now)
+    last = now.records[-1]
+    return last.enp >= settings.enp_stop and last.is_small and _had_final_weights(now)
 
 
 def _is_settled(now: IterationState[StateT]) -> bool:

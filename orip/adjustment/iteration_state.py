@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Generic, NamedTuple
+from collections.abc import Callable
+from typing import Any, Generic, NamedTuple
 
 from msgspec import Struct
 
@@ -30,6 +31,9 @@ class IterationSettings(Struct, frozen=True):
         else all weights are 1 before it, and it begins at `start_down_weight`.
     most_attempts : int
         Attempts to improve the solution that is found first.
+    is_small : callable or None
+        Tells of the states before and after an iteration and its weight factors (n,) whether these may be the last;
+        None: ENP tells.
     """
 
     enp_stop: float
@@ -39,12 +43,13 @@ class IterationSettings(Struct, frozen=True):
     max_lost_digits: float
     early_weights: bool = True
     most_attempts: int = 12
+    is_small: Callable[[Linearised[Any], Linearised[Any], FloatArray], bool] | None = None
 
 
 class IterationRecord(Struct, frozen=True):
     """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
 
-    `active` is the number of observations that can be computed.
+    `active` is the number of observations that can be computed; `is_small` what `IterationSettings.is_small` said.
     """
 
     iteration: int
@@ -54,6 +59,7 @@ class IterationRecord(Struct, frozen=True):
     singular: int
     step_limited: bool
     active: int
+    is_small: bool = True
 
 
 class Candidate(NamedTuple, Generic[StateT]):

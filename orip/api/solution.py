@@ -16,6 +16,7 @@ from orip.api.tables import HasTable, ObservationResiduals, TableName, data_fram
 from orip.arrays import FloatArray
 from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results.figures import figure
+from orip.bundle.results.normal_equations import NormalEquations, normal_equations
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
@@ -187,6 +188,19 @@ class Solution:
             raise InputError.single(message)
         one = self._figures(rows)
         return covariance(self._solved, one, one if columns is None else self._figures(columns))
+
+    def normal_equations(self) -> NormalEquations:
+        """Return the normal equations at the solution: names, sparse matrix, right-hand side; see `NormalEquations`.
+
+        Raises
+        ------
+        InputError
+            If the solution was read from a project: normal equations are not stored.
+        """
+        if self._solved is None:
+            message = "a solution that was read from a project has no normal equations; project.solve() computes them"
+            raise InputError.single(message)
+        return normal_equations(self._solved)
 
     def figure(self, name: str) -> float:
         """Return a figure by the name that gates use, such as "check_points.rms_xy"; NaN where there is none.

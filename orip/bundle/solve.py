@@ -15,6 +15,7 @@ from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem, starting_state
 from orip.bundle.state import BlockState
+from orip.bundle.stop_criteria import stop_criterion
 from orip.bundle.undetermined_unknowns import (
     agrees_with_held,
     loose_calibration,
@@ -152,6 +153,7 @@ def solve_problem(
     stop_asked: Callable[[], bool],
 ) -> SolvedBlock:
     """Adjust a block's problem from any state; see `solve_block`."""
+    settings = replace(settings, is_small=stop_criterion(problem))
     with limited_threads(None):
         creeping = _Creeping(on_iteration, stop_asked)
         solved = _solved(problem, start, settings, on_iteration, stop_asked, creeping)

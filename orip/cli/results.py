@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance"],
+    Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance", "normals"],
     typer.Argument(
-        metavar="WHAT", help="cameras, photos, points, theodolites, residuals or covariance of the last adjustment."
+        metavar="WHAT",
+        help="cameras, photos, points, theodolites, residuals, covariance or normals of the last adjustment.",
     ),
 ]
 Names = Annotated[
@@ -31,8 +32,13 @@ Names = Annotated[
 
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="With covariance or residuals: a file in .npz or .csv."),
+    typer.Option("--output", "-o", metavar="FILE", help="With covariance, normals or residuals: .npz, or .csv."),
 ]
+Angles = Annotated[
+    Literal["omega-phi-kappa", "alpha-zeta-kappa"],
+    typer.Option("--angles", help="Of photos: those of terrestrial photos are 0 where they are upright."),
+]
+Unit = Annotated[Literal["degree", "gon", "radian"], typer.Option("--unit", help="Of the angles of photos.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -45,22 +51,31 @@ def register(app: typer.Typer) -> None:
         what: What,
         names: Names = None,
         output: Output = None,
+        angles: Angles = "omega-phi-kappa",
+        unit: Unit = "degree",
         bundle: BundleOption = None,
         force: ForceOption = False,
     ) -> None:
         """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
 
-        The covariance matrix of cameras, photos and points is written to a file; for it the adjustment is computed
-        again. With --output all residuals are written to a file, with their reliability.
+        The covariance matrix of cameras, photos and points, and the normal equations, are written to a file; for them
+        the adjustment is computed again. With --output all residuals are written to a file, with their reliability.
 
         Example: orip results photos st1 st2
         """
-        from orip.workflow.adjust.results import results, write_residuals
+        from orip.workflow.adjust.results import photo_angles, results, write_residuals
         from orip.workflow.project.bundle_state import read_bundle
 
         if what == "covariance":
             _write_covariance(invocation, names or (), output, bundle, force=force)
             return
+        if what == "normals":
+            _write_normals(invocation, names or (), output, bundle, force=force)
+            return
+        is_usual = angles == "omega-phi-kappa" and unit == "degree"
+        if not is_usual and what != "photos":
+            message = "--angles and --unit are for 'orip results photos'"
+            raise UsageError(message)
         if output is not None and (what != "residuals" or names):
             message = (
                 "--output is for 'orip results covariance' and for all residuals, 'orip results residuals'; redirect "
@@ -73,11 +88,32 @@ def register(app: typer.Typer) -> None:
             write_residuals(given.project, solution, invocation.folder / output, force=force)
             invocation.terminal.say(f"wrote    {output}: {len(solution.residuals.kind)} residuals")
             return
-        shown = results(solution, what, names or ())
+        chosen = names or ()
+        shown = results(solution, what, chosen) if is_usual else photo_angles(solution, chosen, angles, unit)
         if invocation.terminal.json:
             invocation.terminal.document("result-part", shown.document)
         else:
             invocation.terminal.tables(shown.text)
+
+
+def _write_normals(
+    invocation: Invocation, names: Sequence[str], output: Path | None, bundle: str | None, *, force: bool
+) -> None:
+    from orip.workflow.adjust.normals import write_normals
+    from orip.workflow.adjust.solve import ADJUSTED_FROM
+    from orip.workflow.project.bundle_state import read_bundle
+
+    if names:
+        message = "normal equations are those of all unknowns; leave the names away"
+        raise UsageError(message)
+    terminal = invocation.terminal
+    with limited_threads(terminal.threads):
+        given = read_bundle(invocation.folder, bundle, *ADJUSTED_FROM, "solutions")
+        written = write_normals(given, output, invocation.folder, force=force)
+    if terminal.json:
+        found = {"command": "results normals", "run": written.run, "file": str(output), "figures": written.unknowns}
+        terminal.document("covariance", found)
+    terminal.say(f"wrote    {output}: normal equations of {written.unknowns} unknowns")
 
 
 def _write_covariance(

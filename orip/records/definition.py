@@ -227,6 +227,9 @@ class BundleDefinition(Struct, frozen=True):
     velocity_error, rate_error : float or None
         A-priori errors of velocities (ground unit a second) and angular rates (degrees a second) of photos of rolling
         shutters, which are unknowns then; None: they are as their neighbours say.
+    stop_angles, stop_coordinates, stop_vtpv : float or None
+        Iterations end, besides, only where the average change of a rotation (degrees), that of a coordinate (ground
+        units), or the part by which the weighted square sum has changed, is not above these.
     """
 
     name: Annotated[str, Field(example='"MAIN"')]
@@ -256,6 +259,9 @@ class BundleDefinition(Struct, frozen=True):
     cameras: Annotated[tuple[tuple[str, str], ...], Field(example='[["WIDE", "WIDE_K1"]]')] = ()
     velocity_error: Annotated[float | None, Field(above=0, units=("ground unit/s",), example="0.3")] = None
     rate_error: Annotated[float | None, Field(above=0, units=("degrees/s",), example="2.0")] = None
+    stop_angles: Annotated[float | None, Field(above=0, heading="Stop angles", example="0.0001")] = None
+    stop_coordinates: Annotated[float | None, Field(above=0, heading="Stop coordinates", example="0.001")] = None
+    stop_vtpv: Annotated[float | None, Field(above=0, heading="Stop vTPv", example="1e-6")] = None
 
     @property
     def reduces_weights(self) -> bool:

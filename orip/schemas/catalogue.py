@@ -89,7 +89,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "measure": DocumentType(measuring.Measure, ("measure",)),
     "model-coordinates": DocumentType(preliminary.ModelCoordinates, ("prelim show",)),
     "observation-edit": DocumentType(
-        measuring.ObservationEdit, _each(["observations"], "disregard include kill rename remeasure")
+        measuring.ObservationEdit, _each(["observations"], "disregard include kill rename edit remeasure")
     ),
     "observations": DocumentType(measuring.Observations, ("observations list",)),
     "online-demo": DocumentType(measuring.OnlineDemo, ("online",)),

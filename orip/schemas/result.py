@@ -317,15 +317,17 @@ class PartOfResult(Part, frozen=True):
     run: str
     cameras: dict[str, dict[str, Estimate]] | UnsetType = UNSET
     photos: dict[str, Photo] | UnsetType = UNSET
+    angle_unit: Literal["degree", "gon", "radian"] | UnsetType = UNSET
+    photo_angles: dict[str, dict[str, Estimate]] | UnsetType = UNSET
     points: dict[str, Point] | UnsetType = UNSET
     theodolites: dict[str, Theodolite] | UnsetType = UNSET
     residuals: list[Residual] | UnsetType = UNSET
 
 
 class Covariance(Part, frozen=True):
-    """Where the covariance matrix was written."""
+    """Where the covariance matrix, or the normal equations, were written."""
 
-    command: Literal["results covariance"]
+    command: Literal["results covariance", "results normals"]
     run: str
     file: str
     figures: int

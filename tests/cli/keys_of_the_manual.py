@@ -277,6 +277,7 @@ def _of_points(menu: str) -> tuple[Edit, ...]:
         Edit(menu, "Kill Point", "kill point 101 1103 --yes", names, (("1104",), ())),
         Edit(menu, "Kill All", "kill point 101 '*' --yes", names, ((), ())),
         Edit(menu, "Edit Point", "rename point 101 1103 NEW", names, (("1104", "NEW"), ())),
+        Edit(menu, "Edit Point", "edit point 101 1103 x=50.5 y=60.25 name=NEW", names, (("1104", "NEW"), ())),
     )  # fmt: skip
 
 

@@ -345,3 +345,53 @@ def test_file_that_cannot_be_measured_again_from(film: Path) -> None:
     refused(film, 3, "there is no such file", "remeasure", "missing.txt")
     observe(film, "disregard", "point", "left", "1")
     refused(film, 3, "this is EDITS.MEA itself", "remeasure", "EDITS.MEA")
+
+
+def test_a_point_gets_other_coordinates_by_a_correction_that_replays(film: Path) -> None:
+    """The solution is that of a measurement file in which the coordinates have been changed by hand."""
+    text = (film / "FIRST.MEA").read_text()
+    right = text.index("POINTS MAIN right")
+    line = next(line for line in text[right:].splitlines() if line.split()[:1] == ["P1"])
+    name, x, y, *rest = line.split()
+    by_hand = f"  {name} {float(x) + 0.01:.4f} {float(y) - 0.02:.4f} {' '.join(rest)}"
+    (film / "FIRST.MEA").write_text(text[:right] + text[right:].replace(line, by_hand))
+    assert orip(film, "measure").code == 0
+    assert orip(film, "solve").code == 0
+    expected = orip(film, "results", "points", "--json").document
+    (film / "FIRST.MEA").write_text(text)
+    assert orip(film, "measure").code == 0
+    words = [f"x={float(x) + 0.01:.4f}", f"y={float(y) - 0.02:.4f}"]
+    before = contents(film)
+    assert "would add" in observe(film, "edit", "point", "right", "P1", *words, "--dry-run").err
+    assert contents(film) == before
+    added = observe(film, "edit", "point", "right", "P1", *words, "--json").document["added"]
+    assert added[:2] == ["KILL POINT MAIN right P1", "POINTS MAIN right"]
+    assert "unchanged" in orip(film, "measure").err
+    assert orip(film, "solve").code == 0
+    found = orip(film, "results", "points", "--json").document["points"]
+    for name, point in expected["points"].items():
+        for axis in "XYZ":
+            assert found[name][axis]["value"] == pytest.approx(point[axis]["value"], abs=1e-9)
+
+
+def test_a_disregarded_point_stays_so_when_it_is_corrected(film: Path) -> None:
+    assert observe(film, "disregard", "point", "right", "P1").code == 0
+    assert observe(film, "edit", "point", "right", "P1", "x=1.5", "y=-2.5").code == 0
+    edits = (film / "EDITS.MEA").read_text().splitlines()
+    assert edits[-1].split() == ["P1", "1.5000", "-2.5000", "-"]
+    assert observe(film, "include", "point", "right", "P1").code == 0
+
+
+@pytest.mark.parametrize(
+    ("code", "words", "given"),
+    [
+        (2, "give x=... and y=... together", ["P1", "x=1"]),
+        (2, "corrects nothing", ["P1", "z=1"]),
+        (2, "is no coordinate", ["P1", "x=a", "y=1"]),
+        (2, "one point in one photo", ["*", "x=1", "y=1"]),
+        (3, "is not measured in photo right", ["NONE", "x=1", "y=1"]),
+        (3, "1 is measured there, too", ["P1", "x=1", "y=1", "name=1"]),
+    ],
+)
+def test_corrections_that_are_refused(film: Path, code: int, words: str, given: list[str]) -> None:
+    refused(film, code, words, "edit", "point", "right", *given)

@@ -55,6 +55,7 @@ _OTHERS = {
         "init --sample small_frame_block sample", "init MINE mine", "new MINE mine --kind drone",
         "observations disregard point left P1", "observations include point left 4",
         "observations kill point left P1 --yes", "observations rename point left P1 P2",
+        "observations edit point left P1 x=1 y=2",
         "observations remeasure again.txt", "stations import flown.csv --camera C35 --replace",
     ),
     OPERATED: (

@@ -72,8 +72,13 @@ def _one_camera(values: FloatArray, sd: FloatArray) -> list[str]:
     )
 
 
-def photo_lines(solution: Solution) -> list[str]:
-    """Return the table of photo orientations, standard deviations beneath the values."""
+def photo_lines(
+    solution: Solution, names: Sequence[str] = PHOTO_PARAMETERS, unit: str = "degrees", finer: int = 0
+) -> list[str]:
+    """Return the table of photo orientations, standard deviations beneath the values.
+
+    `names` are those of the elements, `unit` that of the angles, which have `finer` decimals more than degrees have.
+    """
     photos = solution.photos
     about_axes = solution.photo_rotation_sd_about_axes
     marks = [AXES_MARK if marked else "" for marked in about_axes]
@@ -81,12 +86,12 @@ def photo_lines(solution: Solution) -> list[str]:
         Column("Photo", _two_lines(photos.names, [""] * len(photos.names)), align="left"),
         Column("", _two_lines([""] * len(marks), [f"sd{mark}" for mark in marks]), align="left"),
     ]
-    for k, parameter in enumerate(PHOTO_PARAMETERS):
+    for k, parameter in enumerate(names):
         group = slice(0, 3) if k < 3 else slice(3, 6)
-        limits = (3, 6) if k < 3 else ANGLE_DECIMALS
+        limits = (3, 6) if k < 3 else (ANGLE_DECIMALS[0] + finer, ANGLE_DECIMALS[1] + finer)
         decimals = _decimals(photos.values[:, group], photos.sd[:, group], *limits)
         cells = _two_lines(fixed(photos.values[:, k], decimals), deviations(photos.sd[:, k], decimals))
-        columns.append(Column(parameter, cells, solution.ground_unit if k < 3 else "degrees"))
+        columns.append(Column(parameter, cells, solution.ground_unit if k < 3 else unit))
     lines = table_lines(columns)
     if any(about_axes):
         footnote = (

@@ -12,6 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.bundle.methods import Method
+from orip.bundle.results.angles import AngleSystem, AngleUnit, with_angles
 from orip.bundle.results.covariance import Figures, camera_figures, covariance, photo_figures, point_figures
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
@@ -53,6 +54,24 @@ class Results(Struct, frozen=True):
 
     text: str
     document: dict[str, Any]
+
+
+def photo_angles(solution: Solution, names: Sequence[str], system: AngleSystem, unit: AngleUnit) -> Results:
+    """Return photos with their rotations by other angles, or in another unit; see `with_angles`."""
+    chosen = with_angles(_chosen(solution, "photos", names), system, unit)
+    angles = tuple(system.upper().split("-"))
+    elements = (*PHOTO_PARAMETERS[:3], *angles)
+    shown = {"degree": "degrees", "gon": "gon", "radian": "radians"}[unit]
+    lines = photo_lines(chosen, elements, shown, 2 if unit == "radian" else 0)
+    rows = zip(chosen.photos.names, chosen.photos.values.tolist(), chosen.photos.sd.tolist(), strict=True)
+    document = {
+        name: {
+            element: {"value": value, "sd": sd if np.isfinite(sd) else "singular" if np.isinf(sd) else None}
+            for element, value, sd in zip(elements, values, deviations, strict=True)
+        }
+        for name, values, deviations in rows
+    }
+    return Results("\n".join(lines) + "\n", {"run": solution.run, "angle_unit": unit, "photo_angles": document})
 
 
 def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
@@ -99,7 +118,9 @@ def _chosen(
         return replace(solution, cameras=part, additional=additional)
     if what == "photos":
         about_axes = tuple(solution.photo_rotation_sd_about_axes[row] for row in rows)
-        return replace(solution, photos=part, photo_rotation_sd_about_axes=about_axes)
+        are_known = len(solution.photo_correlations) == len(estimates.names)
+        correlations = solution.photo_correlations[rows] if are_known else solution.photo_correlations
+        return replace(solution, photos=part, photo_rotation_sd_about_axes=about_axes, photo_correlations=correlations)
     return replace(
         solution,
         points=part,

@@ -68,7 +68,7 @@ class AddedEdits(Struct, frozen=True):
     warnings: tuple[ProjectWarning, ...]
 
 
-class _Log(Struct, frozen=True):
+class ReplayedLog(Struct, frozen=True):
     """The log of a project, replayed, before anything is added to it."""
 
     state: ProjectState
@@ -115,7 +115,7 @@ def edit_observations(
         If a name is not known, or the remaining marks no longer orient a film.
     UsageError
     """
-    before = _replayed_log(state)
+    before = replayed_log(state)
     of_bundle = state.project.bundle_name(bundle) if what == "POINT" else None
     named = Named(what, of_bundle, edited_owner(what, owner, state.records))
     chosen = chosen_names(action, named, names, before.log.records, state.records, before.replayed.measured)
@@ -124,7 +124,7 @@ def edit_observations(
         EditRecord(TextPlace(before.edits.shown, first + row), action, what, of_bundle, named.owner, name)
         for row, name in enumerate(chosen)
     ]
-    return _applied(before, of_bundle, records, [edit_line(record) for record in records], is_trial=is_trial)
+    return applied(before, of_bundle, records, [edit_line(record) for record in records], is_trial=is_trial)
 
 
 def rename_observation(
@@ -150,7 +150,7 @@ def rename_observation(
         If the point is not measured there, or one of the new name is.
     UsageError
     """
-    before = _replayed_log(state)
+    before = replayed_log(state)
     of_bundle = state.project.bundle_name(bundle)
     named = Named("POINT", of_bundle, edited_owner("POINT", owner, state.records))
     chosen_names("DISREGARD", named, [name], before.log.records, state.records, before.replayed.measured)
@@ -162,7 +162,7 @@ def rename_observation(
         raise InputError.single(message)
     place = TextPlace(before.edits.shown, before.edits.line_count + 1)
     record = EditRecord(place, "RENAME", "POINT", of_bundle, named.owner, name, new_name)
-    return _applied(before, of_bundle, [record], [edit_line(record)], is_trial=is_trial)
+    return applied(before, of_bundle, [record], [edit_line(record)], is_trial=is_trial)
 
 
 def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Change[AddedEdits]:
@@ -181,7 +181,7 @@ def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Cha
     ------
     InputError
     """
-    before, project = _replayed_log(state), state.project
+    before, project = replayed_log(state), state.project
     path = project.folder / file
     shown = project.shown(path)
     found = read_measurements(path, shown)
@@ -193,19 +193,19 @@ def remeasure(state: ProjectState, file: Path, *, is_trial: bool = False) -> Cha
         message = "there are no measurements in this file; write some, as in any .MEA file"
         raise InputError.single(message, shown)
     lines = [line.rstrip() for line in read_lines(path, shown).value]
-    change = _applied(before, None, found.value, [f"! from {shown}", *lines], is_trial=is_trial)
+    change = applied(before, None, found.value, [f"! from {shown}", *lines], is_trial=is_trial)
     warnings = (*change.outcome.warnings, *_replayed_twice(before, path))
     return replace(change, outcome=replace(change.outcome, warnings=warnings))
 
 
-def _replayed_twice(before: _Log, path: Path) -> list[ProjectWarning]:
+def _replayed_twice(before: ReplayedLog, path: Path) -> list[ProjectWarning]:
     if file_of(path) not in {file_of(file) for file in before.log.files}:
         return []
     text = f"is among the project's measurement files too, and is replayed twice; remove it: {EDITS_FILE} has it all"
     return [ProjectWarning("replayed-twice", before.state.project.shown(path), text)]
 
 
-def _replayed_log(state: ProjectState) -> _Log:
+def replayed_log(state: ProjectState) -> ReplayedLog:
     """Replay the log of a project.
 
     Raises
@@ -226,7 +226,7 @@ def _replayed_log(state: ProjectState) -> _Log:
     changed = [name for name, digest in now.items() if inputs and inputs.get(name) != digest]
     text = "changed since the last 'orip measure'; all measurement files are replayed into the stores"
     news = (ProjectWarning("all-replayed", ", ".join(changed), text),) if changed else ()
-    return _Log(state, edits, log.value, replayed, news)
+    return ReplayedLog(state, edits, log.value, replayed, news)
 
 
 def _require_no_loss(gone: Sequence[str], stored: Measured, replayed: Measured) -> None:
@@ -249,8 +249,8 @@ def _names(measured: Measured) -> set[tuple[str, ...]]:
     return {*(("template", key) for key in measured.templates), *(("photo", key) for key in measured.photos), *points}
 
 
-def _applied(
-    before: _Log, bundle: str | None, records: Sequence[LogRecord], lines: Sequence[str], *, is_trial: bool
+def applied(
+    before: ReplayedLog, bundle: str | None, records: Sequence[LogRecord], lines: Sequence[str], *, is_trial: bool
 ) -> Change[AddedEdits]:
     """Append lines to the log and replay it; lines that change nothing of what is measured are not appended."""
     after = before.replay_with(records)
@@ -273,7 +273,7 @@ def _edited_text(edits: EditsText, lines: Sequence[str]) -> EditedText:
     return EditedText(edits.path, edits.digest, edits.text_with(lines), remedy)
 
 
-def _longer(before: _Log, records: Sequence[LogRecord], lines: Sequence[str]) -> MeasurementLog:
+def _longer(before: ReplayedLog, records: Sequence[LogRecord], lines: Sequence[str]) -> MeasurementLog:
     """Return the log as it will be read after lines were appended."""
     if not lines:
         return before.log
@@ -285,7 +285,7 @@ def _longer(before: _Log, records: Sequence[LogRecord], lines: Sequence[str]) ->
     )
 
 
-def _of_the_command(complaint: Complaint, before: _Log) -> Complaint:
+def _of_the_command(complaint: Complaint, before: ReplayedLog) -> Complaint:
     """Return a complaint without the number of a line that is not in the file yet."""
     if complaint.path == before.edits.shown and (complaint.line or 0) > before.edits.line_count:
         return Complaint(complaint.message)
