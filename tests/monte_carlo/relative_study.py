@@ -11,6 +11,7 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.results.solution import solution_of
+from orip.bundle.snooping.findings import blunders_of
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 from orip.records.control import Station, StationDifference
@@ -96,22 +97,9 @@ def wrong_difference(run: int) -> tuple[bool, int]:
     made = block(run, with_differences=True)
     row = int(random_numbers("wrong difference", run).integers(len(made.differences)))
     lines = list(made.differences)
-    lines[row] = replace(lines[row], position=tuple((np.array(lines[row].position) + [0.08, 0.0, 0.0]).tolist()))
+    lines[row] = replace(
+        lines[row], position=tuple((np.array(lines[row].position) + np.array([0.08, 0.0, 0.0])).tolist())
+    )
     found = snoop(replace(made, differences=tuple(lines)), SnoopingSettings(), lambda _: None, lambda: False)
-    blunders = {(one.kind, one.point) for one in solution_of(found.solved).blunders}
-    named = {
-        names
-        for finding in found.findings
-        for kind, names in [_name(found, finding.rows[0])]
-    }
-    del blunders
+    named = {one.point for one in blunders_of(found.solved, found.findings)}
     return lines[row].name in named, len(named - {lines[row].name})
-
-
-def _name(found: object, row: int) -> tuple[str, str]:
-    first = 0
-    for kind in found.solved.problem.observations:  # type: ignore[attr-defined]
-        if row < first + len(kind.rows.error):
-            return kind.rows.kind.name, kind.rows.point[row - first] or kind.rows.photo[row - first]
-        first += len(kind.rows.error)
-    raise IndexError(row)
