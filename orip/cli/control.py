@@ -60,7 +60,7 @@ _ABOUT: dict[ControlKind, tuple[str, str]] = {
     ),
     "differences": (
         "Differences between exposure stations (.REL)",
-        "add P101 P102 dX=41.32 dY=0.15 dZ=-0.08 aX=0.004 aY=0.004 aZ=0.005",
+        "add P101 second=P102 dX=41.32 dY=0.15 dZ=-0.08 aX=0.004 aY=0.004 aZ=0.005",
     ),
     "preliminary": ("Preliminary coordinates (BUNDLE.PRE)", "edit 1001 X=1012.4"),
 }

@@ -100,13 +100,12 @@ class StationDifference(Struct, frozen=True):
     position_error : tuple of 3 float
         Standard deviations: negative only compared; NaN as the position.
     angles : tuple of 3 float
-        OMEGA, PHI and KAPPA, radians, of the rotation that takes the attitude of the first to that of the second, about
-        the axes of the project; NaN throughout where none was observed.
+        OMEGA, PHI and KAPPA, radians, of the attitude of the second along the axes of the first: A1^T A2; NaN
+        throughout where none was observed.
     angle_error : tuple of 3 float
-        Standard deviations of small rotations about X, Y and Z, radians; signs and NaN as above.
+        Standard deviations of small rotations about the axes of the first, radians; signs and NaN as above.
     covariance : tuple of 6 tuples of 6 float, or None
-        Of X, Y, Z and small rotations about X, Y, Z; its diagonal the squares of the errors. None: they are
-        independent.
+        Of the position and of these rotations; its diagonal the squares of the errors. None: they are independent.
     line : int
         Line of the file.
     """

@@ -158,9 +158,7 @@ def import_stations(
         With everything that is wrong in the files; nothing is written then.
     """
     project = state.project
-    known = [photo.name for photo in state.records.photos.values()]
-    known += [photo.name for photo in project.definition.photos if record_key(photo.name) not in state.records.photos]
-    exposures, warnings = find_exposures(_read(project, files, known), settings.matching)
+    exposures, warnings = find_exposures(_read(project, files, known_photos(state)), settings.matching)
     if not exposures.photo:
         raise InputError([Complaint("no photo has an event", files.source.name), *_as_complaints(warnings)])
     stations, more = stations_in_project(
@@ -170,21 +168,45 @@ def import_stations(
         settings.position_error,
         settings.angle_error * RADIANS_PER_DEGREE,
     )
+    return written_stations(state, stations, (*warnings, *more), settings, dry_run=dry_run)
+
+
+def written_stations(
+    state: ProjectState,
+    stations: tuple[Station, ...],
+    warnings: tuple[ProjectWarning, ...],
+    settings: ImportSettings,
+    more: tuple[EditedText, ...] = (),
+    *,
+    dry_run: bool,
+) -> Change[ImportedStations]:
+    """Return the change that writes stations, photos that are new, and more texts.
+
+    Raises
+    ------
+    InputError
+        If the .STA file has stations of these photos, and they are not to be replaced.
+    """
+    project = state.project
     path = project.folder / f"{project.definition.control_files}.STA"
-    control, replaced = _with_stations(path, project.shown(path), stations, settings.replaces)
-    texts = [control]
-    keys = set(map(record_key, known))
+    control, replaced = with_stations(path, project.shown(path), stations, settings.replaces)
+    keys = set(map(record_key, known_photos(state)))
     photos = tuple(station.photo for station in stations if record_key(station.photo) not in keys)
-    if photos:
-        texts.append(_with_photos(project, photos, settings.camera))
-    outcome = ImportedStations(
-        project, project.shown(path), stations, replaced, photos, (*warnings, *more), dry_run
-    )  # fmt: skip
+    of_photos = (with_photos(project, photos, settings.camera),) if photos else ()
+    outcome = ImportedStations(project, project.shown(path), stations, replaced, photos, warnings, dry_run)
     if dry_run:
         return Change(state, outcome)
     lock = project.exterior
     locks = (lock,) if is_written(lock) else ()
-    return Change(state, outcome, locks=locks, is_compared=False, edited_texts=tuple(texts))
+    return Change(state, outcome, locks=locks, is_compared=False, edited_texts=(control, *of_photos, *more))
+
+
+def known_photos(state: ProjectState) -> list[str]:
+    """Return the names of the photos of stores and of orip.toml."""
+    known = [photo.name for photo in state.records.photos.values()]
+    return known + [
+        photo.name for photo in state.project.definition.photos if record_key(photo.name) not in state.records.photos
+    ]
 
 
 def _read(project: ProjectFolder, files: ImportFiles, photos: Sequence[str]) -> Sources:
@@ -215,7 +237,7 @@ def _as_complaints(warnings: Iterable[ProjectWarning]) -> Iterator[Complaint]:
     return (Complaint(warning.text, warning.where) for warning in warnings)
 
 
-def _with_stations(path: Path, shown: str, stations: Sequence[Station], replaces: bool) -> tuple[EditedText, int]:
+def with_stations(path: Path, shown: str, stations: Sequence[Station], replaces: bool) -> tuple[EditedText, int]:
     """Return the .STA file with stations, and how many of them it had before."""
     digest = digest_of_text(path)
     lines: ControlLines = read_control_lines(path, shown)
@@ -249,7 +271,7 @@ def _with_stations(path: Path, shown: str, stations: Sequence[Station], replaces
     return EditedText(path, digest, new, "the file is unchanged"), len(there)
 
 
-def _with_photos(project: ProjectFolder, photos: Sequence[str], camera: str | None) -> EditedText:
+def with_photos(project: ProjectFolder, photos: Sequence[str], camera: str | None) -> EditedText:
     """Return orip.toml with records of photos at its end."""
     cameras = [record.name for record in project.definition.cameras]
     if camera is None and len(cameras) != 1:

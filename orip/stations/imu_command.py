@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from orip.arrays import FloatArray
+    from orip.records.epochs import Epochs
     from orip.stations.inertial.files import ImuForm
     from orip.stations.inertial.processing import ImuFiles, ImuResult
     from orip.stations.inertial.samples import ImuNoise
@@ -54,6 +56,27 @@ class ModelOptions(NamedTuple):
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="Of the trajectory.", min=1.0, max=500.0)] = 50.0
 
 
+class EventOptions(NamedTuple):
+    """When photos were taken, for stations and relative control."""
+
+    events: Annotated[
+        Path | None,
+        typer.Option("--events", metavar="FILE", help="When photos were taken: writes .STA and .REL of the project."),
+    ] = None
+    photos: Annotated[
+        Path | None,
+        typer.Option("--photos", metavar="PATH", help="Times of photos: a table, or the folder of the image files."),
+    ] = None
+    names: Annotated[
+        str | None, typer.Option("--names", metavar="PATTERN", help="Photos by the number of the event: 'DJI_{:04d}'.")
+    ] = None
+    offset: Annotated[
+        float | None, typer.Option("--offset", metavar="SECONDS", help="Event less photo time; else found.")
+    ] = None
+    camera: Annotated[str | None, typer.Option("--camera", metavar="NAME", help="Camera of new photos.")] = None
+    replace: Annotated[bool, typer.Option("--replace", help="Replace stations and differences that are there.")] = False
+
+
 def register(app: typer.Typer) -> None:
     """Add the command."""
 
@@ -64,6 +87,7 @@ def register(app: typer.Typer) -> None:
         positions: Annotated[Path, typer.Argument(metavar="GNSS", help="Positions: a solution of RTKLIB (.pos).")],
         form: FormOptions,
         model: ModelOptions,
+        exposures: EventOptions,
         output: Annotated[
             Path | None, typer.Option("--output", "-o", metavar="FILE", help="Instead of IMU.sbet.")
         ] = None,
@@ -75,6 +99,9 @@ def register(app: typer.Typer) -> None:
         observed, without a magnetometer. Six numbers of --noise: gyroscope rad/s/sqrt(Hz), accelerometer
         m/s2/sqrt(Hz), random walks of their biases, first biases (rad/s, m/s2).
 
+        With --events the photos of a project get exposure stations with the covariances of position and attitude
+        (.STA) and the differences between successive exposures (.REL).
+
         Example: orip imu imu.csv flight.pos --mount 180,0,-90 --lever-arm 0.1,0,-0.3
         """
         from orip.files.text.atomic import write_output
@@ -84,16 +111,56 @@ def register(app: typer.Typer) -> None:
         files = ImuFiles(
             folder / imu, folder / positions, _form(form), _noise(model.noise),
             _three("--lever-arm", model.lever_arm, 50.0), _time(form.time), model.rate, not model.as_given,
+            _epochs(folder, exposures.events),
         )  # fmt: skip
         target = folder / (output or Path(f"{imu.name.split('.')[0] or imu.name}.sbet"))
         deviations = target.with_suffix(".smrmsg")
         for path in (target, deviations):
             _require_own(path, files)
         result = process_imu(files)
+        if files.events is not None:
+            _write_stations(invocation, result, files.events, exposures, dry_run=dry_run)
         if not dry_run:
             for path, data in ((deviations, result.smrmsg), (target, result.sbet)):
                 write_output(path, data)
-        _tell(invocation, result, target, dry_run=dry_run)
+        _tell(invocation, result, target, dry_run=dry_run, has_events=files.events is not None)
+
+
+def _epochs(folder: Path, name: Path | None) -> Epochs | None:
+    """Return the epochs of a file; None without a name."""
+    if name is None:
+        return None
+    from orip.errors import Complaint, InputError
+    from orip.stations.imported import read_epochs
+
+    found = read_epochs(folder / name, name.name)
+    if found.complaints:
+        raise InputError(found.complaints)
+    if not len(found.value):
+        raise InputError([Complaint("there are no epochs in this file", name.name)])
+    return found.value
+
+
+def _write_stations(
+    invocation: Invocation, result: ImuResult, events: Epochs, options: EventOptions, *, dry_run: bool
+) -> None:
+    from orip.stations.exposures import Matching
+    from orip.stations.imported import ImportSettings
+    from orip.stations.smoothed import import_smoothed
+    from orip.workflow.project.commit import carry_out
+    from orip.workflow.records.commands import read_records
+
+    matching = Matching(options.names, options.offset)
+    settings = ImportSettings(matching, camera=options.camera, replaces=options.replace)
+    photo_times = _epochs(invocation.folder, options.photos)
+    edit = partial(
+        import_smoothed, result=result, events=events, photo_times=photo_times, settings=settings, dry_run=dry_run
+    )
+    outcome = carry_out(read_records(invocation.folder), edit).outcome
+    invocation.terminal.warn(outcome.warnings)
+    count, would = len(outcome.stations), "would be " if dry_run else ""
+    base = outcome.shown.removesuffix(".STA")
+    invocation.terminal.point("stations", f"{count} {would}written to {base}.STA, their differences to {base}.REL")
 
 
 def _form(options: FormOptions) -> ImuForm:
@@ -163,7 +230,7 @@ def _require_own(target: Path, files: ImuFiles) -> None:
             raise UsageError(message)
 
 
-def _tell(invocation: Invocation, result: ImuResult, target: Path, *, dry_run: bool) -> None:
+def _tell(invocation: Invocation, result: ImuResult, target: Path, *, dry_run: bool, has_events: bool) -> None:
     terminal = invocation.terminal
     terminal.warn(result.warnings)
     if terminal.json:
@@ -173,7 +240,7 @@ def _tell(invocation: Invocation, result: ImuResult, target: Path, *, dry_run: b
         terminal.point(label, text)
     names = f"{target.name}, {target.with_suffix('.smrmsg').name}"
     terminal.point("would write" if dry_run else "wrote", names)
-    if not dry_run:
+    if not (dry_run or has_events):
         own = f"orip stations import {target.name} --deviations {target.with_suffix('.smrmsg').name} --events FILE"
         terminal.point("next", own)
 

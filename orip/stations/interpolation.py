@@ -18,7 +18,7 @@ from orip.geometry.ground_ellipsoid import (
     place_axes,
 )
 from orip.geometry.ground_frame import GroundFrame, ground_frame
-from orip.geometry.rotation import angles_from_rotation, rotation_from_navigation
+from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation, rotation_from_navigation
 from orip.records.control import NOT_GIVEN, Station
 from orip.records.epochs import SECONDS_PER_WEEK, Epochs
 from orip.structs import replace
@@ -245,6 +245,9 @@ class Exposures(Struct, frozen=True):
     is_used : tuple of n bool
         False: the station is only compared.
     strip : tuple of n str
+    joint : array (n, 6, 6) or None
+        Covariance of place and rotation, along and about east, north, up: metres, radians. Takes the place of
+        `covariance` and `angle_error`.
     """
 
     photo: tuple[str, ...]
@@ -256,6 +259,7 @@ class Exposures(Struct, frozen=True):
     time: FloatArray
     is_used: tuple[bool, ...]
     strip: tuple[str, ...]
+    joint: FloatArray | None = None
 
 
 def stations_in_project(
@@ -302,7 +306,28 @@ def stations_in_project(
     stations = [
         _station(exposures, row, place[row], covariance[row], angles[row], errors[row]) for row in range(len(place))
     ]
+    if exposures.joint is not None:
+        stations = [
+            _with_joint_covariance(station, grid, joint, per_unit)
+            for station, grid, joint in zip(stations, to_grid, exposures.joint, strict=True)
+        ]
     return tuple(stations), warnings
+
+
+def _with_joint_covariance(station: Station, to_grid: FloatArray, joint: FloatArray, per_unit: float) -> Station:
+    """Return a station with the covariance of its position and angles."""
+    by_axes = np.zeros((6, 6))
+    by_axes[:3, :3] = to_grid / per_unit
+    by_axes[3:, 3:] = angle_rates_from_axes_rotation(np.array(station.angles)) @ to_grid
+    covariance = by_axes @ joint @ by_axes.T
+    sign = np.repeat([np.sign(station.position_error[0]), np.sign(station.angle_error[0])], 3)
+    errors = sign * np.sqrt(np.diag(covariance))
+    return replace(
+        station,
+        position_error=_triple(errors[:3]),
+        angle_error=_triple(errors[3:]),
+        covariance=tuple(map(tuple, covariance.tolist())),
+    )
 
 
 def _frame(place: FloatArray, crs: str | None, ground_unit: str) -> GroundFrame:

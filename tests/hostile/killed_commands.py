@@ -21,6 +21,12 @@ _CONTROL = {
     "distances": ("D9 from=3 to=4 code=XYZ distance=136.7 a=0.05", "D1", "distance=166.7", "D2"),
     "directions": ("S2 station=1 target=4 direction=51.5 a=0.02", "'S1 1 3'", "a=0.02", "'S1 1 4'"),
     "stations": ("third X=1190 Y=2075 Z=330 aX=5 aY=5 aZ=5", "left", "X=1070.5", "right"),
+    "differences": (
+        "left second=third dX=120 dY=0 dZ=0 aX=5 aY=5 aZ=5",
+        "'left right'",
+        "dX=60.5",
+        "'right third'",
+    ),
     "preliminary": ("T9 X=1 Y=2 Z=3", "P1", "X=1102", ""),
 }
 """Of each control text a line to add, one that is there, a change of it, and one that is disregarded."""
@@ -30,6 +36,7 @@ CONTROL_TEXTS = {
     "FIRST.LEN": "D1 1 2 XYZ 166.63 0.05\nD2 3 4 XYZ 136.7 -0.05\n",
     "FIRST.DIR": "S1 1 2 88.4352 0.01\nS1 1 3 1.1402 0.01\nS1 1 4 51.5 -0.02\n",
     "FIRST.STA": "left 1070 2075 330 5 5 5\nright 1130 2075 330 -5 -5 -5\n",
+    "FIRST.REL": "left right 60 0 0 5 5 5\nright third 60 0 0 -5 -5 -5\n",
     "MAIN.PRE": "P1 1101 2083 107\n",
     "again.txt": "POINTS MAIN left\nP1 104.402 100.931\n",
     "flown.csv": "photo,X,Y,Z\nleft,1070.5,2075.2,330.1\nright,1130.1,2075.3,330.2\nthird,1190.0,2075.0,330.0\n",

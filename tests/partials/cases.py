@@ -801,7 +801,7 @@ def _differences(block: Block) -> tuple[StationDifference, ...]:
     nothing = (np.nan, np.nan, np.nan)
     found = []
     for row, (one, other) in enumerate(pairwise(block.photo_orientation)):
-        turned = rotation_from_angles(other[3:]) @ rotation_from_angles(one[3:]).T
+        turned = rotation_from_angles(one[3:]).T @ rotation_from_angles(other[3:])
         angles = angles_from_rotation(rotation_about_axes(np.array([0.1, -0.05, 0.02])) @ turned)
         found.append(
             StationDifference(

@@ -5,13 +5,18 @@ Nothing of orip's mechanisation is used: specific force and rates follow from cl
 
 from __future__ import annotations
 
+import gzip
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.spatial.transform import Rotation
 
+from orip.geometry.ground_ellipsoid import geocentric_from_geographic, place_axes
+from orip.records.epochs import SECONDS_PER_WEEK
 from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity
+from orip.stations.interpolation import WGS84
 
 LATITUDE, HEIGHT = np.radians(50.0), 400.0
 GRAVITY = LocalGravity(LATITUDE, HEIGHT)
@@ -116,3 +121,27 @@ def observed(
     covariance = np.broadcast_to(np.diag(np.square(deviation)), (len(at), 3, 3)).copy()
     unknown = np.full((len(at), 3), np.nan)
     return imu, Fixes(truth.time[at], place, covariance, unknown, unknown)
+
+
+START = 1316 * SECONDS_PER_WEEK + 1000.0
+
+
+def written(folder: Path, truth: Flight, imu: ImuSamples, fixes: Fixes, **change: object) -> None:
+    """Write a unit's table and positions of RTKLIB, geocentric."""
+    origin = np.array([[0.2, LATITUDE, HEIGHT]])
+    place = geocentric_from_geographic(origin, WGS84) + fixes.place @ place_axes(origin)[0]
+    lines = ["%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q ns sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) sdzx(m) age(s) ratio"]
+    for time, point in zip(fixes.time + START, place, strict=True):
+        week, seconds = divmod(time, SECONDS_PER_WEEK)
+        xyz = " ".join(f"{value:.4f}" for value in point)
+        lines.append(f"{week:.0f} {seconds:.3f} {xyz} 1 9 0.03 0.03 0.03 0 0 0 0 9")
+    (folder / "flight.pos").write_text("\n".join(lines) + "\n")
+    time = imu.time + START + float(change.get("late", 0.0))  # type: ignore[arg-type]
+    table = np.column_stack([time, imu.force * float(change.get("force", 1.0)), imu.rate])  # type: ignore[arg-type]
+    text = "time,fx,fy,fz,wx,wy,wz\n" + "\n".join(
+        ",".join(f"{value:.9g}" if n else f"{value:.6f}" for n, value in enumerate(row)) for row in table
+    )
+    (folder / "imu.csv.gz").write_bytes(gzip.compress(text.encode()))
+
+
+LEVER = "--lever-arm=" + ",".join(map(str, LEVER_ARM))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 from pathlib import Path
 
@@ -12,7 +11,18 @@ from cli.command_line import orip
 from reference.published_data import REFERENCE_DATA
 from scipy.spatial.transform import Rotation
 from support.json_schemas import schema_faults
-from trajectory.inertial_flight import GRAVITY, LEVER_ARM, MEMS, TACTICAL, Flight, flight, observed
+from trajectory.inertial_flight import (
+    GRAVITY,
+    LEVER,
+    LEVER_ARM,
+    MEMS,
+    START,
+    TACTICAL,
+    Flight,
+    flight,
+    observed,
+    written,
+)
 
 from orip.records.epochs import SECONDS_PER_WEEK
 from orip.stations.inertial.alignment import align
@@ -199,35 +209,6 @@ def test_ten_seconds_of_a_walk_left_out_at_ten_places():
 
 
 # the command
-
-
-START = 1316 * SECONDS_PER_WEEK + 1000.0
-
-
-def written(folder: Path, truth: Flight, imu: ImuSamples, fixes: Fixes, **change: object) -> None:
-    """Write a unit's table and positions of RTKLIB, geocentric."""
-    from trajectory.inertial_flight import HEIGHT, LATITUDE
-
-    from orip.geometry.ground_ellipsoid import geocentric_from_geographic, place_axes
-    from orip.stations.interpolation import WGS84
-
-    origin = np.array([[0.2, LATITUDE, HEIGHT]])
-    place = geocentric_from_geographic(origin, WGS84) + fixes.place @ place_axes(origin)[0]
-    lines = ["%  GPST  x-ecef(m) y-ecef(m) z-ecef(m) Q ns sdx(m) sdy(m) sdz(m) sdxy(m) sdyz(m) sdzx(m) age(s) ratio"]
-    for time, point in zip(fixes.time + START, place, strict=True):
-        week, seconds = divmod(time, SECONDS_PER_WEEK)
-        xyz = " ".join(f"{value:.4f}" for value in point)
-        lines.append(f"{week:.0f} {seconds:.3f} {xyz} 1 9 0.03 0.03 0.03 0 0 0 0 9")
-    (folder / "flight.pos").write_text("\n".join(lines) + "\n")
-    time = imu.time + START + float(change.get("late", 0.0))  # type: ignore[arg-type]
-    table = np.column_stack([time, imu.force * float(change.get("force", 1.0)), imu.rate])  # type: ignore[arg-type]
-    text = "time,fx,fy,fz,wx,wy,wz\n" + "\n".join(
-        ",".join(f"{value:.9g}" if n else f"{value:.6f}" for n, value in enumerate(row)) for row in table
-    )
-    (folder / "imu.csv.gz").write_bytes(gzip.compress(text.encode()))
-
-
-LEVER = "--lever-arm=" + ",".join(map(str, LEVER_ARM))
 
 
 @pytest.fixture(scope="module")

@@ -1,8 +1,9 @@
 """Relative control: differences of position and attitude between two exposures, as inertial data observe them.
 
-The difference of positions is that of two stations' observed positions; a shift that both have drops out. The rotation
-from the first attitude to the second is taken about the axes of the project, where the boresight drops out: (R2 B^T)
-(R1 B^T)^T = R2 R1^T. Its residual is the rotation vector that is left, so that nothing is singular anywhere. Where the
+The difference of positions, along the axes of the project, is that of two stations' observed positions; a shift that
+both have drops out. The rotation is that of gyroscopes, about the axes of the first station's inertial system: with
+attitudes A = R B^T it is A1^T A2, in which an error that both attitudes have in common drops out, and the boresight
+but for small parts. Its residual is the rotation vector that is left, so that nothing is singular anywhere. Where the
 errors of the six components are correlated, their equations are decorrelated as those of a station.
 """
 
@@ -19,10 +20,14 @@ from orip.bundle.correlated_rows import CorrelatedRows, rows_of_members
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.geometry.rotation import rotation_from_angles, rotation_vectors_with_partials
+from orip.geometry.rotation import (
+    axes_rotation_from_angle_rates,
+    rotation_from_angles,
+    rotation_vectors_with_partials,
+)
 from orip.records.block import Block
 from orip.records.control import StationDifference
-from orip.records.definition import LEVER_ARM
+from orip.records.definition import BORESIGHT_PLACES, LEVER_ARM
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.observation_kinds import DIFFERENCE
@@ -30,6 +35,9 @@ from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 
 COMPONENTS = ("X", "Y", "Z", "OMEGA", "PHI", "KAPPA")
+_OF_STATION = 19
+"""Unknowns: six of the photo, lever arm, time offset, shift, drift, boresight."""
+
 _UNIT = np.array([1.0, 1.0, 1.0, DEGREES_PER_RADIAN, DEGREES_PER_RADIAN, DEGREES_PER_RADIAN])
 """Of the rows, in one of the records."""
 
@@ -48,7 +56,7 @@ class DifferenceObservations(Observations, frozen=True):
         NaN likewise.
     whitening : array (m, 6, 6)
         From residuals of the components, in the units of the rows, to those of the equations.
-    is_shared : array (m, 10) of bool
+    is_shared : array (m, 13) of bool
         Unknowns of antenna, shift and drift that both stations have.
     places : StationPlaces
         Of the first stations, then of the second ones.
@@ -70,45 +78,48 @@ class DifferenceObservations(Observations, frozen=True):
         return self.pair
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
-        """Return residuals (ground unit, degrees) and partials by 32 unknowns.
+        """Return residuals (ground unit, degrees) and partials by 38 unknowns.
 
-        These are projection centre (3) and rotation (3) of the first photo, lever arm (3), time offset, shift (3) and
-        drift (3) of its station, and the same of the second; what both share is with the first. The project's axes turn
-        slightly when a projection centre moves; the partials neglect this.
+        These are projection centre (3) and rotation (3) of the first photo; lever arm (3), time offset, shift (3),
+        drift (3) and boresight (3) of its station; and the same of the second. What both share is with the first. The
+        project's axes turn slightly when a projection centre moves; the partials neglect this.
         """
         count = len(self.position)
         found, by_unknowns, known = antenna_positions_with_partials(
             state, self.places, np.arange(2 * count), self.ground
         )
-        sign = np.repeat([-1.0, 1.0], count)[:, None, None]
         residual = np.full((count, 6), np.nan)
-        partials = np.zeros((count, 6, 32))
+        partials = np.zeros((2 * count, 6, _OF_STATION))
         residual[:, :3] = found[count:] - found[:count] - self.position
-        signed = sign * by_unknowns
-        first, second = signed[:count], signed[count:]
+        partials[:, :3, :16] = by_unknowns
+        partials[:count] *= -1.0
+        residual[:, 3:], partials[:, 3:, 3:6], partials[:, 3:, 16:] = self._turns(state)
+        first, second = partials[:count], partials[count:]
         first[:, :, 6:] += np.where(self.is_shared[:, None], second[:, :, 6:], 0.0)
-        partials[:, :3, :16], partials[:, :3, 16:] = first, second
-        residual[:, 3:], partials[:, 3:, 3:6], partials[:, 3:, 19:22] = self._turns(state)
-        of_both: BoolArray = np.asarray(known[:count] & known[count:])
+        partials = np.concatenate([first, second], axis=2)
+        of_both = np.logical_and(*np.split(known, 2))
         residual = (self.whitening @ np.nan_to_num(residual)[:, :, None])[:, :, 0]
         partials = self.whitening @ np.nan_to_num(partials)
         at = (self.pair, self.axis)
-        return Linearisation(residual[at], partials[at], of_both[self.pair])
+        return Linearisation(residual[at], partials[at], np.asarray(of_both, dtype=np.bool_)[self.pair])
 
     def _turns(self, state: BlockState) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rotation vectors (m, 3), degrees, and partials (m, 3, 3) by the rotations of both photos."""
+        """Return rotation vectors (m, 3), degrees; partials (2 m, 3, 3) by rotations of photos, and by boresights."""
         photo = self.places.photo
+        boresight = rows_or(state.antennas, self.places.antenna, 0.0)[:, BORESIGHT_PLACES]
         axes = self.ground.axes_at(self.ground.to_project(state.centres[photo]))
-        finite: BoolArray = np.asarray(np.isfinite(axes).all(axis=(1, 2)))
-        axes = np.where(finite[:, None, None], axes, np.eye(3))
-        one, other = np.split(axes @ state.rotations[photo], 2)
-        by_first, by_second = np.split(axes @ state.rotation_basis()[photo], 2)
-        turned = other @ np.swapaxes(one, 1, 2)
+        is_there: BoolArray = np.asarray(np.isfinite(axes).all(axis=(1, 2)))
+        axes = np.where(is_there[:, None, None], axes, np.eye(3))
+        attitude = axes @ state.rotations[photo] @ np.swapaxes(rotation_from_angles(boresight), 1, 2)
+        first, second = np.split(attitude, 2)
+        back = np.swapaxes(first, 1, 2)
         observed = np.where(np.isfinite(self.rotation), self.rotation, np.eye(3))
-        vectors, rates = rotation_vectors_with_partials(turned @ np.swapaxes(observed, 1, 2))
+        vectors, rates = rotation_vectors_with_partials(back @ second @ np.swapaxes(observed, 1, 2))
         vectors = np.where(np.isfinite(self.rotation[:, 0]), vectors, np.nan)
-        rates = DEGREES_PER_RADIAN * rates
-        return DEGREES_PER_RADIAN * vectors, -rates @ turned @ by_first, rates @ by_second
+        rates = DEGREES_PER_RADIAN * rates @ back
+        rates = np.concatenate([-rates, rates])
+        by_boresight = -rates @ attitude @ axes_rotation_from_angle_rates(boresight)
+        return DEGREES_PER_RADIAN * vectors, rates @ axes @ state.rotation_basis()[photo], by_boresight
 
     def as_observed(self, residual: FloatArray, others: Mapping[str, FloatArray]) -> FloatArray:
         """Return the residuals (n,) of the components from those of the equations."""
@@ -183,7 +194,7 @@ def _places(block: Block) -> StationPlaces:
 def _columns(
     block: Block, unknowns: Unknowns, places: StationPlaces, whitening: FloatArray
 ) -> tuple[IntArray, BoolArray]:
-    """Return the unknowns (m, 6, 32) of the components, and which of antenna, shift and drift both stations have."""
+    """Return the unknowns (m, 6, 38) of the components, and which of antenna, shift and drift both stations have."""
     of_antenna = rows_or(unknowns.antennas, places.antenna, CONSTANT)
     arm = len(LEVER_ARM)
     given = np.array([record.lever_arm for record in block.antennas], dtype=np.float64).reshape(-1, arm)
@@ -191,16 +202,18 @@ def _columns(
     of_stations = np.hstack([
         unknowns.elements[places.photo], of_antenna[:, [0, 1, 2, 6]],
         rows_or(unknowns.shifts, places.shift, CONSTANT), rows_or(unknowns.drifts, places.drift, CONSTANT),
+        of_antenna[:, BORESIGHT_PLACES],
     ])  # fmt: skip
     first, second = np.split(of_stations, 2)
     is_shared = (first[:, 6:] == second[:, 6:]) & (first[:, 6:] != CONSTANT)
     second[:, 6:][is_shared] = CONSTANT
-    touched = np.zeros((len(first), 6, 2, 16), dtype=bool)
-    touched[:, :3] = True
+    touched = np.zeros((len(first), 6, 2, _OF_STATION), dtype=bool)
+    touched[:, :3, :, :10] = True
     touched[:, :3, :, 3:6] = np.stack(np.split(has_arm, 2), axis=1)[:, None, :, None]
     touched[:, 3:, :, 3:6] = True
-    touched[:, :3, :, 10:] = np.tile(np.eye(3, dtype=bool), 2)[:, None]
-    mixed = (whitening != 0.0).astype(np.int64) @ touched.reshape(-1, 6, 32).astype(np.int64) > 0
+    touched[:, 3:, :, 16:] = True
+    touched[:, :3, :, 10:16] = np.tile(np.eye(3, dtype=bool), 2)[:, None]
+    mixed = (whitening != 0.0).astype(np.int64) @ touched.reshape(-1, 6, 2 * _OF_STATION).astype(np.int64) > 0
     return np.where(mixed, np.hstack([first, second])[:, None], CONSTANT), is_shared
 
 

@@ -36,7 +36,10 @@ _LEAST_CHANGE = 1.0
 
 
 class ImuFiles(Struct, frozen=True):
-    """What is read, and how; `time` is one of `TIME_SYSTEMS`, ``week``, or empty: what fits."""
+    """What is read, and how; `time` is one of `TIME_SYSTEMS`, ``week``, or empty: what fits.
+
+    The trajectory has states at `events`, such as exposures.
+    """
 
     imu: Path
     positions: Path
@@ -46,12 +49,14 @@ class ImuFiles(Struct, frozen=True):
     time: str = ""
     rate: float = 50.0
     estimates_noise: bool = True
+    events: Epochs | None = None
 
 
 class ImuResult(Struct, frozen=True):
     """A trajectory at even times: seconds since 1980-01-06, longitude, latitude (radians), height; angles in radians.
 
-    Deviations (n, 3) of places and velocities along east, north, up, and of roll, pitch, heading.
+    Deviations (n, 3) of places and velocities along east, north, up, and of roll, pitch, heading. `axes` (3, 3) are
+    those of the local frame, geocentric.
     """
 
     trajectory: Trajectory
@@ -64,6 +69,7 @@ class ImuResult(Struct, frozen=True):
     velocity_deviation: FloatArray
     angle_deviation: FloatArray
     body: FloatArray
+    axes: FloatArray
     warnings: tuple[ProjectWarning, ...]
 
     @property
@@ -98,8 +104,9 @@ def process_imu(files: ImuFiles) -> ImuResult:
     gravity = LocalGravity(float(geographic[1]), float(geographic[2]))
     try:
         trajectory = smooth(
-            imu, fixes, gravity, files.noise, np.array(files.lever_arm), estimates_noise=files.estimates_noise
-        )
+            imu, fixes, gravity, files.noise, np.array(files.lever_arm), event_times(files.events, fixes.time),
+            estimates_noise=files.estimates_noise,
+        )  # fmt: skip
     except RuntimeError:  # of GTSAM, for a graph without a solution
         message = (
             "no trajectory fits both samples and positions; the units of the columns (--rate-unit deg/s), the axes "
@@ -108,6 +115,14 @@ def process_imu(files: ImuFiles) -> ImuResult:
         raise InputError([Complaint(message, files.imu.name)]) from None
     warnings = [*_warnings(trajectory, files), *_late(time_offset(imu, fixes, gravity, files, trajectory), files)]
     return _Dense(trajectory, imu, 1.0 / files.rate).result(origin, axes, system, tuple(warnings))
+
+
+def event_times(events: Epochs | None, time: FloatArray) -> FloatArray:
+    """Return the times of events, ascending, in seconds since 1980; seconds of the week are of that of some times."""
+    if events is None:
+        return np.zeros(0)
+    found = np.unique(events.time[np.isfinite(events.time)])
+    return found if events.has_week else found + np.floor(time[0] / SECONDS_PER_WEEK) * SECONDS_PER_WEEK
 
 
 def _in_gps_time(imu: ImuSamples, positions: Epochs, files: ImuFiles) -> tuple[ImuSamples, str]:
@@ -242,6 +257,7 @@ class _Dense:
             _roots(self._between(states.velocity_covariance)),
             _roots(_to_angles(angles, attitude)),
             body,
+            axes,
             warnings,
         )
 

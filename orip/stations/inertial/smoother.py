@@ -16,6 +16,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.errors import OripError
 from orip.progress import stage
 from orip.stations.inertial.alignment import Alignment, align
+from orip.stations.inertial.chain import Chain, chain_of
 from orip.stations.inertial.samples import Fixes, ImuNoise, ImuSamples, LocalGravity
 from orip.structs import replace
 
@@ -31,6 +32,10 @@ _LEAST_REDUNDANCY = 20.0
 
 _PART = 200
 """States that are added between two solutions of the filter."""
+
+
+_SIZES = {"x": 6, "v": 3, "b": 6}
+"""Unknowns of pose, velocity and biases of a state, in their order."""
 
 
 class Factors(Struct, frozen=True):
@@ -83,6 +88,9 @@ class Trajectory(Struct, frozen=True):
     factors : Factors
     square_sum : float
         vPv of all observations.
+    chain : Chain
+        Of each state rotation and position, along the axes of the body, velocity, biases of accelerometer and
+        gyroscope.
     """
 
     time: FloatArray
@@ -99,6 +107,7 @@ class Trajectory(Struct, frozen=True):
     alignment: Alignment
     factors: Factors
     square_sum: float
+    chain: Chain
 
 
 def smooth(
@@ -313,13 +322,12 @@ class _Graph:
         parameters = gtsam.GaussNewtonParams()
         parameters.setLinearSolverType("MULTIFRONTAL_QR")
         found = gtsam.GaussNewtonOptimizer(graph, start, parameters).optimize()
-        marginals = self._tree()
-        marginals.update(graph, found)
+        chain = self._chain(graph.linearize(found))
         count = len(times)
         pose = [found.atPose3(self._x(at)) for at in range(count)]
         rotation = np.array([part.rotation().matrix() for part in pose])
         place = np.array([part.translation() for part in pose])
-        covariance = np.array([marginals.marginalCovariance(self._x(at)) for at in range(count)])
+        covariance = chain.covariance
         bias = [found.atConstantBias(self._b(at)) for at in range(count)]
         antenna = place + rotation @ self._lever_arm
         trajectory = Trajectory(
@@ -327,9 +335,9 @@ class _Graph:
             place,
             np.array([found.atVector(self._v(at)) for at in range(count)]),
             rotation,
-            rotation @ covariance[:, 3:, 3:] @ np.swapaxes(rotation, 1, 2),
+            rotation @ covariance[:, 3:6, 3:6] @ np.swapaxes(rotation, 1, 2),
             covariance[:, :3, :3],
-            np.array([marginals.marginalCovariance(self._v(at)) for at in range(count)]),
+            covariance[:, 6:9, 6:9],
             np.array([part.gyroscope() for part in bias]),
             np.array([part.accelerometer() for part in bias]),
             self._fixes.place - antenna[fix >= 0],
@@ -337,8 +345,31 @@ class _Graph:
             alignment,
             self._factors,
             2.0 * graph.error(found),
+            chain,
         )
         return found, trajectory
+
+    def _chain(self, linear: Any) -> Chain:
+        """Return the covariances of all states; their biases are too unlike in size for squares of their rows."""
+        count, size = len(self._times), sum(_SIZES.values())
+        single: list[list[FloatArray]] = [[] for _ in range(count)]
+        tied: list[list[FloatArray]] = [[] for _ in range(count - 1)]
+        begins = dict(zip(_SIZES, np.cumsum([0, *_SIZES.values()]).tolist(), strict=False))
+        for number in range(linear.size()):
+            factor = linear.at(number)
+            symbols = [self._gtsam.Symbol(key) for key in factor.keys()]  # noqa: SIM118 - GTSAM's keys are no mapping
+            rows, first, at = factor.jacobian()[0], min(symbol.index() for symbol in symbols), 0
+            placed = np.zeros((len(rows), 2 * size))
+            for symbol in symbols:
+                kind = chr(symbol.chr())
+                begin = begins[kind] + size * (symbol.index() - first)
+                placed[:, begin : begin + _SIZES[kind]] = rows[:, at : at + _SIZES[kind]]
+                at += _SIZES[kind]
+            if any(symbol.index() > first for symbol in symbols):
+                tied[first].append(placed)
+            else:
+                single[first].append(placed[:, :size])
+        return chain_of(single, tied)
 
     def estimated_factors(self, found: Any, trajectory: Trajectory) -> Factors:
         """Return by what the deviations of each group are to be multiplied: the root of vPv over its redundancy.

@@ -38,7 +38,7 @@ def differences(observed, random=None):
     found = []
     for one, other in pairwise(observed):
         noise = np.zeros(6) if random is None else ROOT @ random.normal(size=6)
-        turned = Rotation.from_euler("XYZ", other.angles) * Rotation.from_euler("XYZ", one.angles).inv()
+        turned = Rotation.from_euler("XYZ", one.angles).inv() * Rotation.from_euler("XYZ", other.angles)
         turned = Rotation.from_rotvec(noise[3:]) * turned
         position = np.array(other.position) - np.array(one.position) + noise[:3]
         found.append(
@@ -66,7 +66,8 @@ def test_boresight_and_shift_drop_out(has_stations: bool) -> None:
     observed = stations(
         ARM, TURN, SHIFTS if has_stations else SHIFTS[[0, 0, 0]], DRIFTS if has_stations else 0 * DRIFTS
     )
-    antenna = Antenna("GNSS", lever_arm=tuple(ARM.tolist()), shift="strip", drift="strip", unknown=BORESIGHT)
+    known = {"unknown": BORESIGHT} if has_stations else {"boresight": tuple(TURN.tolist())}
+    antenna = Antenna("GNSS", lever_arm=tuple(ARM.tolist()), shift="strip", drift="strip", **known)
     lines = differences(observed)
     found = solved(with_differences(observed if has_stations else (), lines, antenna))
     assert found.converged
