@@ -91,6 +91,9 @@ def test_movements_are_seen_as_asked_for_from_above_and_from_the_side(turn: floa
     assert np.linalg.norm(np.subtract(after.xyz, before.xyz)) > 0.0
     processor.move(0.0, 0.0, 2.0)
     last = processor.read()
+    # what is recorded, mm in the photos of films, is the same place again
+    assert processor.place_of(processor.vertex()) == pytest.approx(last.xyz, abs=1e-9)
+    assert np.abs(np.subtract(processor.vertex().right_xy, last.photos[1])).max() == 0.0
     apart = [one.places[0][0] - one.places[1][0] for one in (after, last)]
     if system == "OBJECT" and turn:  # Z runs up in the picture
         assert np.subtract(last.places, after.places) == pytest.approx(np.array([[0.0, -2.0]] * 2), abs=1e-6)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
+from pictures.rendered_plane import texture
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
@@ -37,15 +38,6 @@ MODELS = [(f"M{n + 1}", f"P{n}", f"P{n + 1}", 1, n + 1) for n in range(PHOTOS - 
 def height(x, y):
     """Return the height of the surface."""
     return 5.0 * np.sin(x / 17.0) * np.cos(y / 13.0) + 0.04 * x + 10.0
-
-
-def texture(size: int, random: np.random.Generator) -> np.ndarray:
-    """Return grey values with detail of all sizes from some texels on."""
-    found = np.zeros((size, size))
-    for width in (2.0, 4.0, 8.0, 18.0):
-        part = gaussian_filter(random.standard_normal((size, size)), width, mode="wrap")
-        found += part / part.std() * width**0.3
-    return 120.0 + 35.0 * found / found.std()
 
 
 class RenderedStrip(Struct, frozen=True):
