@@ -38,7 +38,8 @@ def adjusted(tmp_path_factory: pytest.TempPathFactory) -> Adjusted:
 
 @pytest.fixture
 def project(adjusted: Adjusted) -> Path:
-    (adjusted.folder / STEREO_FILE).unlink(missing_ok=True)
+    for name in (STEREO_FILE, "hills.GEO"):
+        (adjusted.folder / name).unlink(missing_ok=True)
     return adjusted.folder
 
 
@@ -278,6 +279,30 @@ def test_a_block_without_models_is_seen_in_pairs_of_neighbours(tmp_path: Path, a
     assert [one.code for one in processor.warnings] == ["pairs-of-photos"]
     assert screen.commands["drive"]({"object": [30.0, 20.0, 12.0]})["refused"] is None
     assert screen.state()["condition"] == "IN"
+
+
+def test_scanned_film_gives_the_same_places(tmp_path: Path, project: Path, adjusted: Adjusted) -> None:
+    """Measured in millimetres in the fiducial system, from scans whose pixels count from their middles."""
+    film = write_strip(tmp_path / "film", adjusted.strip, is_film=True)
+    assert orip(film, "run", "--no-report").code == 0
+    found = []
+    for folder in (project, film):
+        _, screen = stereo_of(folder)
+        for number, xyz in enumerate(ground_points(adjusted.strip, 12, np.random.default_rng(9))):
+            said = screen.commands["drive"]({"object": xyz.tolist()})
+            assert said["refused"] is None
+            names = screen.scene["models"][said["state"]["model"]]["photos"]
+            for name in names:
+                x, y = adjusted.strip.pixels(int(name[1]), xyz)[0].tolist()
+                state = screen.commands["plate"]({"photo": name, "x": x, "y": y})["state"]
+                assert state["pixels"][names.index(name)] == pytest.approx((x, y), abs=1e-9)
+            screen.commands["record"]({"kind": "POINT", "code": "G", "name": f"{number}"})
+        assert orip(folder, "restitute", "compute", STEREO_FILE).code == 0
+        rows = [line.split() for line in (folder / "hills.GEO").read_text().splitlines() if line.startswith("  ")]
+        found.append(np.array([[float(word) for word in row[:3]] for row in rows]))
+    largest = max(abs(float(word)) for word in (film / STEREO_FILE).read_text().split() if word.count(".") == 1)
+    assert largest < COLUMNS * PIXEL / 2.0
+    assert np.abs(found[0] - found[1]).max() < 6e-3  # what is recorded of film has 0.1 µm, here 0.005 px
 
 
 def test_the_strip_is_what_it_is_said_to_be(adjusted: Adjusted) -> None:
