@@ -1,8 +1,8 @@
 """A model whose two photos are rectified to its axes: which place of a rectified photo is which of its image.
 
 A rectified photo is what the photo would be with the model's axes as its own, with the mean principal distance of both
-and without distortion (`orip.geometry.stereo`). Its pixels have one size in both photos, about that of the images;
-columns run along the base, rows against y, and a row of the left one is the same row of the right one.
+and without distortion (`orip.geometry.stereo`). Its pixels have one size in both photos, that of the images in their
+middles; columns run along the base, rows against y, and a row of the left one is the same row of the right one.
 
 What is measured in an image stands in logs as its log coordinates: pixels of a digital frame or a scan.
 """
@@ -106,39 +106,62 @@ def rectified_model(model: ModelLoop, images: tuple[ImageOnPlate, ImageOnPlate])
     images : tuple (left, right) of ImageOnPlate
     """
     c = 0.5 * sum(photo.camera.principal_distance for photo in model.photos)
-    pitch = min(_pixel_size(photo, image) for photo, image in zip(model.photos, images, strict=True))
-    borders = [_border(model, c, photo, image) for photo, image in zip(model.photos, images, strict=True)]
-    low, high = (np.array([f(xy, axis=0) for xy in borders]) for f in (np.nanmin, np.nanmax))
+    pitch = min(_pixel_size(model, c, photo, image) for photo, image in zip(model.photos, images, strict=True))
+    extents = [_extent(model, c, pitch, photo, image) for photo, image in zip(model.photos, images, strict=True)]
+    low, high = np.swapaxes(extents, 0, 1)
     bottom, top = float(low[:, 1].max()), float(high[:, 1].min())
-    sides = [_MOST_SIDES * max(one.extent[2] - one.extent[0], one.extent[3] - one.extent[1]) for one in images]
-    across = [
-        min(float(np.ceil((b - a) / pitch)), most) for a, b, most in zip(low[:, 0], high[:, 0], sides, strict=True)
-    ]
-    rows = int(max(0.0, min(np.ceil((top - bottom) / pitch), *sides)))
+    across = np.ceil((high[:, 0] - low[:, 0]) / pitch)
+    rows = int(max(0.0, np.ceil((top - bottom) / pitch)))
     return RectifiedModel(
         model, images, c, pitch, (float(low[0, 0]), float(low[1, 0])), top, (int(across[0]), int(across[1])), rows
     )
 
 
-def _pixel_size(photo: DrivenPhoto, image: ImageOnPlate) -> float:
-    """Return the size of an image's pixels in the photo, mm."""
+def _extent(
+    model: ModelLoop, c: float, pitch: float, photo: DrivenPhoto, image: ImageOnPlate
+) -> tuple[FloatArray, FloatArray]:
+    """Return the least and largest x and y of an image in the rectified photo, mm, cut off far from its middle."""
+    border, (x0, y0, x1, y1) = _border(model, c, photo, image), image.extent
+    (middle,) = _rectified_logs(model, c, photo, image, [[0.5 * (x0 + x1), 0.5 * (y0 + y1)]])
+    most = 0.5 * _MOST_SIDES * max(x1 - x0, y1 - y0) * pitch
+    shown = border[np.isfinite(border).all(axis=1)]
+    if not len(shown):  # a distortion that has no inverse out there
+        shown = np.nan_to_num(middle)[None, :]
+    # NaN, where the middle is not shown: nothing is cut off
+    return np.fmax(shown.min(axis=0), middle - most), np.fmin(shown.max(axis=0), middle + most)
+
+
+def _pixel_size(model: ModelLoop, c: float, photo: DrivenPhoto, image: ImageOnPlate) -> float:
+    """Return the size, mm, that pixels in the middle of an image have in the rectified photo; in the photo if none."""
+    x, y = 0.5 * (image.extent[0] + image.extent[2]), 0.5 * (image.extent[1] + image.extent[3])
+    at = _rectified_logs(model, c, photo, image, [[x - 0.5, y], [x + 0.5, y], [x, y - 0.5], [x, y + 0.5]])
+    (ux, uy), (vx, vy) = (at[1] - at[0]).tolist(), (at[3] - at[2]).tolist()
+    size = float(np.sqrt(abs(ux * vy - uy * vx)))
     _, a1, a2, _, b1, b2 = photo.inverse
-    return float(np.sqrt(abs((a1 * b2 - a2 * b1) * np.linalg.det(image.to_plate.matrix))))
+    in_photo = float(np.sqrt(abs((a1 * b2 - a2 * b1) * np.linalg.det(image.to_plate.matrix))))
+    return size if np.isfinite(size) else in_photo
+
+
+def _rectified_logs(
+    model: ModelLoop, c: float, photo: DrivenPhoto, image: ImageOnPlate, logs: list[list[float]]
+) -> FloatArray:
+    """Return log coordinates (n, 2) in the rectified photo, mm; NaN where they are too wide to be rectified."""
+    rays = photo.rays(image.to_plate.apply(np.array(logs))).direction
+    with np.errstate(all="ignore"):
+        xy = np.stack(rectified(model.axes, c, *rays.T), axis=1)
+        is_near = (rays @ np.array(model.axes[2::3]) < 0.0) & (np.hypot(*xy.T) < _WIDEST * c)
+    return np.where(is_near[:, None], xy, np.nan)
 
 
 def _border(model: ModelLoop, c: float, photo: DrivenPhoto, image: ImageOnPlate) -> FloatArray:
-    """Return the border of an image in the rectified photo (n, 2), mm; NaN where it is too wide to be rectified."""
+    """Return the border of an image in the rectified photo (n, 2), mm; where it is too wide, as far as it may be."""
     x0, y0, x1, y1 = image.extent
     part = np.linspace(0.0, 1.0, _BORDER_PLACES)
     ends = np.zeros_like(part), np.ones_like(part)
     u, v = np.concatenate([[part, ends[0]], [part, ends[1]], [ends[0], part], [ends[1], part]], axis=1)
-    log = np.column_stack([x0 + u * (x1 - x0), y0 + v * (y1 - y0)])
-    rays = photo.rays(image.to_plate.apply(log)).direction
-    z = rays @ np.array(model.axes).reshape(3, 3)[:, 2]
+    logs = np.column_stack([x0 + u * (x1 - x0), y0 + v * (y1 - y0)])
+    away = photo.rays(image.to_plate.apply(logs)).direction @ np.array(model.axes).reshape(3, 3)[:, :2]
     with np.errstate(all="ignore"):
-        xy = np.stack(rectified(model.axes, c, *rays.T), axis=1)
-        wide = ~((z < 0.0) & (np.hypot(*xy.T) < _WIDEST * c))
-    # beyond that the border is cut off there
-    away = np.array(model.axes).reshape(3, 3)[:, :2]
-    limit = rays @ away / np.linalg.norm(rays @ away, axis=1)[:, None] * _WIDEST * c
-    return np.where(wide[:, None], limit, xy)
+        limit = away / np.linalg.norm(away, axis=1)[:, None] * _WIDEST * c
+    near = _rectified_logs(model, c, photo, image, logs.tolist())
+    return np.where(np.isnan(near), limit, near)

@@ -27,6 +27,9 @@ _FEWEST_POINTS = 3
 _LEAST_COSINE = 0.5
 """Of the angle between the directions in which the two look."""
 
+_LEAST_ACROSS = 0.35
+"""Part of the base across that direction: photos one behind the other show no stereo."""
+
 
 def stereo_pairs(solution: Solution, ground: GroundSystem) -> tuple[StereoModel, ...]:
     """Return models of pairs of adjusted photos, in one row; none where no two photos show enough points in stereo.
@@ -79,13 +82,12 @@ def _depth_shows(centres: FloatArray, rotations: FloatArray, points: FloatArray)
     cosine = float(rotations[0, :, 2] @ rotations[1, :, 2])
     distance = float(np.median(np.linalg.norm(points - centres.mean(axis=0), axis=1)))
     base = float(np.linalg.norm(centres[1] - centres[0]))
-    # along the direction of view a base shows nothing
     look = (rotations[0] + rotations[1])[:, 2]
-    across = base and float(np.linalg.norm(np.cross(centres[1] - centres[0], look)) / np.linalg.norm(look))
-    if not (cosine > _LEAST_COSINE and distance > 0.0):
+    across = float(np.linalg.norm(np.cross(centres[1] - centres[0], look)) / np.linalg.norm(look))
+    if not (cosine > _LEAST_COSINE and distance > 0.0 and across > _LEAST_ACROSS * base):
         return 0.0
     ratio = across / distance
-    return cosine * min(1.0, ratio / _RATIOS[0], _RATIOS[1] / max(ratio, 1e-9))
+    return cosine * across / base * min(1.0, ratio / _RATIOS[0], _RATIOS[1] / ratio)
 
 
 def _spanning_tree(count: int, weighted: list[tuple[float, int, int]]) -> Iterator[tuple[int, int]]:

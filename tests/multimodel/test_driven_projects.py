@@ -14,6 +14,8 @@ from workflow.small_projects import film_project
 
 from orip.multimodel.movement import automatic, change_model, drive_object
 from orip.multimodel.readout import drive_objects, object_position
+from orip.multimodel.stereo_pairs import stereo_pairs
+from orip.multimodel.stereo_processor import open_stereo
 from orip.multimodel.table import object_ground
 from orip.multimodel.table_step import DriveTableOutcome, load_drive_table
 from orip.records.solution import Solution
@@ -186,3 +188,17 @@ def test_a_block_on_the_curved_earth(tmp_path):
     }
     # the log has six decimals, points are rounded to 0.1 mm: 5 nm in the photo
     check_photos(solution, outcome.table, expected, 2e-5, ground.to_local)
+    # in stereo: places of the project, and pairs of neighbours where the bundle has no models
+    stereo = open_stereo(folder, None, dict.fromkeys(aerial.photo_names, (-115.0, -115.0, 115.0, 115.0)))
+    both = [point for photo, point in expected if photo == pair[0] and (pair[1], point) in expected]
+    rows = {name: row for row, name in enumerate(solution.points.names)}
+    for point in both:
+        stereo.drive(tuple(solution.points.values[rows[point]].tolist()))
+        read = stereo.read()
+        assert np.abs(read.xyz - solution.points.values[rows[point]]).max() < 1e-6
+        assert np.abs(np.subtract(read.photos, [expected[photo, point] for photo in pair])).max() < 2e-5
+        assert abs(read.y_parallax) < 1e-9
+    models = stereo_pairs(solution, ground)
+    assert len(both) > 3
+    assert {name for model in models for name in (model.left, model.right)} == set(aerial.photo_names)
+    assert len(models) == len(aerial.photo_names) - 1

@@ -86,7 +86,13 @@ def served(folder: Path) -> Iterator[WatchServer]:
     """Serve the screen of a project meanwhile."""
     state = read_project(folder, "definitions")
     session = annex(MEASURING_ONLINE).session_to_measure(folder, None)
-    screen = MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)
+    with serving(MeasuringScreen(session, "plane MAIN", plates_of(state, None), folder)) as server:
+        yield server
+
+
+@contextmanager
+def serving(screen: Any) -> Iterator[WatchServer]:
+    """Serve a page and its pictures meanwhile."""
     with WatchServer(screen, pictures=screen.picture) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
         thread.start()

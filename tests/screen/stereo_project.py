@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from screen.rendered_project import serving
 from support.rendered_surface import RenderedStrip, render_strip, write_strip
 from workflow.quiet import run_quietly
 
@@ -50,11 +50,5 @@ def stereo_of(folder: Path) -> tuple[StereoProcessor, StereoScreen]:
 def served_stereo(folder: Path) -> Iterator[WatchServer]:
     """Serve the stereo screen of a project meanwhile."""
     _, screen = stereo_of(folder)
-    with WatchServer(screen, pictures=screen.picture) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
+    with serving(screen) as server:
+        yield server

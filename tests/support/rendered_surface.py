@@ -5,10 +5,12 @@ What the rest of a test compares with is computed here by scipy's rotations and 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from msgspec import Struct
+from pictures.rendered_plane import texture
 from scipy.interpolate import RectBivariateSpline
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
@@ -37,15 +39,6 @@ MODELS = [(f"M{n + 1}", f"P{n}", f"P{n + 1}", 1, n + 1) for n in range(PHOTOS - 
 def height(x, y):
     """Return the height of the surface."""
     return 5.0 * np.sin(x / 17.0) * np.cos(y / 13.0) + 0.04 * x + 10.0
-
-
-def texture(size: int, random: np.random.Generator) -> np.ndarray:
-    """Return grey values with detail of all sizes from some texels on."""
-    found = np.zeros((size, size))
-    for width in (2.0, 4.0, 8.0, 18.0):
-        part = gaussian_filter(random.standard_normal((size, size)), width, mode="wrap")
-        found += part / part.std() * width**0.3
-    return 120.0 + 35.0 * found / found.std()
 
 
 class RenderedStrip(Struct, frozen=True):
@@ -115,23 +108,35 @@ def _seen(strip: RenderedStrip, photo: int) -> list[np.ndarray]:
     return [RectBivariateSpline(coarse[1], coarse[0], xyz[..., part])(fine[1], fine[0]) for part in (0, 1)]
 
 
-def ground_points(strip: RenderedStrip, count: int, random: np.random.Generator, least: int = 2) -> np.ndarray:
-    """Return points (count, 3) of the surface that so many photos show."""
+def ground_points(strip: RenderedStrip, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return points (count, 3) of the surface that both photos of a model show."""
     found = []
     while len(found) < count:
         x, y = strip.centres[:, :2].min(axis=0) + random.uniform(-45.0, 45.0 + BASE * PHOTOS, 2)
         xyz = np.array([x, y, height(x, y)])
-        if sum(bool(strip.shows(photo, xyz)[0]) for photo in range(PHOTOS)) >= least:
+        shown = [bool(strip.shows(photo, xyz)[0]) for photo in range(PHOTOS)]
+        if any(one and other for one, other in pairwise(shown)):
             found.append(xyz)
     return np.array(found)
 
 
-def write_strip(folder: Path, strip: RenderedStrip, noise: float = NOISE, models: bool = True) -> Path:
-    """Write the project of a strip: images, control and tie points, measured with noise in pixels."""
+_DIGITAL = f"sensor = {{ columns = {COLUMNS}, rows = {ROWS}, width = {COLUMNS * PIXEL}, height = {ROWS * PIXEL} }}"
+_MARKS = {"1": (-4.0, -3.0), "2": (4.0, -3.0), "3": (4.0, 3.0), "4": (-4.0, 3.0)}
+_FILM = f"frame = [{COLUMNS * PIXEL}, {ROWS * PIXEL}]\nfiducials = [" + ", ".join(
+    f'{{ name = "{name}", x = {x}, y = {y} }}' for name, (x, y) in _MARKS.items()
+) + "]"  # fmt: skip
+_SCAN = f'scan = {{ pixel = {PIXEL}, origin = "centre" }}'
+
+
+def write_strip(folder: Path, strip: RenderedStrip, *, models: bool = True, is_film: bool = False) -> Path:
+    """Write the project of a strip: images, control and tie points, measured with noise in pixels.
+
+    As film the photos have fiducial marks, and are measured in scans, from the middle of the upper left pixel.
+    """
     from PIL import Image
 
     random = np.random.default_rng(17)
-    control, ties = ground_points(strip, 12, random, 2), ground_points(strip, 80, random, 2)
+    control, ties = ground_points(strip, 12, random), ground_points(strip, 80, random)
     names = {f"C{n}": xyz for n, xyz in enumerate(control)} | {f"T{n}": xyz for n, xyz in enumerate(ties)}
     (folder / "images").mkdir(parents=True)
     toml = f"""\
@@ -139,17 +144,21 @@ project = {{ name = "hills" }}
 [[camera]]
 name = "C"
 c = {C}
-sensor = {{ columns = {COLUMNS}, rows = {ROWS}, width = {COLUMNS * PIXEL}, height = {ROWS * PIXEL} }}
+{_FILM if is_film else _DIGITAL}
 distortion = {{ A3 = {A3}, P1 = {P1} }}
 """
-    log = ""
+    log, origin = "", 0.5 if is_film else 0.0
     for photo, grey in enumerate(strip.photos):
         Image.fromarray(grey).save(folder / "images" / f"P{photo}.png")
-        toml += f'[[photo]]\nname = "P{photo}"\ncamera = "C"\nimage = "images/P{photo}.png"\n'
+        toml += f'[[photo]]\nname = "P{photo}"\ncamera = "C"\nimage = "images/P{photo}.png"\n{_SCAN * is_film}\n'
+        if is_film:
+            log += f"PHOTO P{photo} A\n"
+            for name, (x, y) in _MARKS.items():
+                log += f"  {name} {COLUMNS / 2 + x / PIXEL - origin:.4f} {ROWS / 2 - y / PIXEL - origin:.4f}\n"
         log += f"POINTS MAIN P{photo}\n"
         for name, xyz in names.items():
             if strip.shows(photo, xyz)[0]:
-                x, y = strip.pixels(photo, xyz)[0] + noise * random.normal(size=2)
+                x, y = strip.pixels(photo, xyz)[0] - origin + NOISE * random.normal(size=2)
                 log += f"  {name} {x:.4f} {y:.4f}\n"
     toml += f'[[bundle]]\nname = "MAIN"\nmeasurement_precision = "{NOISE}px"\n'
     for name, left, right, row, column in MODELS if models else ():
