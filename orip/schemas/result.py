@@ -103,6 +103,18 @@ class Rig(Part, frozen=True):
     KAPPA: RigFigure
 
 
+class Motion(Part, frozen=True):
+    """How a photo of a rolling shutter moved: ground units and degrees a second; sd is null for what is no unknown."""
+
+    VX: Estimate
+    VY: Estimate
+    VZ: Estimate
+    WX: Estimate
+    WY: Estimate
+    WZ: Estimate
+    pixels: float | None
+
+
 class Theodolite(Part, frozen=True):
     """The zero direction of a set."""
 
@@ -259,6 +271,7 @@ class Result(Part, frozen=True):
     antennas: dict[str, Antenna]
     stations: dict[str, Station]
     rigs: list[Rig]
+    motions: dict[str, Motion]
     theodolites: dict[str, Theodolite]
     down_weighted: list[Observation]
     singular: list[Singular]

@@ -14,6 +14,7 @@ import numpy as np
 from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupTest, VarianceComponent
 from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
@@ -48,6 +49,7 @@ def _document(solution: Solution, points: object, point_columns: object, residua
         "antennas": _antennas(solution),
         "stations": _stations(solution),
         "rigs": _rigs(solution),
+        "motions": _motions(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         **_findings(solution),
         "interior": {
@@ -179,6 +181,15 @@ def _rigs(solution: Solution) -> list[dict[str, object]]:
         )
         rig[row.name] = {**_estimate(row.value, row.sd), "scatter": _number(row.scatter)}
     return list(found.values())
+
+
+def _motions(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return the motion of each photo of a rolling shutter."""
+    return {
+        row.photo: {kind: _estimate(getattr(row, kind), getattr(row, f"{kind}_sd")) for kind in MOTION_PARAMETERS}
+        | {"pixels": _number(row.pixels)}
+        for row in solution.motions
+    }
 
 
 def _stations(solution: Solution) -> dict[str, dict[str, object]]:
