@@ -33,6 +33,7 @@ TOP = [
         "antennas",
         "stations",
         "rigs",
+        "motions",
         "theodolites",
         "down_weighted",
         "singular",

@@ -36,10 +36,14 @@ STEADY, SWINGING = Swing(1.5, 14.0), Swing(0.4, 0.83)
 
 
 class Flown(NamedTuple):
-    """A block, whose points and photos start at the truth, and its true readout (seconds)."""
+    """A block, whose points and photos start at the truth, its readout (seconds), and how far its images move (mm).
+
+    `motion` is the root mean square of each photo, from the first row to the last one.
+    """
 
     block: Block
     readout: float
+    motion: np.ndarray
 
 
 Path = Callable[[np.ndarray], tuple[np.ndarray, Rotation]]
@@ -59,7 +63,7 @@ def flown(
     points = random.uniform([-20.0, -20.0, 0.0], [2 * spacing + 20.0, 5 * base + 20.0, 8.0], (POINTS, 3))
     interval = base / speed
     times = interval * np.arange(PHOTOS) + random.uniform(-0.1, 0.1, (STRIPS, PHOTOS)) * interval
-    photo, point, xy, centres, rotations = [], [], [], [], []
+    photo, point, xy, centres, rotations, motion = [], [], [], [], [], []
     for strip in range(STRIPS):
         path = _path(random, strip, spacing, (PHOTOS - 1) * base, speed, swing, interval)
         for row, time in enumerate(times[strip]):
@@ -68,6 +72,8 @@ def flown(
             photo += [strip * PHOTOS + row] * len(inside)
             point += inside.tolist()
             xy.append(image[inside])
+            ends = [_seen(path, time + part * readout, points[inside]) for part in (-0.5, 0.5)]
+            motion.append(np.sqrt(np.mean(np.sum((ends[1] - ends[0]) ** 2, axis=1))))
             place, rotation = path(np.array([time]))
             centres.append(place[0])
             rotations.append(rotation.as_euler("XYZ")[0])
@@ -107,7 +113,7 @@ def flown(
             )
         ),
     )  # fmt: skip
-    return Flown(block, readout)
+    return Flown(block, readout, np.array(motion))
 
 
 def _path(
@@ -136,8 +142,13 @@ def _exposed(path: Path, time: float, readout: float, points: np.ndarray) -> np.
     """Return the images (n, 2) of points, each at the time of its row."""
     after = np.zeros(len(points))
     for _ in range(12):
-        places, rotations = path(time + after)
-        u = rotations.inv().apply(points - places)
-        image = -C * u[:, :2] / u[:, 2:]
+        image = _seen(path, time + after, points)
         after = -readout * image[:, 1] / HEIGHT
     return image
+
+
+def _seen(path: Path, times: np.ndarray | float, points: np.ndarray) -> np.ndarray:
+    """Return the images (n, 2) of points at times."""
+    places, rotations = path(np.broadcast_to(times, len(points)))
+    u = rotations.inv().apply(points - places)
+    return -C * u[:, :2] / u[:, 2:]
