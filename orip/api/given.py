@@ -39,9 +39,11 @@ class Camera(Struct, frozen=True):
     additional_set : {"EBNER", "GRUEN"}, optional
         Additional parameters as weighted unknowns; needs `frame`.
     same_lens_as : str, optional
-        Camera whose principal distance and distortion this one has; only the principal point is its own.
+        Camera whose principal distance and distortion this one has; principal point and readout are its own.
     projection : {"perspective", "equidistant"}
         Equidistant is that of fisheye lenses.
+    readout : float
+        Seconds from the upper row to the lower one; needs `sensor`, and stations with times.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Camera(Struct, frozen=True):
     additional_set: AdditionalSet | None = None
     same_lens_as: str | None = None
     projection: Projection = "perspective"
+    readout: float = 0.0
 
 
 class Photos(Struct, frozen=True):

@@ -98,6 +98,9 @@ class Block:
         Standard residual from which on a weight is reduced.
     max_lost_digits : float
         Decimal digits that a diagonal element may lose before its unknown counts as not determined.
+    velocity_error, rate_error : float, optional
+        A-priori errors of the motions of photos of rolling shutters, ground unit and degrees a second: these are
+        unknowns then.
 
     Raises
     ------
@@ -130,6 +133,8 @@ class Block:
         start_down_weight: int = 2,
         max_standard_residual: float = 5.0,
         max_lost_digits: float = 12.0,
+        velocity_error: float | None = None,
+        rate_error: float | None = None,
     ) -> None:
         settings = {
             "name": name,
@@ -142,6 +147,8 @@ class Block:
             "max_standard_residual": max_standard_residual,
             "max_lost_digits": max_lost_digits,
         }
+        motion = {"velocity_error": velocity_error, "rate_error": rate_error}
+        settings |= {key: error for key, error in motion.items() if error is not None}
         given = Given(
             cameras,
             photos,

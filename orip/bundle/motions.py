@@ -27,9 +27,6 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import RATES
 from orip.wording import counted, first_names
 
-MOTION_PARAMETERS = (*DRIFT, *RATES)
-"""Velocity in ground units a second, angular rate in radians a second, along and about the ground axes."""
-
 _LONGEST_PAUSE = 2.5
 """In median intervals of a strip: after a longer one the flight was another one."""
 
@@ -112,7 +109,7 @@ def without_motion(block: Block) -> Iterator[ProjectWarning]:
 
 
 def motions(strips: tuple[TimedPhotos, ...], centres: FloatArray, rotations: FloatArray) -> FloatArray:
-    """Return the motions (number of photos, 6) in the order of `MOTION_PARAMETERS`; zero where they are not known.
+    """Return velocities and angular rates (number of photos, 6), radians a second; zero where they are not known.
 
     Parameters
     ----------

@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray
-from orip.bundle.motions import TimedPhotos, motions
+from orip.arrays import FloatArray, IntArray
+from orip.bundle.motions import Poses, TimedPhotos, motions, poses, rows_of_readout
 from orip.bundle.rigs import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
@@ -19,7 +19,7 @@ from orip.geometry.rotation import (
     rotation_from_angles,
 )
 from orip.records.block import Block
-from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, first_of_lens
+from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, READOUT, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
@@ -131,6 +131,18 @@ class BlockState(Struct, frozen=True):
 def with_motions(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
     """Return the state with the motions that follow from its orientations; without strips they stay."""
     return replace(state, motions=motions(strips, state.centres, state.rotations)) if strips else state
+
+
+def poses_of_rays(block: Block, state: BlockState, rays: IntArray | slice) -> Poses:
+    """Return where the photos of some photo points of a block were when these were exposed."""
+    points = block.photo_points
+    photo = points.photo[rays]
+    camera = block.photo_camera[photo]
+    row = rows_of_readout(block, points.xy[rays], camera)
+    if row is None:
+        return Poses(state.centres[photo], state.rotations[photo])
+    motion = (state.motions + state.motion_corrections)[photo]
+    return poses(state.centres[photo], state.rotations[photo], motion, state.cameras[camera, READOUT] * row)
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
-from orip.bundle.motions import MOTION_PARAMETERS, rolling_cameras, unknown_motions
+from orip.bundle.motions import rolling_cameras, unknown_motions
 from orip.bundle.rigs import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
+from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import MOUNTING_PARAMETERS, MountedCamera, RigPlaces
 from orip.structs import replace

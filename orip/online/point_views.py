@@ -16,7 +16,7 @@ from orip.interior.image_coordinates import ImageEquation
 from orip.interior.mounting import frame_corners
 from orip.online.advice import given_places, predicted_covariances
 from orip.online.online_block import OnlineBlock
-from orip.records.camera import Camera
+from orip.records.camera import READOUT, Camera
 from orip.records.names import record_key
 
 _NEIGHBOURS = 5
@@ -53,7 +53,7 @@ class PhotoGeometry(Struct, frozen=True):
     @property
     def equation(self) -> ImageEquation:
         """Return the image equation of the camera."""
-        _, x0, y0, *coefficients = self.parameters
+        _, x0, y0, *coefficients = self.parameters[:READOUT]
         return ImageEquation(x0, y0, tuple(coefficients), self.camera.distortion_at == "measured", None)
 
     def millimetres(self, places: FloatArray) -> FloatArray:

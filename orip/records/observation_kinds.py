@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, IntArray
 from orip.records.camera import CAMERA_UNITS
 from orip.records.coded_names import coded
-from orip.records.definition import ANTENNA_UNITS
+from orip.records.definition import ANTENNA_UNITS, DRIFT
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -34,6 +34,9 @@ ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
 
 RATES: Final = ("WX", "WY", "WZ")
 """Angular rates of photos about the ground axes, degrees a second."""
+
+MOTION_PARAMETERS: Final = (*DRIFT, *RATES)
+"""Motion of a photo of a rolling shutter: velocity (ground unit a second) and angular rate."""
 
 
 class ObservationKind(Struct, frozen=True):

@@ -257,6 +257,38 @@ class ExposureEstimate(Struct, frozen=True):
     sd: float
 
 
+class PhotoMotion(Struct, frozen=True):
+    """How a photo of a rolling shutter moved while it was exposed.
+
+    Parameters
+    ----------
+    photo : str
+    VX, VY, VZ : float
+        Velocity along the project's axes, ground unit a second.
+    WX, WY, WZ : float
+        Angular rate about them, degrees a second.
+    VX_sd, ... : float
+        NaN where it follows from the neighbours and is no unknown, infinite where it was removed.
+    pixels : float
+        Root mean square of the motion of the photo's image points from the first to the last row.
+    """
+
+    photo: str
+    VX: float
+    VX_sd: float
+    VY: float
+    VY_sd: float
+    VZ: float
+    VZ_sd: float
+    WX: float
+    WX_sd: float
+    WY: float
+    WY_sd: float
+    WZ: float
+    WZ_sd: float
+    pixels: float
+
+
 class ZeroDirection(Struct, frozen=True):
     """The zero direction R of a set of theodolite directions and its standard deviation, degrees.
 
@@ -332,6 +364,7 @@ class Solution(Struct, frozen=True):
     rigs: tuple[RigEstimate, ...] = ()
     mountings: tuple[MountingEstimate, ...] = ()
     rig_exposures: tuple[ExposureEstimate, ...] = ()
+    motions: tuple[PhotoMotion, ...] = ()
     verdict: str = ""
     projections: tuple[Projection, ...] = ()
     groups: tuple[GroupTest, ...] = ()

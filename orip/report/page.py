@@ -26,6 +26,7 @@ from orip.report.drawings.photo_chips import chip_drawings
 from orip.report.drawings.residual_vectors import photo_anchors, vector_sheets
 from orip.report.first_page import gate_table, key_numbers, method_facts, order_facts, verdict
 from orip.report.photos import (
+    motion_table,
     mounting_table,
     photo_residual_table,
     residual_histograms,
@@ -152,6 +153,7 @@ def _unknowns(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
         "cameras": camera_sheets(given),
         "rigs": rig_table(solution),
         "mountings": mounting_table(solution),
+        "motions": motion_table(solution),
     }
 
 

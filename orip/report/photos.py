@@ -10,7 +10,7 @@ from markupsafe import Markup
 from orip.arrays import FloatArray
 from orip.number_text import decimals_for
 from orip.records.coded_names import coded
-from orip.records.observation_kinds import PHOTO_POINT
+from orip.records.observation_kinds import MOTION_PARAMETERS, PHOTO_POINT, unit_of_unknown
 from orip.records.rig import MOUNTING_PARAMETERS, OFFSET
 from orip.records.solution import RigEstimate, Solution
 from orip.records.solution_stations import StationResiduals, station_residuals
@@ -185,6 +185,26 @@ def _cells(rows: Sequence[RigEstimate]) -> list[str]:
 def _root_mean_square(sizes: Sequence[float]) -> str:
     size = float(np.sqrt(np.mean(np.square(sizes))))
     return fixed(size, decimals_of_most([size]))
+
+
+_NOTE_ON_MOTIONS = (
+    "Of photos that a rolling shutter exposed row by row: velocities along the ground axes and rates about them, "
+    "from the photos before and after in the strip; ± of those that are unknowns. Motion: root mean square of the "
+    "motion of the image points of a photo from the first row to the last one."
+)
+
+
+def motion_table(solution: Solution) -> PageTable | None:
+    """Return the motions of the photos of rolling shutters; None where there are none."""
+    if not solution.motions:
+        return None
+    columns = [PageColumn("Photo", [row.photo for row in solution.motions], words=True)]
+    for kind in MOTION_PARAMETERS:
+        pairs = [(getattr(row, kind), getattr(row, f"{kind}_sd")) for row in solution.motions]
+        cells = [fixed(value, 3) if np.isnan(sd) else f"{fixed(value, 3)} ± {fixed(sd, 3)}" for value, sd in pairs]
+        columns.append(PageColumn(kind, cells, unit_of_unknown(kind, solution.ground_unit)))
+    columns.append(PageColumn("Motion", [fixed(row.pixels, 1) for row in solution.motions], "px"))
+    return PageTable("", "Motions of photos during the readout", columns, _NOTE_ON_MOTIONS)
 
 
 _AXES = ("X", "Y", "Z")

@@ -32,6 +32,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.distortion import image_polynomial
 from orip.interior.image_coordinates import ImageEquation
 from orip.records.block import IndexedPhotoPoints
+from orip.records.camera import READOUT
 from orip.structs import replace
 
 _ITERATIONS = 10
@@ -111,7 +112,7 @@ def _observed(solved: SolvedBlock, marks: StereoMarks) -> PhotoPointObservations
 def _directions(solved: SolvedBlock, photo: int, xy: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the directions of rays, each array (n,), of photo coordinates (n, 2); NaN where there are none."""
     state, row = solved.state, int(solved.block.photo_camera[photo])
-    camera, (c, x0, y0, *coefficients) = solved.block.cameras[row], state.cameras[row].tolist()
+    camera, (c, x0, y0, *coefficients) = solved.block.cameras[row], state.cameras[row, :READOUT].tolist()
     additional = None
     if camera.additional_set is not None:
         count = len(PARAMETER_SETS[camera.additional_set].parameter_names)

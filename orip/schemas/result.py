@@ -115,6 +115,18 @@ class RigExposure(Part, frozen=True):
     KAPPA: Estimate
 
 
+class Motion(Part, frozen=True):
+    """How a photo of a rolling shutter moved: ground units and degrees a second; sd is null for what is no unknown."""
+
+    VX: Estimate
+    VY: Estimate
+    VZ: Estimate
+    WX: Estimate
+    WY: Estimate
+    WZ: Estimate
+    pixels: float | None
+
+
 class Theodolite(Part, frozen=True):
     """The zero direction of a set."""
 
@@ -273,6 +285,7 @@ class Result(Part, frozen=True):
     rigs: list[Rig]
     mountings: dict[str, dict[str, dict[str, Estimate]]]
     exposures: dict[str, RigExposure]
+    motions: dict[str, Motion]
     theodolites: dict[str, Theodolite]
     down_weighted: list[Observation]
     singular: list[Singular]

@@ -35,6 +35,7 @@ TOP = [
         "rigs",
         "mountings",
         "exposures",
+        "motions",
         "theodolites",
         "down_weighted",
         "singular",

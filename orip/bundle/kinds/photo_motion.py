@@ -6,11 +6,10 @@ import numpy as np
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
-from orip.bundle.motions import MOTION_PARAMETERS
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
-from orip.records.observation_kinds import MOTION
+from orip.records.observation_kinds import MOTION, MOTION_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
 _UNIT = np.repeat([1.0, DEGREES_PER_RADIAN], 3)

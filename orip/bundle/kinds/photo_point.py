@@ -109,7 +109,7 @@ class PhotoPointObservations(Observations, frozen=True):
         For a polynomial at "measured" coordinates the residual is that of the corrected coordinate.
         """
         parameters = state.cameras[self.camera]
-        moving = self._moving_image(state)
+        moving = self.moving_image(state)
         image = moving.image
         residual = np.empty_like(self.xy)
         motions = _FIRST_ADDITIONAL + state.additional.shape[1]
@@ -132,7 +132,7 @@ class PhotoPointObservations(Observations, frozen=True):
             residual.ravel(), partials.reshape(len(residual.ravel()), -1), np.repeat(image.in_front, 2)
         )
 
-    def _moving_image(self, state: BlockState) -> MovingImage:
+    def moving_image(self, state: BlockState) -> MovingImage:
         """Return the ideal coordinates, each at the time of its row."""
         offset = state.points[self.point] - state.centres[self.photo]
         rotation, parameters = state.rotations[self.photo], state.cameras[self.camera]

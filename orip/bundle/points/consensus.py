@@ -14,7 +14,7 @@ from orip.adjustment.equations import Equations
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS, danish_weights
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, poses_of_rays
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rays import PhotoRays, intersect_rays, points_at_origins, where_most_rays_meet
 from orip.interior.image_coordinates import image_vectors
@@ -139,8 +139,8 @@ def rays_of_points(block: Block, state: BlockState, wanted: BoolArray) -> tuple[
     """Return the rays of the wanted points that are measured in full, and the point of each."""
     points, vectors = block.photo_points, image_vectors(block)
     rows = np.flatnonzero(wanted[points.point] & points.in_use & np.isfinite(vectors).all(axis=1))
-    photo, error = points.photo[rows], np.sqrt(np.mean(points.error[rows] ** 2, axis=1))
-    return PhotoRays(state.centres[photo], state.rotations[photo], vectors[rows], error), points.point[rows]
+    error, at = np.sqrt(np.mean(points.error[rows] ** 2, axis=1)), poses_of_rays(block, state, rows)
+    return PhotoRays(at.centres, at.rotations, vectors[rows], error), points.point[rows]
 
 
 def moves_of_points(
@@ -214,15 +214,12 @@ def with_intersected_points(block: Block, state: BlockState, unknowns: Unknowns)
     The cameras are those that the block starts with: this is for states that are far from the solution.
     """
     points = block.photo_points
-    directions = (state.rotations[points.photo] @ image_vectors(block)[:, :, None])[:, :, 0]
+    at = poses_of_rays(block, state, slice(None))
+    directions = (at.rotations @ image_vectors(block)[:, :, None])[:, :, 0]
     seen = points.in_use & np.isfinite(directions).all(axis=1)
-    found = intersect_rays(
-        state.centres[points.photo[seen]], directions[seen], points.point[seen], len(block.point_names)
-    )
+    found = intersect_rays(at.centres[seen], directions[seen], points.point[seen], len(block.point_names))
     distances = np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)
-    found[
-        points_at_origins(found, state.centres[points.photo[seen]], points.point[seen], float(np.median(distances)))
-    ] = np.nan
+    found[points_at_origins(found, at.centres[seen], points.point[seen], float(np.median(distances)))] = np.nan
     free = points_by_photos_alone(block, unknowns) & np.isfinite(found).all(axis=1)
     return replace(state, points=np.where(free[:, None], found, state.points))
 

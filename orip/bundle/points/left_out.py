@@ -14,7 +14,7 @@ from orip.adjustment.factorisation.elimination import BlockFactors
 from orip.adjustment.weights import LIMIT_OF_TWO_COMPONENTS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.points.consensus import points_by_photos_alone, rays_of_points, with_consensus
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, poses_of_rays
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.projection import PROJECTIONS
 from orip.geometry.rays import intersect_rays
@@ -165,9 +165,9 @@ def _intersections(block: Block, state: BlockState, scale: float) -> tuple[Float
     """Return where the rays of points meet, and which of them (number of points,) do so at an angle."""
     rays, vectors, count = block.photo_points, image_vectors(block), len(state.points)
     rows = np.flatnonzero(np.isfinite(vectors).all(axis=1))
-    photo, point, lengths = rays.photo[rows], rays.point[rows], np.linalg.norm(vectors[rows], axis=1)
-    directions = (state.rotations[photo] @ (vectors[rows] / lengths[:, None])[:, :, None])[:, :, 0]
-    meeting = intersect_rays(state.centres[photo], directions, point, count)
+    at, point, lengths = poses_of_rays(block, state, rows), rays.point[rows], np.linalg.norm(vectors[rows], axis=1)
+    directions = (at.rotations @ (vectors[rows] / lengths[:, None])[:, :, None])[:, :, 0]
+    meeting = intersect_rays(at.centres, directions, point, count)
     # in units of its own error a direction tells how well a distance is known
     precision = lengths / (scale * np.sqrt(np.mean(rays.error[rows] ** 2, axis=1)))
     normals = np.zeros((count, 3, 3))

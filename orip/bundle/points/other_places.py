@@ -11,9 +11,10 @@ from orip.adjustment.equations import Equations, OtherPlace
 from orip.adjustment.weights import LEAST_WEIGHT, danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import POINT_PARTIALS, PhotoPointObservations
+from orip.bundle.motions import Poses
 from orip.bundle.points.consensus import PointRays, points_by_photos_alone
 from orip.bundle.rigs import chained
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, poses_of_rays
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.interior.image_coordinates import image_vectors
 from orip.records.block import Block
@@ -123,6 +124,7 @@ def _at(kind: PhotoPointObservations, rays: IntArray, point: IntArray | int) -> 
         xy=kind.xy[rays],
         at_measured=kind.at_measured[rays],
         is_equidistant=kind.is_equidistant[rays],
+        row=None if kind.row is None else kind.row[rays],
     )
 
 
@@ -186,13 +188,13 @@ def other_places(
     chosen = np.flatnonzero(active & doubtful[kind.point])
     if not len(chosen):
         return []
-    vectors = image_vectors(block)
+    vectors, at = image_vectors(block), poses_of_rays(block, state, slice(None))
     order = chosen[np.argsort(kind.point[chosen], kind="stable")]
     _, starts, counts = np.unique(kind.point[order], return_index=True, return_counts=True)
     found: list[OtherPlace] = []
     for count in np.intersect1d(counts, np.arange(_FEWEST_RAYS, _MOST_RAYS + 1)):
         of_points = order[starts[counts == count][:, None] + np.arange(count)]
-        places = _places_of_points(unknowns, kind, state, of_points, vectors, weights, limit)
+        places = _places_of_points(unknowns, kind, state, of_points, vectors, at, weights, limit)
         found += places if count > _FEWEST_RAYS else [place for place in places if _is_nearer(place, equations, limit)]
     return found
 
@@ -212,13 +214,14 @@ def _places_of_points(
     state: BlockState,
     of_points: IntArray,
     vectors: FloatArray,
+    at: Poses,
     weights: FloatArray,
     limit: float,
 ) -> list[OtherPlace]:
     """Return the places of q points of k rays each, `of_points` (q, k)."""
     kept = _kept(of_points.shape[1])
     rays, kept = np.repeat(of_points, len(kept), axis=0), np.tile(kept, (len(of_points), 1))
-    points = _where_directions_meet(state, kind.photo[rays], vectors[rays], weight_factors(kept))
+    points = _where_directions_meet(Poses(at.centres[rays], at.rotations[rays]), vectors[rays], weight_factors(kept))
     costs = rays_at_places(kind, state, rays, points).costs(kept, limit)
     # not the place where the coordinates are wrong that have lost weight already
     costs[(kept == (weights[rows_of_rays(rays)] >= 1.0)).all(axis=1)] = np.inf
@@ -258,18 +261,18 @@ def _kept(rays: int) -> BoolArray:
     return kept
 
 
-def _where_directions_meet(state: BlockState, photos: IntArray, vectors: FloatArray, factors: FloatArray) -> FloatArray:
+def _where_directions_meet(at: Poses, vectors: FloatArray, factors: FloatArray) -> FloatArray:
     """Return the points (p, 3) nearest to planes: each coordinate of a ray gives one through the projection centre.
 
-    `photos` (p, k), `vectors` (p, k, 3) in the photo system and the weights `factors` (p, 2 k).
+    `at` (p, k), `vectors` (p, k, 3) in the photo system and the weights `factors` (p, 2 k).
     """
     x, y, z = np.moveaxis(vectors, 2, 0)
     nothing = np.zeros_like(x)
     normals = np.stack([np.stack([z, nothing, -x], axis=2), np.stack([nothing, z, -y], axis=2)], axis=2)
     normals = normals / np.linalg.norm(vectors, axis=2)[:, :, None, None]
-    centres = state.centres[photos]
+    centres = at.centres
     middle = centres.mean(axis=1)
-    planes = np.einsum("pkij,pkcj->pkci", state.rotations[photos], normals).reshape(len(photos), -1, 3)
+    planes = np.einsum("pkij,pkcj->pkci", at.rotations, normals).reshape(len(vectors), -1, 3)
     offset = -np.einsum("pri,pri->pr", planes, np.repeat(centres - middle[:, None], 2, axis=1))
     points = middle + PointRays(planes, offset).least_squares(factors)
     for _ in range(_STEPS):

@@ -21,7 +21,7 @@ from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.points.consensus import points_by_photos_and_control
 from orip.bundle.points.other_places import RaysAtPlaces, rays_at_places, rows_of_rays, weight_factors
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, poses_of_rays
 from orip.bundle.unknowns import Unknowns
 from orip.geometry.rays import PhotoRays, rival_positions
 from orip.interior.image_coordinates import image_vectors
@@ -103,8 +103,8 @@ def rival_places(
     if not len(chosen):
         return []
     order = chosen[np.argsort(kind.point[chosen], kind="stable")]
-    photo, error = kind.photo[order], np.sqrt(np.mean(kind.rows.error.reshape(-1, 2)[order] ** 2, axis=1))
-    rays = PhotoRays(state.centres[photo], state.rotations[photo], image_vectors(block)[order], error)
+    at, error = poses_of_rays(block, state, order), np.sqrt(np.mean(kind.rows.error.reshape(-1, 2)[order] ** 2, axis=1))
+    rays = PhotoRays(at.centres, at.rotations, image_vectors(block)[order], error)
     _, starts, counts = np.unique(kind.point[order], return_index=True, return_counts=True)
     found: list[tuple[float, OtherPlace]] = []
     for count in np.intersect1d(counts, np.arange(_MEETING, _MOST_RAYS + 1)):

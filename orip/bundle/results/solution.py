@@ -20,6 +20,7 @@ from orip.bundle.results.ground import (
     photo_correlations,
 )
 from orip.bundle.results.mountings import exposure_estimates, mounting_estimates
+from orip.bundle.results.moved_photos import photo_motions
 from orip.bundle.results.reliability import lost_control, lost_photos
 from orip.bundle.results.rigs import rig_estimates
 from orip.bundle.solve import SolvedBlock
@@ -101,6 +102,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         mountings=mounting_estimates(solved),
         rig_exposures=exposure_estimates(solved),
         exposures=_exposures(block),
+        motions=photo_motions(solved),
         singular=_singular(solved),
         correlations=(*_camera_correlations(solved), *_antenna_correlations(solved)),
         check_points=_check_points(block, points),

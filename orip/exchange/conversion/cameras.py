@@ -35,7 +35,7 @@ from orip.exchange.conversion.lens_table import (
 )
 from orip.geometry.projection import PROJECTIONS
 from orip.interior.image_coordinates import ImageEquation
-from orip.records.camera import Camera, Projection, Sensor
+from orip.records.camera import READOUT, Camera, Projection, Sensor
 from orip.records.exchanged import ExchangedCamera, ImageAxes, Lens
 from orip.structs import replace
 
@@ -217,7 +217,7 @@ def _imaging(camera: Camera) -> tuple[Sensor, float, ImageEquation]:
     if camera.sensor is None:
         message = f"camera {camera.name} has no sensor"
         raise ValueError(message)
-    c, x0, y0, *coefficients = camera.parameters
+    c, x0, y0, *coefficients = camera.parameters[:READOUT]
     return camera.sensor, c, ImageEquation(x0, y0, tuple(coefficients), camera.distortion_at == "measured", None)
 
 

@@ -86,7 +86,7 @@ def polynomial_from_parameters(
     up = 1.0 if axes.y == "up" else -1.0
     middle = middle_of_frame(axes, frame)
     given = dict(zip(CAMERA_PARAMETERS, parameters, strict=True))
-    c, dx, dy = (given.pop(name) for name in ("C", "DX", "DY"))
+    c, dx, dy, _ = (given.pop(name) for name in ("C", "DX", "DY", "READOUT"))
     coefficients = {
         name: (up if name in _TURNED_WITH_Y else 1.0) * value * unit ** _POWERS[name] + 0.0
         for name, value in given.items()

@@ -13,6 +13,7 @@ from orip.files.listings.bundle_estimates import (
     camera_lines,
     check_point_lines,
     exposure_lines,
+    motion_lines,
     mounting_lines,
     photo_lines,
     point_lines,
@@ -140,6 +141,8 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
     with_antennas = " AND ANTENNA" if solution.antennas else ""
     yield from section(f"CORRELATIONS OF CAMERA{with_antennas} UNKNOWNS", _correlations(solution))
     yield from section("PHOTOS", photo_lines(solution))
+    if solution.motions:
+        yield from section("MOTIONS OF PHOTOS DURING THE READOUT", motion_lines(solution))
     yield from section("POINTS", _at_request(solution, "points") or point_lines(solution))
     if solution.antennas:
         yield from section("ANTENNAS: LEVER ARM, BORESIGHT, SHIFTS AND DRIFTS", antenna_lines(solution))

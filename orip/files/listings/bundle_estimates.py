@@ -9,8 +9,8 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.files.text.table import Column, FixedCells, deviation_cells, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
-from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS
-from orip.records.observation_kinds import unit_of_unknown
+from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS, READOUT
+from orip.records.observation_kinds import MOTION_PARAMETERS, unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.solution import AdditionalEstimate, AntennaEstimate, ExposureEstimate, MountingEstimate, Solution
 
@@ -50,7 +50,10 @@ def _additional(parameters: Sequence[AdditionalEstimate]) -> list[str]:
 
 
 def _one_camera(values: FloatArray, sd: FloatArray) -> list[str]:
-    units = [CAMERA_UNITS[parameter] for parameter in CAMERA_PARAMETERS]
+    # most cameras have no readout
+    parameters = CAMERA_PARAMETERS if values[READOUT] or not np.isnan(sd[READOUT]) else CAMERA_PARAMETERS[:READOUT]
+    units = [CAMERA_UNITS[parameter] for parameter in parameters]
+    values, sd = values[: len(parameters)], sd[: len(parameters)]
     lengths = [unit == "mm" for unit in units]
     decimals = _decimals(values[lengths], sd[lengths])
     value_cells = [
@@ -63,7 +66,7 @@ def _one_camera(values: FloatArray, sd: FloatArray) -> list[str]:
     ]
     return table_lines(
         [
-            Column("Parameter", CAMERA_PARAMETERS, align="left"),
+            Column("Parameter", parameters, align="left"),
             Column("Value", value_cells, align="point"),
             Column("Standard deviation", sd_cells, align="point"),
             Column("Unit", units, align="left"),
@@ -135,6 +138,24 @@ def zero_direction_lines(solution: Solution) -> list[str]:
             Column("sR", deviations(sd, decimals), "degrees"),
         ]
     )
+
+
+def motion_lines(solution: Solution) -> list[str]:
+    """Return the table of the motions of photos of rolling shutters, standard deviations of unknown ones beneath."""
+    motions = solution.motions
+    with_sd = any(not np.isnan(row.VX_sd) or not np.isnan(row.WX_sd) for row in motions)
+    nothing = [""] * len(motions)
+
+    def cells(first: list[str], second: list[str]) -> list[str]:
+        return _two_lines(first, second) if with_sd else first
+
+    columns = [Column("Photo", cells([row.photo for row in motions], nothing), align="left")]
+    for kind in MOTION_PARAMETERS:
+        values = np.array([getattr(row, kind) for row in motions])
+        sd = deviations(np.array([getattr(row, f"{kind}_sd") for row in motions]), 3)
+        columns.append(Column(kind, cells(fixed(values, 3), sd), unit_of_unknown(kind, solution.ground_unit)))
+    columns.append(Column("Motion", cells(fixed([row.pixels for row in motions], 1), nothing), "pixels"))
+    return table_lines(columns)
 
 
 def antenna_lines(solution: Solution) -> list[str]:

@@ -14,6 +14,7 @@ import numpy as np
 from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupTest, VarianceComponent
 from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
@@ -50,6 +51,7 @@ def _document(solution: Solution, points: object, point_columns: object, residua
         "rigs": _rigs(solution),
         "mountings": _mountings(solution),
         "exposures": _exposures(solution),
+        "motions": _motions(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
         **_findings(solution),
         "interior": {
@@ -197,6 +199,15 @@ def _exposures(solution: Solution) -> dict[str, dict[str, object]]:
     for row in solution.rig_exposures:
         found.setdefault(row.exposure, {"rig": row.rig})[row.name] = _estimate(row.value, row.sd)
     return found
+
+
+def _motions(solution: Solution) -> dict[str, dict[str, object]]:
+    """Return the motion of each photo of a rolling shutter."""
+    return {
+        row.photo: {kind: _estimate(getattr(row, kind), getattr(row, f"{kind}_sd")) for kind in MOTION_PARAMETERS}
+        | {"pixels": _number(row.pixels)}
+        for row in solution.motions
+    }
 
 
 def _stations(solution: Solution) -> dict[str, dict[str, object]]:

@@ -11,6 +11,7 @@ from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS, Projection
 from orip.records.control import PointKind
+from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupKind, Status, VarianceGroupKind
 
@@ -88,6 +89,11 @@ ITEM_LISTS: dict[str, StoreTable] = {
     "mountings": _list_of_solution("mounting_estimate", *_texts("rig", "camera", "name"), *_reals("value", "sd")),
     "rig_exposures": _list_of_solution(
         "rig_exposure_estimate", *_texts("exposure", "rig", "name"), *_reals("value", "sd")
+    ),
+    "motions": _list_of_solution(
+        "photo_motion",
+        text("photo"),
+        *_reals(*(column for kind in MOTION_PARAMETERS for column in (kind, f"{kind}_sd")), "pixels"),
     ),
     "exposures": _list_of_solution("exposure", *_texts("photo", "strip"), *_reals("time")),
     "remarks": _list_of_solution("remark", *_texts("text")),
