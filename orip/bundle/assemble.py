@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.antennas import with_orientations_of_stations
+from orip.bundle.figures import with_determined_figures
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
 from orip.errors import Complaint, InputError, ProjectWarning
@@ -22,6 +23,7 @@ from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_
 from orip.records.coded_names import coded
 from orip.records.control import Control, ControlElement, PreliminaryPoint, Station
 from orip.records.definition import Antenna, BundleDefinition
+from orip.records.figures import points_that_count
 from orip.records.ground import GroundSystem
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
@@ -114,8 +116,9 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(block)
+    block, of_figures = with_determined_figures(block)
     block = replace(block, theodolites=theodolite_sets(block))
-    return constants_in_frame(block), warnings
+    return constants_in_frame(block), [*warnings, *of_figures]
 
 
 def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSystem | None) -> Block:
@@ -148,6 +151,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
+        figure_points=ground.figure_points,
         stations=ground.stations,
         antennas=inputs.antennas,
         ground=system
@@ -243,12 +247,13 @@ def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement], le
 
 
 def _point_names(inputs: BlockInput) -> tuple[str, ...]:
-    """Return the measured points, then ends of distances and directions that have starting coordinates."""
+    """Return the measured points, then those of distances, directions and figures that have starting coordinates."""
     control = inputs.control
     placed = {point.name for point in control.points if None not in point.coordinates}
     placed |= {point.name for point in inputs.preliminary}
     ends = [name for distance in control.distances for name in (distance.start, distance.end)]
     ends += [name for direction in control.directions for name in (direction.station, direction.target)]
+    ends += [point.point for point in control.figure_points]
     measured, further = coded(inputs.observations.points).occurring(), [name for name in ends if name in placed]
     return tuple(dict.fromkeys([*measured, *further])) if further else measured
 
@@ -277,6 +282,7 @@ def _ground_observations(
         tuple(distance for distance in control.distances if {distance.start, distance.end} <= points),
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
+        figure_points=points_that_count(control.figure_points, points),
     )
 
 

@@ -179,6 +179,11 @@ def _cause(solved: SolvedBlock, group: str, name: str) -> tuple[str, str]:
         return "its points do not determine it", "measure points spread over the photo and at different depths"
     if group == "THEODOLITE":
         return "none of its directions is used", "observe a direction, or give R"
+    if group == "FIGURE":
+        return (
+            "its points do not determine it",
+            "name points of the figure further away from each other, or take it out",
+        )
     return "the photos do not determine it", "hold it constant, or add photos with other rotations and distances"
 
 

@@ -223,6 +223,7 @@ def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, Float
         (unknowns.shifts, state.shifts),
         (unknowns.drifts, state.drifts),
         (unknowns.theodolites, state.theodolites),
+        (unknowns.figures, state.figures.values()),
         (unknowns.photos[:, :3], state.centres),
         (unknowns.photos[:, 3:], state.angles()),
         (unknowns.points, state.points),
@@ -236,14 +237,15 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
         return np.where(padded[columns], started, values)
 
-    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, points = (
+    cameras, additional, antennas, shifts, drifts, theodolites, _, centres, angles, points = (
         table(columns, values, started)
         for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
     )
     rotations = state.rotations.copy()
     turned = padded[unknowns.photos[:, 3:]].any(axis=1)
     rotations[turned] = rotation_from_angles(angles[turned])
+    figures = state.figures.where(np.logical_not(padded[unknowns.figures].any(axis=1)), start.figures)
     return replace(
         state, cameras=cameras, additional=additional, antennas=antennas, shifts=shifts, drifts=drifts,
-        theodolites=theodolites, centres=centres, rotations=rotations, points=points, memory={},
+        theodolites=theodolites, figures=figures, centres=centres, rotations=rotations, points=points, memory={},
     )  # fmt: skip

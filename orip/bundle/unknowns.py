@@ -1,4 +1,4 @@
-"""The unknowns and their order: cameras, antennas, theodolites, photos, tied points; other points are eliminated.
+"""The order of unknowns: cameras, antennas, theodolites, figures, photos, tied points; other points are eliminated.
 
 Within a photo the order is X0, Y0, Z0, KAPPA, OMEGA, PHI: where two control points leave one rotation undetermined,
 OMEGA or PHI is reported, and not KAPPA.
@@ -21,6 +21,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
+from orip.records.figures import FIGURE_PARAMETERS, UNKNOWNS_OF_FIGURE, figures_in
 from orip.records.photo import PHOTO_PARAMETERS
 
 CONSTANT = -1
@@ -29,7 +30,7 @@ _PHOTO_ORDER = ("X0", "Y0", "Z0", "KAPPA", "OMEGA", "PHI")
 
 
 class UnknownName(NamedTuple):
-    """An unknown in the user's names: group (CAMERA, ANTENNA, THEODOLITE, PHOTO, POINT), record or point, kind."""
+    """An unknown in the user's names: group (CAMERA, ANTENNA, THEODOLITE, FIGURE, PHOTO, POINT), record, kind."""
 
     group: str
     name: str
@@ -84,6 +85,8 @@ class Unknowns(Struct, frozen=True):
     shifts, drifts : arrays (k, 3)
         Those of the stretches of `StationPlaces`.
     theodolites : array (number of theodolite sets,)
+    figures : array (number of figures, 6)
+        In the order of `FIGURE_PARAMETERS`.
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`.
     points : array (number of points, 3)
@@ -98,6 +101,7 @@ class Unknowns(Struct, frozen=True):
     shifts: IntArray
     drifts: IntArray
     theodolites: IntArray
+    figures: IntArray
     photos: IntArray
     points: IntArray
     layout: Layout
@@ -128,6 +132,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
+    figures = _number_figures(block, names)
     photos = _number_photos(block, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
     points = np.full((len(block.point_names), 3), CONSTANT)
@@ -149,6 +154,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         shifts,
         drifts,
         theodolites,
+        figures,
         photos,
         points,
         Layout(reduced, len(eliminated), fixed, calibration=calibration),
@@ -179,6 +185,16 @@ def _number_photos(block: Block, names: list[UnknownName]) -> IntArray:
         for photo in block.photos
     ]
     return np.array(columns)[:, place]
+
+
+def _number_figures(block: Block, names: list[UnknownName]) -> IntArray:
+    """Return the columns of figures (n, 6), in the order of FIGURE_PARAMETERS."""
+    figures = figures_in(block.figure_points)
+    columns = [
+        _number("FIGURE", name, FIGURE_PARAMETERS, UNKNOWNS_OF_FIGURE[kind], names)
+        for name, kind in zip(figures.names, figures.kinds, strict=True)
+    ]
+    return np.array(columns, dtype=np.int64).reshape(-1, len(FIGURE_PARAMETERS))
 
 
 def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:

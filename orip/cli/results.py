@@ -19,14 +19,17 @@ if TYPE_CHECKING:
 
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance"],
+    Literal["cameras", "photos", "points", "theodolites", "figures", "residuals", "covariance"],
     typer.Argument(
-        metavar="WHAT", help="cameras, photos, points, theodolites, residuals or covariance of the last adjustment."
+        metavar="WHAT",
+        help="cameras, photos, points, theodolites, figures, residuals or covariance of the last adjustment.",
     ),
 ]
 Names = Annotated[
     list[str] | None,
-    typer.Argument(metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points or sets."),
+    typer.Argument(
+        metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points, sets or figures."
+    ),
 ]
 
 Output = Annotated[
@@ -48,7 +51,7 @@ def register(app: typer.Typer) -> None:
         bundle: BundleOption = None,
         force: ForceOption = False,
     ) -> None:
-        """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
+        """Show cameras, photos, points, theodolites (zero directions), figures or residuals of the last adjustment.
 
         The covariance matrix of cameras, photos and points is written to a file; for it the adjustment is computed
         again. With --output all residuals are written to a file, with their reliability.

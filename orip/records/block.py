@@ -14,6 +14,7 @@ from orip.records.control import (
     ControlDistance,
     ControlElement,
     ControlPoint,
+    FigurePoint,
     PreliminaryPoint,
     Station,
 )
@@ -92,6 +93,8 @@ class Block(Struct, frozen=True):
         Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
+    figure_points : tuple of FigurePoint
+        Of the figures that the points of the block determine.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
     theodolites : tuple of TheodoliteSet
@@ -126,6 +129,7 @@ class Block(Struct, frozen=True):
     elements: tuple[ControlElement, ...] = ()
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
+    figure_points: tuple[FigurePoint, ...] = ()
     stations: tuple[Station, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     antennas: tuple[Antenna, ...] = ()

@@ -118,6 +118,7 @@ COEFFICIENT_ERRORS = ErrorLimits(1e-30, 1e3, "of the coefficient's unit")
 PointKind = Literal["control", "check", "rejected", "tie"]
 DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
 ElementGroup = Literal["CAMERA", "PHOTO", "POINT", "THEODOLITE"]
+FigureKind = Literal["LINE", "PLANE", "CYLINDER", "HEIGHT"]
 
 
 class ControlPoint(Struct, frozen=True):
@@ -187,6 +188,20 @@ class ControlDirection(Struct, frozen=True):
     line: int = 0
 
 
+class FigurePoint(Struct, frozen=True):
+    """One line of a .CON file: a point that lies on a figure.
+
+    The a-priori error, ground units, is that of its distance from the line, the plane or the surface of the cylinder,
+    or of its height from the common one: negative disregarded, never 0.
+    """
+
+    figure: str
+    kind: FigureKind
+    point: str
+    error: float
+    line: int = 0
+
+
 class Control(Struct, frozen=True):
     """All ground control of a project."""
 
@@ -196,6 +211,7 @@ class Control(Struct, frozen=True):
     directions: tuple[ControlDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
+    figure_points: tuple[FigurePoint, ...] = ()
 
 
 class PreliminaryPoint(Struct, frozen=True):

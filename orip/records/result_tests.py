@@ -17,7 +17,14 @@ NOT_DETERMINED = frozenset({"datum", "photo-rotations"})
 """Codes of the diagnoses with which a block is not determined."""
 
 
-VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude"]
+VarianceGroupKind = Literal[
+    "photo", "control", "element", "distance", "direction", "line", "plane", "cylinder", "height", "station", "attitude"
+]
+
+FIGURE_GROUPS = {
+    "line": "points on lines", "plane": "points on planes", "cylinder": "points on cylinders", "height": "equal heights"
+}  # fmt: skip
+"""Kinds of group whose observations are distances from figures, and what they are called."""
 
 _ELEMENTS = {
     "CAMERA": "observed camera parameters",
@@ -77,6 +84,8 @@ class VarianceComponent(Struct, frozen=True):
                 return "distances"
             case "direction":
                 return "zenith angles" if self.component == "zenith" else "directions"
+            case _:
+                return FIGURE_GROUPS[self.kind]
 
 
 GateOperator = Literal["<=", ">=", "==", "!=", "<", ">"]
@@ -181,7 +190,7 @@ class GateResult(Struct, frozen=True):
         return next((text for text in texts if self.gate.holds(float(text)) == self.passed), repr(self.value))
 
 
-GroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "check"]
+GroupKind = Literal[VarianceGroupKind, "check"]
 
 ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
 """An error common to a group; residuals too large; one check point; too many observations that lost weight."""

@@ -34,6 +34,7 @@ TOP = [
         "stations",
         "rigs",
         "theodolites",
+        "figures",
         "down_weighted",
         "singular",
         "correlations",

@@ -21,7 +21,7 @@ from orip.bundle.kinds.observation import Observations, coordinates_with_partial
 from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
 from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
@@ -58,7 +58,7 @@ from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, Station
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, FigurePoint, Station
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
 from orip.structs import replace
@@ -589,7 +589,19 @@ def state_of(block: Block) -> BlockState:
         values[row, : len(names)] = np.random.default_rng(row).normal(size=len(names)) * errors
     random = np.random.default_rng(17)
     shifts, drifts = (random.normal(size=table.shape) for table in (state.shifts, state.drifts))
-    return replace(state, additional=values, shifts=shifts, drifts=drifts)
+    return replace(state, additional=values, shifts=shifts, drifts=drifts, figures=_figures(state))
+
+
+def _figures(state: BlockState) -> PlacedFigures:
+    """Return figures above the points that do not fit them: residuals bend the partials, little far from an axis."""
+    count, size = len(state.figures.origins), np.ptp(state.points, axis=0).max()
+    axes = rotation_from_angles(np.random.default_rng(18).uniform(-1.0, 1.0, (count, 3)))
+    level = np.ptp(state.figures.axes - np.eye(3), axis=(1, 2)) == 0.0
+    return PlacedFigures(
+        np.where(level[:, None], state.figures.origins, state.points.mean(axis=0) + size * np.eye(3)[2]),
+        np.where(level[:, None, None], np.eye(3), axes),
+        np.where(state.figures.radii > 0.0, 0.3 * size, 0.0),
+    )
 
 
 # at phi = ±90 no angle can be held, and the photos stay exactly there
@@ -633,6 +645,12 @@ def _with_everything(block: Block) -> Block:
             ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
+        figure_points=tuple(
+            FigurePoint(f"{kind}{number}", kind, name, 0.01)
+            for kind in ("LINE", "PLANE", "CYLINDER", "HEIGHT")
+            for number in (1, 2)
+            for name in block.point_names[number : number + 14 : 2]
+        ),
         stations=_stations(block),
         antennas=(_ANTENNA,),
     )
@@ -714,7 +732,12 @@ def _kinds() -> Iterator[Case]:
 
 
 def _move(block: Block, observations: Observations) -> float:
-    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9; angles there are not."""
+    """Return the move of a case: millions of metres on a map grid are rounded to 1e-9; angles there are not.
+
+    Heights change with X and Y by a ten-thousandth.
+    """
+    if block.ground is not PLAIN and observations.rows.kind.name == "height":
+        return 100.0
     return (
         1e-3
         if block.ground is PLAIN or observations.rows.kind.name in ("photo", "attitude", "constant attitude")

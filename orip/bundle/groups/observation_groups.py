@@ -21,10 +21,14 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
+    CYLINDER,
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    HEIGHT,
+    LINE,
     PHOTO_POINT,
+    PLANE,
     STATION,
 )
 from orip.records.result_tests import CommonExtent, GroupKind
@@ -35,6 +39,10 @@ _KINDS: dict[str, GroupKind] = {
     ELEMENT.name: "element",
     DISTANCE.name: "distance",
     DIRECTION.name: "direction",
+    LINE.name: "line",
+    PLANE.name: "plane",
+    CYLINDER.name: "cylinder",
+    HEIGHT.name: "height",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
 }

@@ -10,14 +10,18 @@ from orip.records.observation_kinds import (
     ANGULAR_UNKNOWNS,
     ATTITUDE,
     CONTROL_POINT,
+    CYLINDER,
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    HEIGHT,
+    LINE,
     PHOTO_POINT,
+    PLANE,
     STATION,
     ObservationKind,
 )
-from orip.records.result_tests import CommonCause, Contradiction, GroupTest
+from orip.records.result_tests import FIGURE_GROUPS, CommonCause, Contradiction, GroupTest
 from orip.records.solution import Diagnosis
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import joined
@@ -32,6 +36,10 @@ _KINDS: dict[str, ObservationKind] = {
     "element": ELEMENT,
     "distance": DISTANCE,
     "direction": DIRECTION,
+    "line": LINE,
+    "plane": PLANE,
+    "cylinder": CYLINDER,
+    "height": HEIGHT,
     "station": STATION,
     "attitude": ATTITUDE,
 }
@@ -50,6 +58,7 @@ _REMEDIES = {
     "station": "check the system of the stations, their heights, times and a-priori errors, and the lever arm",
     "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
+    **dict.fromkeys(FIGURE_GROUPS, "check whether the points are those of the figure, and their a-priori errors"),
 }
 
 _LONGEST_ARM, _LARGEST_SHIFT = 10.0, 20.0
@@ -114,6 +123,10 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the attitudes{_of_strip(group)}"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
+        case "line":
+            return f"distances {'to the side' if group.component == 'side' else 'up'} of points on lines"
+        case _:
+            return FIGURE_GROUPS[group.kind]
 
 
 def _name_of_elements(group: GroupTest) -> str:

@@ -12,7 +12,7 @@ from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, Station
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, FigurePoint, Station
 from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
@@ -25,6 +25,7 @@ from orip.records.observation_kinds import (
     STATION,
     unit_of_observation,
 )
+from orip.records.result_tests import FIGURE_GROUPS
 from orip.records.solution import Blunder, Diagnosis
 from orip.structs import replace
 from orip.wording import first_names
@@ -34,6 +35,9 @@ _NAMED = 6
 
 _SIZES = 6
 """Most sizes of errors in a sentence: of a theodolite set the largest ones."""
+
+
+_FIGURE = {"line": "line", "plane": "plane", "cylinder": "cylinder", "height": "equal heights"}
 
 
 class Finding(Struct, frozen=True):
@@ -86,6 +90,8 @@ class _Listed(Struct, frozen=True):
             return f"{components} of photo {photo}" if photo else f"{components} of {point}"
         if kind in (STATION.name, ATTITUDE.name):
             return f"{OBSERVATION_KINDS[kind].label} of photo {photo}"
+        if kind in FIGURE_GROUPS:
+            return f"point {point} of {_FIGURE[kind]} {photo}"
         return f"{OBSERVATION_KINDS[kind].label} {point}"
 
 
@@ -151,6 +157,10 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
             replace(distance, error=-abs(distance.error)) if _is_distance(distance, wrong) else distance
             for distance in block.distances
         ),
+        figure_points=tuple(
+            replace(point, error=-abs(point.error)) if _is_of_figure(point, wrong) else point
+            for point in block.figure_points
+        ),
         stations=tuple(_disregarded_station(station, wrong) for station in block.stations),
         directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
     )
@@ -162,6 +172,7 @@ _WRONG = {
     ELEMENT.name: "contradicts the other observations",
     DISTANCE.name: "contradicts the other observations",
     DIRECTION.name: "contradicts the other observations",
+    **dict.fromkeys(FIGURE_GROUPS, "does not lie on it"),
     STATION.name: "contradicts the other observations",
     ATTITUDE.name: "contradicts the other observations",
 }
@@ -170,6 +181,9 @@ _REMEDY = {
     CONTROL_POINT.name: "check the coordinates, and whether the feature measured in the photos is the one surveyed",
     ELEMENT.name: "check its value, its a-priori error and the name it is given under, or disregard it",
     DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
+    **dict.fromkeys(
+        FIGURE_GROUPS, "check its name and whether it belongs to the figure; measure it again, or disregard it"
+    ),
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
     ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
     DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
@@ -234,6 +248,10 @@ def _is_element(element: ControlElement, wrong: Collection[tuple[str, str, str, 
 
 def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, str, str]]) -> bool:
     return (DISTANCE.name, "", distance.name, distance.code) in wrong
+
+
+def _is_of_figure(point: FigurePoint, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    return any(one[:3] == (point.kind.lower(), point.figure, point.point) for one in wrong)
 
 
 def _disregarded_station(station: Station, wrong: Collection[tuple[str, str, str, str]]) -> Station:

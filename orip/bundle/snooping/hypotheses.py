@@ -18,6 +18,7 @@ from orip.bundle.kinds.antenna_parameter import AntennaParameterObservations
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
 from orip.bundle.kinds.element import ElementObservations
+from orip.bundle.kinds.figure import LineObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
@@ -30,6 +31,7 @@ from orip.structs import replace
 # - a control element; and together those of one projection centre, rotation or point;
 # - a direction or a zenith angle; both to one target; and all of a theodolite set;
 # - the position of an exposure station; its attitude;
+# - the two distances of a point from a line;
 # - a distance, and an observation of any other kind, by itself.
 #
 # Constants are no observations, and neither the zeros that additional parameters are observed to be nor the a-priori
@@ -96,6 +98,8 @@ def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
         return _together(range(len(kind.station)), kind.station)
     if isinstance(kind, DirectionObservations):
         return _direction_groups(kind)
+    if isinstance(kind, LineObservations):
+        return _together(range(len(kind.point)), kind.groups())
     return ((row,) for row in range(len(kind.rows.photo)))
 
 
@@ -176,7 +180,7 @@ class Screening:
         here = [index for index in groups if self.hypotheses.in_one_place[index]]
         for index, effects in (
             *_effects_in_one_place(solved, here, self.hypotheses),
-            *_effects_of_directions(solved, [index for index in groups if index not in set(here)], self.hypotheses),
+            *_effects_of_groups(solved, [index for index in groups if index not in set(here)], self.hypotheses),
         ):
             (change,), (freedom,) = effects.square_sum_changes(np.arange(len(effects.residual))[None])
             if freedom and (ratio := np.sqrt(change) / (test.sigma0 * test.group_limit(int(freedom)))) > 1.0:
@@ -208,7 +212,7 @@ def _rows_on_the_ground(solved: SolvedBlock, rows: IntArray) -> csr_array:
     return problem.design(solved.state)[rows - len(photo_points.rows.photo)]
 
 
-def _effects_of_directions(
+def _effects_of_groups(
     solved: SolvedBlock, groups: Iterable[int], hypotheses: Hypotheses
 ) -> Iterator[tuple[int, JointEffects]]:
     rows = [np.array(hypotheses.rows[index]) for index in groups]

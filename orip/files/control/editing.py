@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.errors import InputError
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, is_heading, parse_stations
-from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextField, TextLine, decode_lines, existing_bytes, split_line
 from orip.files.text.shown import Parsed, printable, shown_token
@@ -151,7 +151,7 @@ def _aligned(fields: Sequence[str], pattern: TextLine | None, names: int) -> str
     return line
 
 
-ControlKind = Literal["points", "elements", "distances", "directions", "stations", "preliminary"]
+ControlKind = Literal["points", "elements", "distances", "directions", "figures", "stations", "preliminary"]
 Fields = list[str | None]
 """Fields of a line in the order of the keys; None: missing."""
 
@@ -263,6 +263,15 @@ FORMS: dict[ControlKind, ControlForm] = {
         parse_directions,
         errors=("a", "azenith"),
         optional=(("zenith", "azenith"),),
+    ),
+    "figures": ControlForm(
+        "point of a figure",
+        "CON",
+        ("figure", "kind", "point", "a"),
+        3,
+        parse_figures,
+        words=("kind",),
+        errors=("a",),
     ),
     "stations": ControlForm(
         "station",

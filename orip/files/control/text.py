@@ -1,4 +1,4 @@
-"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR), read and written."""
+"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN), directions (.DIR) and figures (.CON)."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ from orip.records.control import (
     DistanceCode,
     ElementGroup,
     ErrorLimits,
+    FigureKind,
+    FigurePoint,
 )
 from orip.records.names import look_alikes, record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -66,11 +68,12 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
 }
 """Unknowns that a control element may observe, by group."""
 
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA")
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "CON", "STA")
 """Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
 _CODES: tuple[DistanceCode, ...] = get_args(DistanceCode)
+_FIGURES: tuple[FigureKind, ...] = get_args(FigureKind)
 _SIGNED_CODES = ("X", "Y", "Z")
 _AXES = ("X", "Y", "Z")
 _NUMBERS = 6
@@ -300,6 +303,40 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
     found.add((name, station, target), title, record, reader)
 
 
+def parse_figures(text: Parsed[list[str]], shown: str) -> Parsed[tuple[FigurePoint, ...]]:
+    """Read points that lie on figures: ``figure KIND point a``, ground units; a figure is of one kind."""
+    parsed = _read(text, shown, _read_figure_point)
+    return Parsed(parsed.value, (*parsed.complaints, *_other_kinds(parsed.value, shown)))
+
+
+def _other_kinds(points: Sequence[FigurePoint], shown: str) -> Iterator[Complaint]:
+    first: dict[str, FigurePoint] = {}
+    for point in points:
+        known = first.setdefault(point.figure, point)
+        if known.kind != point.kind:
+            message = (
+                f"figure '{shown_token(point.figure)}' is a {known.kind} on line {known.line} and a {point.kind} here; "
+                "give each figure a name of its own"
+            )
+            yield Complaint(message, shown, point.line)
+
+
+def _read_figure_point(reader: FieldReader, found: _RecordList[FigurePoint]) -> None:
+    if not reader.has_fields((4,), "figure KIND point a") or reader.is_heading((3,)):
+        found.complaints += reader.complaints
+        return
+    figure, kind, point = reader.name(0), reader.word(1, _FIGURES, "a kind of figure"), reader.name(2)
+    error = reader.error(3, GROUND_ERRORS)
+    if error == 0.0:
+        reader.complain(
+            "an a-priori error of 0 is not possible for a point of a figure; write one above 0, or below to disregard",
+            3,
+        )
+    record = None if kind is None else FigurePoint(figure, kind, point, error, reader.number)
+    title = f"point '{reader.shown_text(2)}' of figure '{reader.shown_text(0)}'"
+    found.add((figure, point), title, record, reader)
+
+
 def read_control_file(
     parse: Callable[[Parsed[list[str]], str], Parsed[Content]], folder: Path, name: str
 ) -> Parsed[Content]:
@@ -322,9 +359,10 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_control_file(parse_distances, folder, f"{base}.LEN")
     directions = read_control_file(parse_directions, folder, f"{base}.DIR")
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
-    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations)
+    figures = read_control_file(parse_figures, folder, f"{base}.CON")
+    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, figures)
     return Parsed(
-        Control(points.value, elements.value, distances.value, directions.value, *stations.value),
+        Control(points.value, elements.value, distances.value, directions.value, *stations.value, figures.value),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )
