@@ -248,7 +248,9 @@ def directions(given: Directions | None) -> Records[ControlDirection]:
 
 def figures(given: Figures | None) -> Records[FigurePoint]:
     """Return points that lie on figures."""
-    return _table("figures", given, ("figure", "kind", "point"), ("error",), parse_figures)
+    found = _table("figures", given, ("figure", "kind", "point"), ("error",), parse_figures)
+    points = tuple(point for point in found.value if isinstance(point, FigurePoint))
+    return Parsed(points, found.complaints, found.warnings)
 
 
 def stations(given: Stations | None) -> Records[Station]:

@@ -203,6 +203,7 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         control_points=tuple(point for point in block.control_points if point.name in names),
         distances=tuple(line for line in block.distances if {line.start, line.end} <= names),
         directions=directions,
+        given_directions=tuple(line for line in block.given_directions if {line.start, line.end} <= names),
         figure_points=points_that_count(block.figure_points, names),
         stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
         theodolites=tuple(station for station in block.theodolites if station.name in sets),
@@ -244,6 +245,7 @@ def without_photo(block: Block, photo: int) -> Block:
     known |= {name for distance in block.distances for name in (distance.start, distance.end)}
     known |= {name for direction in block.directions for name in (direction.station, direction.target)}
     known |= {point.point for point in block.figure_points}
+    known |= {name for line in block.given_directions for name in (line.start, line.end)}
     rays = photos_per_point(points.photo, points.point, used, len(block.point_names))
     kept = np.array([rays[row] > 1 or (name in known) for row, name in enumerate(block.point_names)])
     return part_of_block(block, np.arange(len(block.photos)) != photo, kept)

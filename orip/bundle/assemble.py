@@ -152,6 +152,7 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         distances=ground.distances,
         directions=ground.directions,
         figure_points=ground.figure_points,
+        given_directions=ground.given_directions,
         stations=ground.stations,
         antennas=inputs.antennas,
         ground=system
@@ -253,6 +254,7 @@ def _point_names(inputs: BlockInput) -> tuple[str, ...]:
     placed |= {point.name for point in inputs.preliminary}
     ends = [name for distance in control.distances for name in (distance.start, distance.end)]
     ends += [name for direction in control.directions for name in (direction.station, direction.target)]
+    ends += [name for line in control.given_directions for name in (line.start, line.end)]
     ends += [point.point for point in control.figure_points]
     measured, further = coded(inputs.observations.points).occurring(), [name for name in ends if name in placed]
     return tuple(dict.fromkeys([*measured, *further])) if further else measured
@@ -283,6 +285,7 @@ def _ground_observations(
         directions,
         tuple(station for station in control.stations if record_key(station.photo) in records["PHOTO"]),
         figure_points=points_that_count(control.figure_points, points),
+        given_directions=tuple(line for line in control.given_directions if {line.start, line.end} <= points),
     )
 
 

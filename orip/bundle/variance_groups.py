@@ -87,6 +87,9 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
             for element in block.elements
         ),
         distances=tuple(replace(line, error=_times(line.error, factor("distance"))) for line in block.distances),
+        given_directions=tuple(
+            replace(line, error=_times(line.error, factor("given direction"))) for line in block.given_directions
+        ),
         figure_points=tuple(
             replace(point, error=_times(point.error, factor(_OF_FIGURES[point.kind]))) for point in block.figure_points
         ),

@@ -15,6 +15,7 @@ from orip.records.control import (
     ControlElement,
     ControlPoint,
     FigurePoint,
+    GivenDirection,
     PreliminaryPoint,
     Station,
 )
@@ -93,6 +94,7 @@ class Block(Struct, frozen=True):
         Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
+    given_directions : tuple of GivenDirection
     figure_points : tuple of FigurePoint
         Of the figures that the points of the block determine.
     stations : tuple of Station
@@ -130,6 +132,7 @@ class Block(Struct, frozen=True):
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
     figure_points: tuple[FigurePoint, ...] = ()
+    given_directions: tuple[GivenDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()
     antennas: tuple[Antenna, ...] = ()

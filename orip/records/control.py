@@ -202,6 +202,20 @@ class FigurePoint(Struct, frozen=True):
     line: int = 0
 
 
+class GivenDirection(Struct, frozen=True):
+    """A DIRECTION in a .CON file: that from one point to another, along the project's axes, of any length above 0.
+
+    The a-priori error is an angle, degrees: negative disregarded, never 0.
+    """
+
+    name: str
+    start: str
+    end: str
+    direction: tuple[float, float, float]
+    error: float
+    line: int = 0
+
+
 class Control(Struct, frozen=True):
     """All ground control of a project."""
 
@@ -212,6 +226,7 @@ class Control(Struct, frozen=True):
     stations: tuple[Station, ...] = ()
     station_reference: StationReference = IN_PROJECT
     figure_points: tuple[FigurePoint, ...] = ()
+    given_directions: tuple[GivenDirection, ...] = ()
 
 
 class PreliminaryPoint(Struct, frozen=True):

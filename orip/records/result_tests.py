@@ -18,8 +18,9 @@ NOT_DETERMINED = frozenset({"datum", "photo-rotations"})
 
 
 VarianceGroupKind = Literal[
-    "photo", "control", "element", "distance", "direction", "line", "plane", "cylinder", "height", "station", "attitude"
-]
+    "photo", "control", "element", "distance", "direction", "line", "plane", "cylinder", "height", "given direction",
+    "station", "attitude",
+]  # fmt: skip
 
 FIGURE_GROUPS = {
     "line": "points on lines", "plane": "points on planes", "cylinder": "points on cylinders", "height": "equal heights"
@@ -84,6 +85,8 @@ class VarianceComponent(Struct, frozen=True):
                 return "distances"
             case "direction":
                 return "zenith angles" if self.component == "zenith" else "directions"
+            case "given direction":
+                return "given directions"
             case _:
                 return FIGURE_GROUPS[self.kind]
 

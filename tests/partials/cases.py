@@ -58,7 +58,7 @@ from orip.prelim.relative.adjustment import Pairs, parallaxes_with_partials
 from orip.prelim.resection import adjustment as resection
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, FigurePoint, Station
+from orip.records.control import ControlDirection, ControlDistance, ControlElement, FigurePoint, GivenDirection, Station
 from orip.records.definition import ANTENNA_PARAMETERS, Antenna
 from orip.records.ground import PLAIN
 from orip.structs import replace
@@ -542,7 +542,8 @@ def _in_a_crs(block: Block) -> Block:
     the partials by the other axes are so small that a numerical derivative is nothing but rounding.
     """
     at_rest = {"P5": ("X0", "Y0", "Z0"), "P6": ("X0", "Y0", "Z0")}
-    stations = np.isin(block.point_names, [direction.station for direction in block.directions])
+    held = [direction.station for direction in block.directions] + [line.start for line in block.given_directions]
+    stations = np.isin(block.point_names, held)
     left_out = ("P1", "P2", block.point_names[11])
     position, xyz = (("X0", 400_000.0), ("Y0", 5_300_000.0), ("Z0", 1000.0)), "XYZ"
     observed, constant = block.point_names[2:4]
@@ -645,6 +646,10 @@ def _with_everything(block: Block) -> Block:
             ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
+        given_directions=tuple(
+            GivenDirection(f"G{number}", start, end, direction, 0.01)
+            for number, (start, end, direction) in enumerate(((a, b, (0.3, -1.0, 0.4)), (c, d, (0.0, 0.0, 1.0))))
+        ),
         figure_points=tuple(
             FigurePoint(f"{kind}{number}", kind, name, 0.01)
             for kind in ("LINE", "PLANE", "CYLINDER", "HEIGHT")

@@ -25,6 +25,7 @@ from orip.records.observation_kinds import (
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
     HEIGHT,
     LINE,
     PHOTO_POINT,
@@ -43,6 +44,7 @@ _KINDS: dict[str, GroupKind] = {
     PLANE.name: "plane",
     CYLINDER.name: "cylinder",
     HEIGHT.name: "height",
+    GIVEN_DIRECTION.name: "given direction",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
 }

@@ -14,6 +14,7 @@ from orip.records.observation_kinds import (
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
     HEIGHT,
     LINE,
     PHOTO_POINT,
@@ -40,6 +41,7 @@ _KINDS: dict[str, ObservationKind] = {
     "plane": PLANE,
     "cylinder": CYLINDER,
     "height": HEIGHT,
+    "given direction": GIVEN_DIRECTION,
     "station": STATION,
     "attitude": ATTITUDE,
 }
@@ -58,6 +60,7 @@ _REMEDIES = {
     "station": "check the system of the stations, their heights, times and a-priori errors, and the lever arm",
     "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
+    "given direction": "check the given directions, their points and a-priori errors",
     **dict.fromkeys(FIGURE_GROUPS, "check whether the points are those of the figure, and their a-priori errors"),
 }
 
@@ -123,10 +126,16 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the attitudes{_of_strip(group)}"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
-        case "line":
-            return f"distances {'to the side' if group.component == 'side' else 'up'} of points on lines"
         case _:
-            return FIGURE_GROUPS[group.kind]
+            return _name_of_figures(group)
+
+
+def _name_of_figures(group: GroupTest) -> str:
+    if group.kind == "given direction":
+        return f"given directions, {group.component}"
+    if group.kind == "line":
+        return f"distances {'to the side' if group.component == 'side' else 'up'} of points on lines"
+    return FIGURE_GROUPS[group.kind]
 
 
 def _name_of_elements(group: GroupTest) -> str:

@@ -12,7 +12,15 @@ from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import names_of_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, FigurePoint, Station
+from orip.records.control import (
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    FigurePoint,
+    GivenDirection,
+    Station,
+)
 from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
@@ -20,6 +28,7 @@ from orip.records.observation_kinds import (
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
     OBSERVATION_KINDS,
     PHOTO_POINT,
     STATION,
@@ -90,6 +99,8 @@ class _Listed(Struct, frozen=True):
             return f"{components} of photo {photo}" if photo else f"{components} of {point}"
         if kind in (STATION.name, ATTITUDE.name):
             return f"{OBSERVATION_KINDS[kind].label} of photo {photo}"
+        if kind == GIVEN_DIRECTION.name:
+            return f"given direction {photo}"
         if kind in FIGURE_GROUPS:
             return f"point {point} of {_FIGURE[kind]} {photo}"
         return f"{OBSERVATION_KINDS[kind].label} {point}"
@@ -157,6 +168,10 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
             replace(distance, error=-abs(distance.error)) if _is_distance(distance, wrong) else distance
             for distance in block.distances
         ),
+        given_directions=tuple(
+            replace(line, error=-abs(line.error)) if _is_given_direction(line, wrong) else line
+            for line in block.given_directions
+        ),
         figure_points=tuple(
             replace(point, error=-abs(point.error)) if _is_of_figure(point, wrong) else point
             for point in block.figure_points
@@ -173,6 +188,7 @@ _WRONG = {
     DISTANCE.name: "contradicts the other observations",
     DIRECTION.name: "contradicts the other observations",
     **dict.fromkeys(FIGURE_GROUPS, "does not lie on it"),
+    GIVEN_DIRECTION.name: "contradicts the other observations",
     STATION.name: "contradicts the other observations",
     ATTITUDE.name: "contradicts the other observations",
 }
@@ -184,6 +200,7 @@ _REMEDY = {
     **dict.fromkeys(
         FIGURE_GROUPS, "check its name and whether it belongs to the figure; measure it again, or disregard it"
     ),
+    GIVEN_DIRECTION.name: "check its direction and the names of its two points, or disregard it",
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
     ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
     DIRECTION.name: "check the reading and the names of station and target; measure it again, or disregard it",
@@ -248,6 +265,10 @@ def _is_element(element: ControlElement, wrong: Collection[tuple[str, str, str, 
 
 def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, str, str]]) -> bool:
     return (DISTANCE.name, "", distance.name, distance.code) in wrong
+
+
+def _is_given_direction(line: GivenDirection, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    return any(one[:3] == (GIVEN_DIRECTION.name, line.name, f"{line.start}-{line.end}") for one in wrong)
 
 
 def _is_of_figure(point: FigurePoint, wrong: Collection[tuple[str, str, str, str]]) -> bool:

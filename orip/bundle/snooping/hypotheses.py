@@ -19,6 +19,7 @@ from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
 from orip.bundle.kinds.element import ElementObservations
 from orip.bundle.kinds.figure import LineObservations
+from orip.bundle.kinds.given_direction import GivenDirectionObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
@@ -31,7 +32,7 @@ from orip.structs import replace
 # - a control element; and together those of one projection centre, rotation or point;
 # - a direction or a zenith angle; both to one target; and all of a theodolite set;
 # - the position of an exposure station; its attitude;
-# - the two distances of a point from a line;
+# - the two distances of a point from a line, and the two angles of a given direction;
 # - a distance, and an observation of any other kind, by itself.
 #
 # Constants are no observations, and neither the zeros that additional parameters are observed to be nor the a-priori
@@ -98,8 +99,8 @@ def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
         return _together(range(len(kind.station)), kind.station)
     if isinstance(kind, DirectionObservations):
         return _direction_groups(kind)
-    if isinstance(kind, LineObservations):
-        return _together(range(len(kind.point)), kind.groups())
+    if isinstance(kind, (LineObservations, GivenDirectionObservations)):
+        return _together(range(len(kind.component)), kind.groups())
     return ((row,) for row in range(len(kind.rows.photo)))
 
 

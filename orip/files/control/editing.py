@@ -267,11 +267,13 @@ FORMS: dict[ControlKind, ControlForm] = {
     "figures": ControlForm(
         "point of a figure",
         "CON",
-        ("figure", "kind", "point", "a"),
+        ("figure", "kind", "point", "a", "to", "dX", "dY", "dZ"),
         3,
         parse_figures,
         words=("kind",),
         errors=("a",),
+        texts=("to",),
+        optional=(("to", "dX", "dY", "dZ"),),
     ),
     "stations": ControlForm(
         "station",

@@ -220,6 +220,10 @@ def test_figures(project: Path) -> None:
     refused = orip(project, "control", "figures", "add", "WALL", "kind=LINE", "point=2", "a=0.01")
     assert refused.code == 3
     assert "figure 'WALL' is a PLANE on line 1 and a LINE here" in refused.err
+    done(project, "figures add D kind=DIRECTION point=1 a=0.01 to=2 dX=0 dY=1 dZ=0")
+    last = (project / "FIRST.CON").read_text().splitlines()[-1]
+    assert " ".join(last.split()) == "D DIRECTION 1 0.01 2 0 1 0"
+    done(project, "figures kill D --yes")
     weigh = orip(project, "control", "figures", "disregard", "WALL PLANE 1")
     assert weigh.code == 0
     assert (project / "FIRST.CON").read_text() == "WALL  plane  Q  0.01\nWALL  PLANE  1 -0.01\n"
