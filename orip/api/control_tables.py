@@ -9,12 +9,12 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orip.api.given import ControlPoints, Directions, Distances, Elements, PreliminaryPoints, Stations
+from orip.api.given import ControlPoints, Directions, Distances, Elements, Figures, PreliminaryPoints, Stations
 from orip.arrays import BoolArray, FloatArray
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
-from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.text.decimal_numbers import LARGEST_NUMBER, parse_number
 from orip.files.text.shown import Parsed, printable, shown_token
 from orip.records.control import (
@@ -22,6 +22,7 @@ from orip.records.control import (
     ControlDistance,
     ControlElement,
     ControlPoint,
+    FigurePoint,
     PreliminaryPoint,
     Station,
 )
@@ -245,6 +246,13 @@ def directions(given: Directions | None) -> Records[ControlDirection]:
     return _table("directions", given, ("set", "station", "target"), ("direction", "error", *zeniths), parse_directions)
 
 
+def figures(given: Figures | None) -> Records[FigurePoint]:
+    """Return points that lie on figures."""
+    found = _table("figures", given, ("figure", "kind", "point"), ("error",), parse_figures)
+    points = tuple(point for point in found.value if isinstance(point, FigurePoint))
+    return Parsed(points, found.complaints, found.warnings)
+
+
 def stations(given: Stations | None) -> Records[Station]:
     """Return exposure stations; a position or attitude that is NaN was not observed."""
     if given is None:
@@ -303,7 +311,7 @@ _MAY_BE_ONE = frozenset({"group", "kind", "code", "error", "zenith", "zenith_err
 
 def _table(
     table: str,
-    given: Elements | Distances | Directions | None,
+    given: Elements | Distances | Directions | Figures | None,
     words: Sequence[str],
     numbers: Sequence[str],
     parse: Callable[[Parsed[list[str]], str], Records[Record]],

@@ -17,6 +17,7 @@ from orip.api.given import (
     Directions,
     Distances,
     Elements,
+    Figures,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -50,6 +51,7 @@ _KINDS: Mapping[str, tuple[type, bool]] = {
     "elements": (Elements, False),
     "distances": (Distances, False),
     "directions": (Directions, False),
+    "figures": (Figures, False),
     "stations": (Stations, False),
     "preliminary_points": (PreliminaryPoints, False),
 }
@@ -66,6 +68,7 @@ class Given(Struct, frozen=True):
     elements: Elements | None
     distances: Distances | None
     directions: Directions | None
+    figures: Figures | None
     stations: Stations | None
     antennas: Sequence[Mapping[str, Any]]
     preliminary_points: PreliminaryPoints | None
@@ -89,13 +92,18 @@ def block_input(given: Given) -> BlockInput:
     points, elements = control_tables.control_points(given.control_points), control_tables.elements(given.elements)
     distances = control_tables.distances(given.distances)
     directions = control_tables.directions(given.directions)
+    figures = control_tables.figures(given.figures)
     stations = control_tables.stations(given.stations)
     preliminary = control_tables.preliminary_points(given.preliminary_points)
-    tables: tuple[Parsed[Any], ...] = (observations, points, elements, distances, directions, stations, preliminary)
+    tables: tuple[Parsed[Any], ...] = (
+        observations, points, elements, distances, directions, figures, stations, preliminary,
+    )  # fmt: skip
     complaints += [complaint for table in tables for complaint in table.complaints]
     if complaints or definition is None or observations.value is None:
         raise InputError(complaints)
-    control = Control(points.value, elements.value, distances.value, directions.value, stations.value)
+    control = Control(
+        points.value, elements.value, distances.value, directions.value, stations.value, figure_points=figures.value
+    )
     return _block_input(definition, observations.value, control, preliminary.value, points.warnings)
 
 

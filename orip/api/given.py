@@ -200,6 +200,26 @@ class Directions(Struct, frozen=True):
     zenith_error: ArrayLike | None = None
 
 
+class Figures(Struct, frozen=True):
+    """n points that lie on lines, planes and cylinders, or at equal heights.
+
+    Parameters
+    ----------
+    figure : (n,) of str
+        Points of the same figure have the same name here.
+    kind : str or (n,) of str
+        "LINE", "PLANE", "CYLINDER" or "HEIGHT".
+    point : (n,) of str
+    error : float or array (n,)
+        A-priori error of the distance from the figure, ground units; negative: without influence.
+    """
+
+    figure: ArrayLike
+    kind: ArrayLike
+    point: ArrayLike
+    error: ArrayLike
+
+
 class Stations(Struct, frozen=True):
     """Exposure stations of n photos, observed by GNSS and INS.
 

@@ -14,6 +14,7 @@ from orip.api.given import (
     Directions,
     Distances,
     Elements,
+    Figures,
     PhotoPoints,
     Photos,
     PreliminaryPoints,
@@ -72,6 +73,7 @@ class Block:
     elements : Elements, optional
     distances : Distances, optional
     directions : Directions, optional
+    figures : Figures, optional
     stations : Stations, optional
     antennas : sequence of dict
         With the keys and values of ``[[antenna]]``.
@@ -119,6 +121,7 @@ class Block:
         elements: Elements | None = None,
         distances: Distances | None = None,
         directions: Directions | None = None,
+        figures: Figures | None = None,
         stations: Stations | None = None,
         antennas: Sequence[Mapping[str, Any]] = (),
         preliminary_points: PreliminaryPoints | None = None,
@@ -157,6 +160,7 @@ class Block:
             elements,
             distances,
             directions,
+            figures,
             stations,
             antennas,
             preliminary_points,

@@ -66,6 +66,9 @@ class Solution:
     zero_directions : tuple of ZeroDirection
         Of each set of theodolite directions: `set`, `value` (R: the azimuth of a reading of 0), `sd`; degrees. The sd
         is NaN for a constant and infinite for what nothing determines.
+    figures : tuple of FigureEstimate
+        Of each line, plane, cylinder and common height: `name`, `kind`, `points`, a place `X`, `Y`, `Z`, direction
+        `dX`, `dY`, `dZ`, `radius`, `sd_place`, `sd_direction` (degrees), `sd_radius`, `rms` of its distances.
     antennas : tuple of AntennaEstimate
         Parameters of each antenna, and shifts and drifts: `antenna`, `strip`, `name`, `value`, `sd`; ground unit,
         degrees, seconds. The sd is NaN for a constant and infinite for what nothing determines.
@@ -104,6 +107,7 @@ class Solution:
         self.check_points = record.check_points
         self.variance_components = record.variance_components
         self.zero_directions = record.zero_directions
+        self.figures = record.figures
         self.antennas = record.antennas
         self.correlations = record.correlations
         self.singular = record.singular

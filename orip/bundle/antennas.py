@@ -15,6 +15,7 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.control import ControlElement, Station
 from orip.records.definition import Antenna, Extent
+from orip.records.figures import points_that_count
 from orip.records.names import record_key
 from orip.records.observation_kinds import photos_per_point
 from orip.structs import replace
@@ -202,6 +203,8 @@ def part_of_block(block: Block, photos: BoolArray, points: BoolArray) -> Block:
         control_points=tuple(point for point in block.control_points if point.name in names),
         distances=tuple(line for line in block.distances if {line.start, line.end} <= names),
         directions=directions,
+        given_directions=tuple(line for line in block.given_directions if {line.start, line.end} <= names),
+        figure_points=points_that_count(block.figure_points, names),
         stations=tuple(station for station in block.stations if record_key(station.photo) in shown),
         differences=tuple(
             line for line in block.differences if {record_key(line.first), record_key(line.second)} <= shown
@@ -244,6 +247,8 @@ def without_photo(block: Block, photo: int) -> Block:
     known = {point.name for point in block.control_points if point.kind == "control"}
     known |= {name for distance in block.distances for name in (distance.start, distance.end)}
     known |= {name for direction in block.directions for name in (direction.station, direction.target)}
+    known |= {point.point for point in block.figure_points}
+    known |= {name for line in block.given_directions for name in (line.start, line.end)}
     rays = photos_per_point(points.photo, points.point, used, len(block.point_names))
     kept = np.array([rays[row] > 1 or (name in known) for row, name in enumerate(block.point_names)])
     return part_of_block(block, np.arange(len(block.photos)) != photo, kept)

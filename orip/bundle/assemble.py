@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import FloatArray, IntArray, rows_of_groups
 from orip.bundle.antennas import with_orientations_of_stations
+from orip.bundle.figures import with_determined_figures
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.motions import without_motion
 from orip.bundle.points.starting import with_starting_points
@@ -24,6 +25,7 @@ from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, lens_
 from orip.records.coded_names import coded
 from orip.records.control import Control, ControlElement, PreliminaryPoint, Station
 from orip.records.definition import Antenna, BundleDefinition
+from orip.records.figures import points_that_count
 from orip.records.ground import GroundSystem
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import places_of_names, record_key
@@ -120,8 +122,9 @@ def gather(inputs: BlockInput, ground: GroundSystem | None = None) -> Block:
 def with_starting_values(block: Block) -> tuple[Block, list[ProjectWarning]]:
     """Return a gathered block, whose photos all have an orientation, with the starting values of points."""
     block, warnings = with_starting_points(with_photos_on_rigs(block))
+    block, of_figures = with_determined_figures(block)
     block = replace(block, theodolites=theodolite_sets(block))
-    return constants_in_frame(block), warnings
+    return constants_in_frame(block), [*warnings, *of_figures]
 
 
 def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSystem | None) -> Block:
@@ -154,6 +157,8 @@ def _block_in_project(keys: Sequence[str], inputs: BlockInput, system: GroundSys
         elements=ground.elements,
         distances=ground.distances,
         directions=ground.directions,
+        figure_points=ground.figure_points,
+        given_directions=ground.given_directions,
         stations=ground.stations,
         differences=ground.differences,
         antennas=inputs.antennas,
@@ -252,12 +257,14 @@ def _camera_with_elements(camera: Camera, elements: Sequence[ControlElement], le
 
 
 def _point_names(inputs: BlockInput) -> tuple[str, ...]:
-    """Return the measured points, then ends of distances and directions that have starting coordinates."""
+    """Return the measured points, then those of distances, directions and figures that have starting coordinates."""
     control = inputs.control
     placed = {point.name for point in control.points if None not in point.coordinates}
     placed |= {point.name for point in inputs.preliminary}
     ends = [name for distance in control.distances for name in (distance.start, distance.end)]
     ends += [name for direction in control.directions for name in (direction.station, direction.target)]
+    ends += [name for line in control.given_directions for name in (line.start, line.end)]
+    ends += [point.point for point in control.figure_points]
     measured, further = coded(inputs.observations.points).occurring(), [name for name in ends if name in placed]
     return tuple(dict.fromkeys([*measured, *further])) if further else measured
 
@@ -292,6 +299,8 @@ def _ground_observations(
             for line in control.differences
             if {record_key(line.first), record_key(line.second)} <= records["PHOTO"]
         ),
+        figure_points=points_that_count(control.figure_points, points),
+        given_directions=tuple(line for line in control.given_directions if {line.start, line.end} <= points),
     )
 
 

@@ -12,7 +12,7 @@ from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.null_space import InnerConstraints, PointMovements
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.rigs import RigState
-from orip.bundle.state import BlockState, entries_at
+from orip.bundle.state import RADIUS, SHIFTS, TILTS, BlockState, PlacedFigures, entries_at
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError
 from orip.geometry.rotation import angle_rates_from_axes_rotation, cross_matrix
@@ -134,8 +134,11 @@ def movements_of_block(state: BlockState, unknowns: Unknowns) -> Movements:
     zero_directions = np.zeros((len(unknowns.theodolites), 7))
     # azimuths run clockwise, rotations about Z the other way
     zero_directions[:, 5] = -1.0
-    rows = [_positions(state.centres - centre, size), rotations, zero_directions]
-    columns = [unknowns.photos[:, :3], unknowns.photos[:, 3:], unknowns.theodolites]
+    rows = [
+        _positions(state.centres - centre, size), rotations, zero_directions,
+        _of_figures(state.figures, _positions(state.figures.origins - centre, size)),
+    ]  # fmt: skip
+    columns = [unknowns.photos[:, :3], unknowns.photos[:, 3:], unknowns.theodolites, unknowns.figures]
     if state.rigs is not None and unknowns.rigs is not None:
         rows += _movements_of_rigs(state.rigs, centre, size)
         columns += [unknowns.rigs.exposures[:, :3], unknowns.rigs.exposures[:, 3:], unknowns.rigs.mountings]
@@ -151,6 +154,16 @@ def _movements_of_rigs(rigs: RigState, centre: FloatArray, size: float) -> list[
     rotations[:, :, 3:6] = np.eye(3)
     mountings[:, :3, 6] = rigs.offsets
     return [_positions(rigs.centres - centre, size), rotations, mountings]
+
+
+def _of_figures(figures: PlacedFigures, moved: FloatArray) -> FloatArray:
+    """Return the changes (n, 6, 7) of the parameters of figures, from those (n, 3, 7) of their origins."""
+    along = np.swapaxes(figures.axes, 1, 2)
+    found = np.zeros((len(moved), 6, 7))
+    found[:, SHIFTS] = along @ moved
+    found[:, TILTS, 3:6] = along[:, :2]
+    found[:, RADIUS, 6] = figures.radii
+    return found
 
 
 def _offsets(points: FloatArray) -> tuple[FloatArray, FloatArray, int]:
@@ -301,7 +314,7 @@ def free_movements(state: BlockState, unknowns: Unknowns, design: csr_array) -> 
     generator, own = movements_of_block(state, unknowns).rows_of(columns), design[:, columns]
     allowed = abs(own) @ np.abs(generator).max(axis=1, initial=0.0)
     scale = np.where(allowed > 0.0, allowed, 1.0)[:, None]
-    by_observations = _beyond_antennas((own @ generator) / scale, design, scale, unknowns)
+    by_observations = _beyond_unknowns((own @ generator) / scale, design, scale, unknowns)
     determined = np.vstack([by_observations, _held_by_constants(state, unknowns), np.zeros((1, 7))])
     # only the square matters: n rows would make a needlessly large decomposition
     triangle = np.linalg.qr(determined, mode="r")
@@ -332,16 +345,17 @@ def information_on_movements(
     root = np.sqrt(weights)[:, None]
     columns = np.unique(design.indices)
     own = root * (design[:, columns] @ movements_of_block(state, unknowns).rows_of(columns))
-    beyond = _beyond_antennas(own, design, 1.0 / np.maximum(root, 1e-300), unknowns)
+    beyond = _beyond_unknowns(own, design, 1.0 / np.maximum(root, 1e-300), unknowns)
     held = _held_by_constants(state, unknowns)
     return np.asarray(beyond.T @ beyond + _EXACTLY * held.T @ held)
 
 
-def _beyond_antennas(
+def _beyond_unknowns(
     by_observations: FloatArray, design: csr_array, scale: FloatArray, unknowns: Unknowns
 ) -> FloatArray:
-    """Return the part of the changes (n, 7) of observations that unknown antenna parameters do not absorb."""
-    columns = np.concatenate([unknowns.antennas.ravel(), unknowns.shifts.ravel(), unknowns.drifts.ravel()])
+    """Return the part of the changes (n, 7) of observations that unknown antennas and figures do not absorb."""
+    tables = (unknowns.antennas, unknowns.shifts, unknowns.drifts, unknowns.figures)
+    columns = np.concatenate([table.ravel() for table in tables])
     columns = columns[columns != CONSTANT]
     if not len(columns) or not len(by_observations):
         return by_observations
@@ -371,6 +385,7 @@ def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
         points=numbered[1],
         rigs=rigs,
         theodolites=np.full_like(unknowns.theodolites, CONSTANT),
+        figures=np.full_like(unknowns.figures, CONSTANT),
         layout=replace(unknowns.layout, reduced=size, blocks=0, fixed=np.zeros(size, dtype=bool)),
     )
     rows = movements_of_block(state, as_unknown).rows_of(np.flatnonzero(constant))

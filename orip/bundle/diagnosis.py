@@ -161,6 +161,21 @@ def _weights_unsettled(solved: SolvedBlock) -> Iterator[Diagnosis]:
         yield Diagnosis("not-converged", f"bundle {definition.name}", text, remedy)
 
 
+_CAUSES = {
+    "MOUNTING": (
+        "no exposure has a photo of this camera and of one whose mounting is known",
+        "give offset and rotation in the [[rig]], or more exposures",
+    ),
+    "EXPOSURE": (
+        "the points in its photos do not determine it", "measure more points in its photos, or give control"
+    ),
+    "THEODOLITE": ("none of its directions is used", "observe a direction, or give R"),
+    "FIGURE": (
+        "its points do not determine it", "name points of the figure further away from each other, or take it out"
+    ),
+}  # fmt: skip
+
+
 def _cause(solved: SolvedBlock, group: str, name: str, kinds: Sequence[str]) -> tuple[str, str]:
     """Return why an unknown is not determined, and what to do."""
     block = solved.block
@@ -179,13 +194,8 @@ def _cause(solved: SolvedBlock, group: str, name: str, kinds: Sequence[str]) -> 
             cause = f"only {_IN_WORDS[count]} {agreeing(count, 'control point')}" if count else "no control points"
             return cause, "add control points, three at least and not on one line"
         return "its points do not determine it", "measure points spread over the photo and at different depths"
-    if group == "MOUNTING":
-        cause = "no exposure has a photo of this camera and of one whose mounting is known"
-        return cause, "give offset and rotation in the [[rig]], or more exposures"
-    if group == "EXPOSURE":
-        return "the points in its photos do not determine it", "measure more points in its photos, or give control"
-    if group == "THEODOLITE":
-        return "none of its directions is used", "observe a direction, or give R"
+    if group in _CAUSES:
+        return _CAUSES[group]
     if "READOUT" in kinds and not solved.state.motions[_photos_of(block, name)].any():
         cause = "the motion of its photos is not known, and it acts together with the readout"
         return cause, "give exposure stations with times and strips, or hold READOUT constant"

@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.datum import information_on_movements, movements_of_block
+from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.problem import BlockProblem
 from orip.bundle.results.ground import photo_cofactors, undetermined_photos
 from orip.bundle.solve import SolvedBlock
@@ -53,6 +54,8 @@ def control_on_a_line(solved: SolvedBlock) -> Iterator[Diagnosis]:
     held = [point for point in block.control_points if point.kind == "control"]
     others = (
         bool(block.directions)
+        or bool(block.given_directions)
+        or any(point.kind == "HEIGHT" for point in block.figure_points)
         or any(photo.constant for photo in block.photos)
         or any(station.has_position and min(station.position_error) >= 0.0 for station in block.stations)
         or any(element.group == "PHOTO" and element.error >= 0.0 for element in block.elements)
@@ -169,6 +172,7 @@ def _free_movements(solved: SolvedBlock) -> FloatArray:
     rows = [kind.rows for kind in problem.observations]
     of_ground = np.concatenate([np.full(len(part.used), part.kind != PHOTO_POINT) for part in rows])
     kinds = tuple(kind for kind in problem.observations if kind.rows.kind != PHOTO_POINT)
+    state = with_points_on_figures(kinds, state)
     design = csr_array((0, problem.layout.size))
     if kinds:
         design = BlockProblem(problem.block, problem.unknowns, kinds).design(state)

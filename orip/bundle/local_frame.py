@@ -92,6 +92,12 @@ def _free_network_complaints(block: Block) -> Iterator[Complaint]:
             f"bundle {name} is a free network with theodolite directions, whose verticals differ from place to place "
             "with a crs; leave crs out, or take the directions out of the .DIR file"
         )
+    levels = {point.figure for point in block.figure_points if point.kind == "HEIGHT"}
+    if levels or block.given_directions:
+        yield Complaint(
+            f"bundle {name} is a free network with equal heights or given directions, whose verticals differ from "
+            "place to place with a crs; leave crs out, or take them out of the .CON file"
+        )
     on_grid = [distance.name for distance in block.distances if distance.code != "XYZ" and distance.error >= 0.0]
     if on_grid:
         yield Complaint(

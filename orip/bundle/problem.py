@@ -23,6 +23,7 @@ from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_l
 from orip.bundle.compiled.rig_loop import RigLoop, rig_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
+from orip.bundle.figures import placed_figures
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -46,6 +47,7 @@ from orip.bundle.points.left_out import (
     without_contradictory_points,
     without_undetermined_points,
 )
+from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.rigs import columns_by_rigs
@@ -383,8 +385,8 @@ def _couples_points(problem: BlockProblem) -> bool:
 
 def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     """Return the problem of a free network: while solving, as many unknowns are held as it has free movements."""
-    state, unknowns = starting_state(block), problem.unknowns
     others = tuple(kind for kind in problem.observations if not isinstance(kind, PhotoPointObservations))
+    state, unknowns = with_points_on_figures(others, starting_state(block)), problem.unknowns
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
     every = np.ones(len(on_the_ground.residual), dtype=bool)
     datum = free_datum(block, state, unknowns, on_the_ground, every)
@@ -411,6 +413,7 @@ def starting_state(block: Block) -> BlockState:
         motion_corrections=np.zeros((len(block.photos), 6)),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
+        figures=placed_figures(block),
         left_out=np.zeros(len(block.point_names), dtype=bool),
         turned_by_angles=np.array(
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct, field
 from numpy.typing import NDArray
 
-from orip.arrays import FloatArray, IntArray
+from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.motions import Poses, TimedPhotos, motions, poses, rows_of_readout
 from orip.bundle.rigs import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
@@ -26,6 +26,56 @@ from orip.units import RADIANS_PER_DEGREE
 
 LARGEST_ROTATION = 0.5
 """Largest rotation of a photo (radians) in one iteration; a larger correction is scaled down as a whole."""
+
+
+SHIFTS, TILTS, RADIUS = slice(0, 3), slice(3, 5), 5
+"""Places in `FIGURE_PARAMETERS`."""
+
+
+class PlacedFigures(Struct, frozen=True):
+    """Where the figures of a block are.
+
+    Parameters
+    ----------
+    origins : array (number of figures, 3)
+        Of a level the Z is the common height, in the project.
+    axes : array (number of figures, 3, 3)
+        As columns; those of a level are X, Y, Z.
+    radii : array (number of figures,)
+        0 where there is none.
+    """
+
+    origins: FloatArray
+    axes: FloatArray
+    radii: FloatArray
+
+    def moved(self, correction: FloatArray) -> PlacedFigures:
+        """Return the figures after corrections (number of figures, 6) of their parameters."""
+        if not len(correction):
+            return self
+        turn = np.zeros((len(correction), 3))
+        turn[:, :2] = correction[:, TILTS]
+        return PlacedFigures(
+            self.origins + (self.axes @ correction[:, SHIFTS, None])[:, :, 0],
+            self.axes @ rotation_about_axes(turn),
+            self.radii + correction[:, RADIUS],
+        )
+
+    def values(self) -> FloatArray:
+        """Return numbers (number of figures, 6) that change with the parameters in their places."""
+        shifts = np.einsum("fi,fij->fj", self.origins, self.axes)
+        return np.column_stack([shifts, self.axes[:, 2, 1], self.axes[:, 2, 0], self.radii])
+
+    def where(self, chosen: BoolArray, others: PlacedFigures) -> PlacedFigures:
+        """Return the chosen figures (number of figures,), and the others from elsewhere."""
+        return PlacedFigures(
+            np.where(chosen[:, None], self.origins, others.origins),
+            np.where(chosen[:, None, None], self.axes, others.axes),
+            np.where(chosen, self.radii, others.radii),
+        )
+
+
+NO_FIGURES = PlacedFigures(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
 
 class BlockState(Struct, frozen=True):
@@ -51,6 +101,7 @@ class BlockState(Struct, frozen=True):
         Of the stretches of `StationPlaces`, along the project's axes.
     theodolites : array (number of theodolite sets,)
         Zero directions, radians.
+    figures : PlacedFigures
     turned_by_angles : array (number of photos,) of bool
         Photos with a constant rotation element: their unknowns are omega, phi, kappa themselves. The others' unknowns
         are small rotations about the ground axes, which have no singular case.
@@ -73,6 +124,7 @@ class BlockState(Struct, frozen=True):
     shifts: FloatArray
     drifts: FloatArray
     theodolites: FloatArray
+    figures: PlacedFigures
     turned_by_angles: NDArray[np.bool_]
     left_out: NDArray[np.bool_]
     memory: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -124,6 +176,7 @@ class BlockState(Struct, frozen=True):
             motion_corrections=self.motion_corrections + entries_at(correction, unknowns.motions),
             points=self.points + entries_at(correction, unknowns.points),
             theodolites=self.theodolites + entries_at(correction, unknowns.theodolites),
+            figures=self.figures.moved(entries_at(correction, unknowns.figures)),
         )
         return moved.with_rigs(rigs)
 
@@ -146,12 +199,13 @@ def poses_of_rays(block: Block, state: BlockState, rays: IntArray | slice) -> Po
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:
-    """Return the factor that keeps the rotation of every photo within `LARGEST_ROTATION`."""
+    """Return the factor that keeps the rotation of every photo and figure within `LARGEST_ROTATION`."""
     tables = [unknowns.photos]
     if unknowns.rigs is not None:
         tables += [unknowns.rigs.exposures, unknowns.rigs.mountings]
     turns = np.linalg.norm(entries_at(correction, np.vstack(tables)[:, 3:]), axis=1)
-    largest = float(turns.max(initial=0.0))
+    tilts = np.linalg.norm(entries_at(correction, unknowns.figures[:, TILTS]), axis=1)
+    largest = max(float(turns.max(initial=0.0)), float(tilts.max(initial=0.0)))
     return min(1.0, LARGEST_ROTATION / largest) if largest > 0.0 else 1.0
 
 

@@ -223,6 +223,7 @@ def _tables(state: BlockState, unknowns: Unknowns) -> list[tuple[IntArray, Float
         (unknowns.shifts, state.shifts),
         (unknowns.drifts, state.drifts),
         (unknowns.theodolites, state.theodolites),
+        (unknowns.figures, state.figures.values()),
         (unknowns.photos[:, :3], state.centres),
         (unknowns.photos[:, 3:], state.angles()),
         (unknowns.motions, state.motion_corrections),
@@ -247,7 +248,7 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     def table(columns: IntArray, values: FloatArray, started: FloatArray) -> FloatArray:
         return np.where(padded[columns], started, values)
 
-    cameras, additional, antennas, shifts, drifts, theodolites, centres, angles, corrections, points, *of_rigs = (
+    cameras, additional, antennas, shifts, drifts, theodolites, _, centres, angles, corrections, points, *of_rigs = (
         table(columns, values, started)
         for (columns, values), (_, started) in zip(_tables(state, unknowns), _tables(start, unknowns), strict=True)
     )
@@ -257,7 +258,7 @@ def _reset(state: BlockState, start: BlockState, removed: BoolArray, unknowns: U
     found = replace(
         state, cameras=cameras, additional=additional, antennas=antennas, shifts=shifts, drifts=drifts,
         theodolites=theodolites, centres=centres, rotations=rotations, motion_corrections=corrections, points=points,
-        memory={},
+        figures=state.figures.where(np.logical_not(padded[unknowns.figures].any(axis=1)), start.figures), memory={},
     )  # fmt: skip
     rigs, columns = state.rigs, unknowns.rigs
     if rigs is None or columns is None:

@@ -1,4 +1,4 @@
-"""The unknowns and their order: cameras, mountings, antennas, theodolites, photos, exposures, tied points.
+"""The unknowns and their order: cameras, mountings, antennas, theodolites, figures, photos, exposures, tied points.
 
 Other points are eliminated, and photos of rigs follow from exposures and mountings.
 
@@ -25,6 +25,7 @@ from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
+from orip.records.figures import FIGURE_PARAMETERS, UNKNOWNS_OF_FIGURE, figures_in
 from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import MOUNTING_PARAMETERS, MountedCamera, RigPlaces
@@ -91,6 +92,8 @@ class Unknowns(Struct, frozen=True):
     shifts, drifts : arrays (k, 3)
         Those of the stretches of `StationPlaces`.
     theodolites : array (number of theodolite sets,)
+    figures : array (number of figures, 6)
+        In the order of `FIGURE_PARAMETERS`.
     photos : array (number of photos, 6)
         In the order of `PHOTO_PARAMETERS`; none of photos of rigs.
     motions : array (number of photos, 6)
@@ -109,6 +112,7 @@ class Unknowns(Struct, frozen=True):
     shifts: IntArray
     drifts: IntArray
     theodolites: IntArray
+    figures: IntArray
     photos: IntArray
     motions: IntArray
     points: IntArray
@@ -152,6 +156,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         ],
         dtype=np.int64,
     )
+    figures = _number_figures(block, names)
     photos, motions = _number_photos(block, names, frozenset(photo.photo for photo in on_rigs.photos))
     rigs = _number_exposures(on_rigs, mountings, names)
     tied = np.array(sorted(set(tied_points)), dtype=np.int64)
@@ -175,6 +180,7 @@ def number_unknowns(block: Block, tied_points: Iterable[int]) -> Unknowns:
         shifts,
         drifts,
         theodolites,
+        figures,
         photos,
         motions,
         points,
@@ -234,6 +240,16 @@ def _number_exposures(places: RigPlaces, mountings: IntArray, names: list[Unknow
     columns = np.array(rows, dtype=np.int64).reshape(-1, len(_PHOTO_ORDER))[:, _PLACES]
     photo, exposure, mounted = np.array(places.photos, dtype=np.int64).reshape(-1, 3).T
     return RigColumns(photo, exposure, mounted, columns, mountings)
+
+
+def _number_figures(block: Block, names: list[UnknownName]) -> IntArray:
+    """Return the columns of figures (n, 6), in the order of FIGURE_PARAMETERS."""
+    figures = figures_in(block.figure_points)
+    columns = [
+        _number("FIGURE", name, FIGURE_PARAMETERS, UNKNOWNS_OF_FIGURE[kind], names)
+        for name, kind in zip(figures.names, figures.kinds, strict=True)
+    ]
+    return np.array(columns, dtype=np.int64).reshape(-1, len(FIGURE_PARAMETERS))
 
 
 def _number_antennas(block: Block, names: list[UnknownName]) -> tuple[IntArray, IntArray, IntArray]:

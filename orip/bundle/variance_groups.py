@@ -13,13 +13,17 @@ from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.kinds.station_difference import with_difference_errors_times
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block
-from orip.records.control import ControlElement, ControlPoint, Station
+from orip.records.control import ControlElement, ControlPoint, FigureKind, Station
 from orip.records.observation_kinds import ANGULAR_UNKNOWNS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import VarianceGroupKind
 from orip.structs import replace
 
 _POSITION, _ROTATION = " ".join(PHOTO_PARAMETERS[:3]), " ".join(PHOTO_PARAMETERS[3:])
+
+_OF_FIGURES: dict[FigureKind, VarianceGroupKind] = {
+    "LINE": "line", "PLANE": "plane", "CYLINDER": "cylinder", "HEIGHT": "height"
+}  # fmt: skip
 
 
 class VarianceGroup(NamedTuple):
@@ -86,6 +90,12 @@ def with_errors_times(block: Block, factors: Mapping[VarianceGroup, float]) -> B
             for element in block.elements
         ),
         distances=tuple(replace(line, error=_times(line.error, factor("distance"))) for line in block.distances),
+        given_directions=tuple(
+            replace(line, error=_times(line.error, factor("given direction"))) for line in block.given_directions
+        ),
+        figure_points=tuple(
+            replace(point, error=_times(point.error, factor(_OF_FIGURES[point.kind]))) for point in block.figure_points
+        ),
         stations=tuple(
             _with_station_errors(station, factor("station"), factor("attitude")) for station in block.stations
         ),

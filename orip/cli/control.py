@@ -1,4 +1,4 @@
-"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .STA and .PRE files."""
+"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .CON, .STA and .PRE files."""
 
 from __future__ import annotations
 
@@ -54,6 +54,7 @@ _ABOUT: dict[ControlKind, tuple[str, str]] = {
     "elements": ("Observed values of unknowns (.ELE)", "add OLYMPUS group=CAMERA kind=C value=8.6 a=0.01"),
     "distances": ("Distances (.LEN)", "add D1 from=1 to=2 code=XYZ distance=12.345 a=0.005"),
     "directions": ("Theodolite directions (.DIR)", "add S1 station=7 target=1 direction=12.3456 a=0.001"),
+    "figures": ("Points on lines, planes, cylinders, at equal heights (.CON)", "add WALL kind=PLANE point=7 a=0.005"),
     "stations": (
         "Exposure stations by GNSS and INS (.STA)",
         "add P101 X=1012.4 Y=2008.15 Z=401.2 aX=0.02 aY=0.02 aZ=0.04",

@@ -48,7 +48,7 @@ COMMANDS: Mapping[str, Listed] = {
     ),
     "status": Listed("Show what the project has, what is out of date, and what comes next. Reads only.", ("run",)),
     "results": Listed(
-        "Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.",
+        "Show cameras, photos, points, theodolites (zero directions), figures or residuals of the last adjustment.",
         ("results",),
     ),
     "report": Listed("Write the report of the last adjustment: one HTML page that needs no network.", ("results",)),

@@ -19,15 +19,17 @@ if TYPE_CHECKING:
 
 
 What = Annotated[
-    Literal["cameras", "photos", "points", "theodolites", "residuals", "covariance", "normals"],
+    Literal["cameras", "photos", "points", "theodolites", "figures", "residuals", "covariance", "normals"],
     typer.Argument(
         metavar="WHAT",
-        help="cameras, photos, points, theodolites, residuals, covariance or normals of the last adjustment.",
+        help="cameras, photos, points, theodolites, figures, residuals, covariance or normals of the last adjustment.",
     ),
 ]
 Names = Annotated[
     list[str] | None,
-    typer.Argument(metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points or sets."),
+    typer.Argument(
+        metavar="NAME", autocompletion=of_results, help="Only these cameras, photos, points, sets or figures."
+    ),
 ]
 
 Output = Annotated[
@@ -56,7 +58,7 @@ def register(app: typer.Typer) -> None:
         bundle: BundleOption = None,
         force: ForceOption = False,
     ) -> None:
-        """Show cameras, photos, points, theodolites (zero directions) or residuals of the last adjustment.
+        """Show cameras, photos, points, theodolites (zero directions), figures or residuals of the last adjustment.
 
         The covariance matrix of cameras, photos and points, and the normal equations, are written to a file; for them
         the adjustment is computed again. With --output all residuals are written to a file, with their reliability.

@@ -327,8 +327,10 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
         All control of the project, even what the block does not use.
     """
     # measurements are checked without these
+    from orip.bundle.figures import left_out_figures
     from orip.mistakes.free_network import observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
+    names += left_out_figures(control.figure_points, frozenset(block.point_names))
     return (*photos_under_two_names(block), *names, *observations_without_weight(block), *missing_strips(block))

@@ -134,6 +134,16 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         if direction not in block.directions
     ]
     unused += [
+        ("control", f"given direction {line.name}", _unplaced(points, line.start, line.end))
+        for line in control.given_directions
+        if line not in block.given_directions
+    ]
+    unused += [
+        ("control", f"point {point.point} of figure {point.figure}", _unplaced(points, point.point))
+        for point in control.figure_points
+        if point.point not in points
+    ]
+    unused += [
         ("control", f"element {element.group} {element.name} {element.kind}", _unknown(element))
         for element in control.elements
         if element not in block.elements

@@ -14,6 +14,8 @@ from orip.records.control import (
     ControlDistance,
     ControlElement,
     ControlPoint,
+    FigurePoint,
+    GivenDirection,
     PointCorrelation,
     PreliminaryPoint,
     Station,
@@ -95,6 +97,9 @@ class Block(Struct, frozen=True):
         Local coordinates that are no unknowns, since control with a-priori error 0 holds them.
     elements, distances, directions : tuples
         Those whose names are in the block.
+    given_directions : tuple of GivenDirection
+    figure_points : tuple of FigurePoint
+        Of the figures that the points of the block determine.
     stations : tuple of Station
         Those of the block's photos, in the project's coordinates.
     differences : tuple of StationDifference
@@ -135,6 +140,8 @@ class Block(Struct, frozen=True):
     elements: tuple[ControlElement, ...] = ()
     distances: tuple[ControlDistance, ...] = ()
     directions: tuple[ControlDirection, ...] = ()
+    figure_points: tuple[FigurePoint, ...] = ()
+    given_directions: tuple[GivenDirection, ...] = ()
     stations: tuple[Station, ...] = ()
     differences: tuple[StationDifference, ...] = ()
     theodolites: tuple[TheodoliteSet, ...] = ()

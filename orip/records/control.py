@@ -167,6 +167,7 @@ COEFFICIENT_ERRORS = ErrorLimits(1e-30, 1e3, "of the coefficient's unit")
 PointKind = Literal["control", "check", "rejected", "tie"]
 DistanceCode = Literal["X", "Y", "Z", "XY", "YZ", "ZX", "XYZ"]
 ElementGroup = Literal["CAMERA", "PHOTO", "POINT", "THEODOLITE"]
+FigureKind = Literal["LINE", "PLANE", "CYLINDER", "HEIGHT"]
 
 
 class ControlPoint(Struct, frozen=True):
@@ -255,6 +256,34 @@ class ControlDirection(Struct, frozen=True):
     line: int = 0
 
 
+class FigurePoint(Struct, frozen=True):
+    """One line of a .CON file: a point that lies on a figure.
+
+    The a-priori error, ground units, is that of its distance from the line, the plane or the surface of the cylinder,
+    or of its height from the common one: negative disregarded, never 0.
+    """
+
+    figure: str
+    kind: FigureKind
+    point: str
+    error: float
+    line: int = 0
+
+
+class GivenDirection(Struct, frozen=True):
+    """A DIRECTION in a .CON file: that from one point to another, along the project's axes, of any length above 0.
+
+    The a-priori error is an angle, degrees: negative disregarded, never 0.
+    """
+
+    name: str
+    start: str
+    end: str
+    direction: tuple[float, float, float]
+    error: float
+    line: int = 0
+
+
 class Control(Struct, frozen=True):
     """All ground control of a project."""
 
@@ -266,6 +295,8 @@ class Control(Struct, frozen=True):
     station_reference: StationReference = IN_PROJECT
     differences: tuple[StationDifference, ...] = ()
     correlations: tuple[PointCorrelation, ...] = ()
+    figure_points: tuple[FigurePoint, ...] = ()
+    given_directions: tuple[GivenDirection, ...] = ()
 
 
 class PreliminaryPoint(Struct, frozen=True):

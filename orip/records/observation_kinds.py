@@ -13,6 +13,7 @@ from orip.arrays import BoolArray, IntArray
 from orip.records.camera import CAMERA_UNITS
 from orip.records.coded_names import coded
 from orip.records.definition import ANTENNA_UNITS, DRIFT
+from orip.records.figures import FIGURE_LENGTHS, FIGURE_TILTS
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -25,11 +26,11 @@ from orip.records.rig import OFFSET
 
 ObservedIn = Literal["mm", "ground unit", "degrees", "pure number", "unit of the unknown"]
 
-GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], *OFFSET, "X", "Y", "Z"})
-"""Unknowns in the ground unit: projection centres, offsets on rigs and points."""
+GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], *OFFSET, "X", "Y", "Z", *FIGURE_LENGTHS})
+"""Unknowns in the ground unit: projection centres, offsets on rigs, points and lengths of figures."""
 
-ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R"})
-"""Unknowns in degrees: rotations of photos and zero directions of theodolite sets."""
+ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R", *FIGURE_TILTS})
+"""Unknowns in degrees: rotations of photos, zero directions of theodolite sets and tilts of figures."""
 
 
 RATES: Final = ("WX", "WY", "WZ")
@@ -93,6 +94,11 @@ CONSTANT_ELEMENT: Final = _listed("constant element", "constant element", "unit 
 DISTANCE: Final = _listed("distance", "distance", "ground unit")
 CONSTANT_DISTANCE: Final = _listed("constant distance", "constant distance", "ground unit")
 DIRECTION: Final = _listed("direction", "direction", "degrees")
+LINE: Final = _listed("line", "point on a line", "ground unit")
+PLANE: Final = _listed("plane", "point on a plane", "ground unit")
+CYLINDER: Final = _listed("cylinder", "point on a cylinder", "ground unit")
+HEIGHT: Final = _listed("height", "equal height", "ground unit")
+GIVEN_DIRECTION: Final = _listed("given direction", "given direction", "degrees")
 STATION: Final = _listed("station", "station", "ground unit")
 ATTITUDE: Final = _listed("attitude", "attitude", "degrees")
 CONSTANT_STATION: Final = _listed("constant station", "constant station", "ground unit")

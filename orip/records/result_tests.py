@@ -17,8 +17,20 @@ NOT_DETERMINED = frozenset({"datum", "photo-rotations"})
 """Codes of the diagnoses with which a block is not determined."""
 
 
-VarianceGroupKind = Literal["photo", "control", "element", "distance", "direction", "station", "attitude", "difference"]
+VarianceGroupKind = Literal[
+    "photo", "control", "element", "distance", "direction", "line", "plane", "cylinder", "height", "given direction",
+    "station", "attitude", "difference",
+]  # fmt: skip
 
+FIGURE_GROUPS = {
+    "line": "points on lines", "plane": "points on planes", "cylinder": "points on cylinders", "height": "equal heights"
+}  # fmt: skip
+"""Kinds of group whose observations are distances from figures, and what they are called."""
+
+_GROUPS = FIGURE_GROUPS | {
+    "station": "exposure stations", "attitude": "attitudes of the exposure stations", "distance": "distances",
+    "given direction": "given directions",
+}  # fmt: skip
 _ELEMENTS = {
     "CAMERA": "observed camera parameters",
     "POINT": "observed point coordinates",
@@ -69,16 +81,12 @@ class VarianceComponent(Struct, frozen=True):
                 return "exposure stations" if self.component.startswith("X0") else "rotations of the photos"
             case "element":
                 return _ELEMENTS[self.of]
-            case "station":
-                return "exposure stations"
-            case "attitude":
-                return "attitudes of the exposure stations"
             case "difference":
                 return f"{'rotations' if self.component.startswith('OMEGA') else 'positions'} between exposure stations"
-            case "distance":
-                return "distances"
             case "direction":
                 return "zenith angles" if self.component == "zenith" else "directions"
+            case _:
+                return _GROUPS[self.kind]
 
 
 GateOperator = Literal["<=", ">=", "==", "!=", "<", ">"]
@@ -183,9 +191,7 @@ class GateResult(Struct, frozen=True):
         return next((text for text in texts if self.gate.holds(float(text)) == self.passed), repr(self.value))
 
 
-GroupKind = Literal[
-    "photo", "control", "element", "distance", "direction", "station", "attitude", "difference", "check"
-]
+GroupKind = Literal[VarianceGroupKind, "check"]
 
 ContradictionKind = Literal["shift", "scatter", "point", "down-weighted"]
 """An error common to a group; residuals too large; one check point; too many observations that lost weight."""

@@ -10,6 +10,7 @@ from msgspec import Struct, field
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.camera import Projection
+from orip.records.figures import FigureEstimate
 from orip.records.result_tests import GroupTest, Status, VarianceComponent
 
 
@@ -359,6 +360,7 @@ class Solution(Struct, frozen=True):
     additional: tuple[AdditionalEstimate, ...] = ()
     remarks: tuple[Remark, ...] = ()
     zero_directions: tuple[ZeroDirection, ...] = ()
+    figures: tuple[FigureEstimate, ...] = ()
     antennas: tuple[AntennaEstimate, ...] = ()
     exposures: tuple[Exposure, ...] = ()
     rigs: tuple[RigEstimate, ...] = ()

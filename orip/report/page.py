@@ -39,6 +39,7 @@ from orip.report.pictures import report_pictures
 from orip.report.precision import (
     antenna_table,
     convergence_charts,
+    figure_table,
     iteration_table,
     photo_table,
     point_table,
@@ -146,6 +147,7 @@ def _unknowns(given: ReportInput, anchors: Mapping[str, str]) -> dict[str, Any]:
         "points": point_table(solution, given.test_level),
         "photos": photo_table(solution, anchors),
         "zero_directions": zero_direction_table(solution),
+        "figures": figure_table(solution),
         "antennas": antenna_table(solution),
         "stations": station_table(solution),
         "strips": strip_table(solution),

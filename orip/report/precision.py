@@ -135,6 +135,42 @@ def zero_direction_table(solution: Solution) -> PageTable | None:
     return PageTable("theodolites", "Theodolite sets: zero directions", columns)
 
 
+def figure_table(solution: Solution) -> PageTable | None:
+    """Return the figures that points lie on; None where there are none."""
+    rows, unit = solution.figures, solution.ground_unit
+    if not rows:
+        return None
+    decimals = decimals_of_most([sd for row in rows for sd in (row.sd_place, row.sd_radius) if not np.isnan(sd)])
+    of_angles = decimals_of_most([row.sd_direction for row in rows if not np.isnan(row.sd_direction)] or [1.0])
+    columns = [
+        PageColumn("Figure", [row.name for row in rows], words=True),
+        PageColumn("Kind", [row.kind.lower() for row in rows], words=True),
+        PageColumn("Points", [str(row.points) for row in rows]),
+        PageColumn("X", [_or_nothing(row.X, decimals) for row in rows], unit, "X"),
+        PageColumn("Y", [_or_nothing(row.Y, decimals) for row in rows], unit, "Y"),
+        PageColumn("Z", [fixed(row.Z, decimals) for row in rows], unit, "Z"),
+        PageColumn("sd", [deviation(row.sd_place, decimals) for row in rows], unit, "sd_place"),
+        *(
+            PageColumn(f"d{axis}", [_or_nothing(getattr(row, f"d{axis}"), 6) for row in rows], "", f"d{axis}")
+            for axis in "XYZ"
+        ),
+        PageColumn("sd of direction", [_sd_or_nothing(row.sd_direction, of_angles) for row in rows], "°"),
+        PageColumn("Radius", [_or_nothing(row.radius, decimals) for row in rows], unit, "radius"),
+        PageColumn("sd of radius", [_sd_or_nothing(row.sd_radius, decimals) for row in rows], unit),
+        PageColumn("RMS v", [fixed(row.rms, decimals) for row in rows], unit, "rms"),
+    ]
+    note = "A place on each, its direction (of a plane the normal), and the distances of its points."
+    return PageTable("figures", "Lines, planes, cylinders and equal heights", columns, note)
+
+
+def _or_nothing(value: float, decimals: int) -> str:
+    return "" if np.isnan(value) else fixed(value, decimals)
+
+
+def _sd_or_nothing(value: float, decimals: int) -> str:
+    return "" if np.isnan(value) else deviation(value, decimals)
+
+
 def antenna_table(solution: Solution) -> PageTable | None:
     """Return the parameters of antennas, shifts and drifts; None where there are no antennas."""
     rows = solution.antennas

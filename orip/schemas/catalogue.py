@@ -47,7 +47,7 @@ def _each(words: Iterable[str], verbs: str) -> tuple[str, ...]:
 
 
 _RECORDS = ("camera", "temtick", "photo", "template", "bundle", "model")
-_CONTROL = _each(["control"], "points elements distances directions stations differences preliminary")
+_CONTROL = _each(["control"], "points elements distances directions figures stations differences preliminary")
 
 DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "absolute": DocumentType(preliminary.Absolute, ("prelim absolute",)),

@@ -133,6 +133,24 @@ class Theodolite(Part, frozen=True):
     R: Estimate
 
 
+class Figure(Part, frozen=True):
+    """A line, plane, cylinder or common height that points lie on."""
+
+    kind: Literal["LINE", "PLANE", "CYLINDER", "HEIGHT"]
+    points: int
+    X: float | None
+    Y: float | None
+    Z: float
+    dX: float | None
+    dY: float | None
+    dZ: float | None
+    radius: float | None
+    sd_place: float | Literal["singular"] | None
+    sd_direction: float | Literal["singular"] | None
+    sd_radius: float | Literal["singular"] | None
+    rms: float
+
+
 class Observation(Part, frozen=True):
     """An observation that lost weight."""
 
@@ -287,6 +305,7 @@ class Result(Part, frozen=True):
     exposures: dict[str, RigExposure]
     motions: dict[str, Motion]
     theodolites: dict[str, Theodolite]
+    figures: dict[str, Figure]
     down_weighted: list[Observation]
     singular: list[Singular]
     correlations: list[Correlation]
@@ -325,7 +344,7 @@ class Residual(Part, frozen=True):
 
 
 class PartOfResult(Part, frozen=True):
-    """A part of the result: the cameras, photos, points, theodolites or residuals that were asked for."""
+    """A part of the result: the cameras, photos, points, theodolites, figures or residuals that were asked for."""
 
     run: str
     cameras: dict[str, dict[str, Estimate]] | UnsetType = UNSET
@@ -334,6 +353,7 @@ class PartOfResult(Part, frozen=True):
     photo_angles: dict[str, dict[str, Estimate]] | UnsetType = UNSET
     points: dict[str, Point] | UnsetType = UNSET
     theodolites: dict[str, Theodolite] | UnsetType = UNSET
+    figures: dict[str, Figure] | UnsetType = UNSET
     residuals: list[Residual] | UnsetType = UNSET
 
 

@@ -25,7 +25,7 @@ WITHOUT_DOCUMENT = {"dump", "load", "online"}
 ON_THE_SAMPLE = """
 status; init; measure; check sigma0<=9; compare . .; report; results covariance 101 --output covariance.npz
 update photos --dry-run; update points; update --undo --dry-run
-results cameras; results photos; results points; results theodolites; results residuals
+results cameras; results photos; results points; results theodolites; results figures; results residuals
 prelim relative; prelim bridge; prelim absolute
 prelim show; prelim update; observations list; observations list --all; observations todo; observations todo --next
 observations disregard point 101 1107 --dry-run; control points list; control distances list

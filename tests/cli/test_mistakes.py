@@ -292,6 +292,9 @@ def test_control_that_nothing_uses_is_named(project: Path) -> None:
     (project / "FIRST.LEN").write_text("D1 1 Z9 XYZ 100.0 0.02\nD2 Y8 Z9 XYZ 100.0 0.02\n")
     (project / "FIRST.ELE").write_text("MIDDLE PHOTO X0 1100.0 0.1\nC36 CAMERA C 36.0 0.1\n")
     (project / "FIRST.DIR").write_text("S1 2 Z9 40.0 0.003\n")
+    (project / "FIRST.CON").write_text(
+        "LAKE HEIGHT 1 5\nLAKE HEIGHT 2 5\nLAKE HEIGHT Z9 5\nWALL PLANE 1 5\nD DIRECTION 1 0.1 Z9 0 0 1\n"
+    )
     said = orip(project, "run")
     assert said.code == 0
     for words in (
@@ -300,6 +303,9 @@ def test_control_that_nothing_uses_is_named(project: Path) -> None:
         "element PHOTO MIDDLE X0 is not used: the bundle has no photo MIDDLE; correct the name",
         "element CAMERA C36 C is not used: the bundle has no camera C36",
         "direction S1 2 Z9 is not used: Z9 is neither measured",
+        "given direction D is not used: Z9 is neither measured",
+        "point Z9 of figure LAKE is not used: Z9 is neither measured",
+        "plane WALL is left out: 1 point of it in this bundle, and it says nothing of fewer than 4",
     ):
         assert f"warning: {words}" in said.err
 

@@ -220,6 +220,7 @@ TEXTS = {
     "FIRST.STA": "right 1130 2075 330 1 1 1 0 0 0 1 1 1 12.5 S1 0.1 0 0\n",
     "FIRST.LEN": "D 1 2 XYZ 100 0.1\n",
     "FIRST.DIR": "S 1 2 30 0.1\nS 1 3 45 0.1 90 0.1\n",
+    "FIRST.CON": "F HEIGHT 1 0.1\nF HEIGHT 2 -0.1\nD DIRECTION 1 0.1 2 0 1 0\n",
 }
 """Texts of a project; those that the small project does not have are written beside its own."""
 

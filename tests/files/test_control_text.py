@@ -13,6 +13,7 @@ from orip.files.control.text import (
     parse_directions,
     parse_distances,
     parse_elements,
+    parse_figures,
     parse_points,
     points_text,
     read_control,
@@ -103,7 +104,7 @@ def test_directions(tmp_path: Path) -> None:
 
 def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tmp_path: Path) -> None:
     assert read_control(tmp_path, "ZURICH").value.points == ()
-    for extension in ("PNT", "ELE", "LEN", "DIR"):
+    for extension in ("PNT", "ELE", "LEN", "DIR", "CON"):
         (tmp_path / f"ZURICH.{extension}").write_text("1\n")
     parsed = read_control(tmp_path, "ZURICH")
     assert [complaint.path for complaint in parsed.complaints] == [
@@ -111,10 +112,32 @@ def test_absent_control_files_are_empty_and_faults_of_all_files_come_together(tm
         "ZURICH.ELE",
         "ZURICH.LEN",
         "ZURICH.DIR",
+        "ZURICH.CON",
+    ]
+
+
+def test_figures_name_their_points(tmp_path: Path) -> None:
+    parsed = parse(parse_figures, tmp_path, "WALL plane 1 0.005\nWALL PLANE 2 -0.01   ! not used\nLAKE HEIGHT 1 2e-2\n")
+    assert not parsed.complaints
+    assert [(one.figure, one.kind, one.point, one.error, one.line) for one in parsed.value] == [
+        ("WALL", "PLANE", "1", 0.005, 1),
+        ("WALL", "PLANE", "2", -0.01, 2),
+        ("LAKE", "HEIGHT", "1", 0.02, 3),
     ]
 
 
 FAULTS: dict[Parser, list[tuple[str, str, str]]] = {
+    parse_figures: [
+        ("W PLAIN 1 0.01", "Z:1:3: ", "'PLAIN' is not a kind of figure; did you mean PLANE? Allowed: LINE, PLANE"),
+        ("W PLANE 1", "Z:1:11: ", "a field is missing, 3 found; the line is: figure KIND point a"),
+        ("W PLANE 1 0", "Z:1:11: ", "an a-priori error of 0 is not possible for a point of a figure"),
+        ("D DIRECTION 1 0.01 2 0 0", "Z:1:26: ", "7 found; the line is: name DIRECTION from a to dX dY dZ"),
+        ("D DIRECTION 1 0.01 1 0 0 1", "Z:1:20: ", "direction 'D' goes from '1' to itself; name two points"),
+        ("D DIRECTION 1 0.01 2 0 0 0", "Z:1:22: ", "direction 'D' has no length"),
+        ("D DIRECTION 1 0 2 0 0 1", "Z:1:15: ", "an a-priori error of 0 is not possible for a given direction"),
+        ("W PLANE 1 0.01\nW LINE 2 0.01", "Z:2: ", "figure 'W' is a PLANE on line 1 and a LINE here"),
+        ("W PLANE 1 0.01\nW PLANE 1 0.02", "Z:2: ", "point '1' of figure 'W' is already on line 1"),
+    ],
     parse_points: [
         ("P 1,5 2 3 1 1 1", "Z:1:3: ", "decimal comma; write a decimal point: 1.5"),
         ("P 1 2 nan 1 1 1", "Z:1:7: ", "'nan' is not allowed"),

@@ -37,6 +37,7 @@ TOP = [
         "exposures",
         "motions",
         "theodolites",
+        "figures",
         "down_weighted",
         "singular",
         "correlations",

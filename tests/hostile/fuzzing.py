@@ -27,7 +27,7 @@ from workflow.small_projects import film_project
 from orip.errors import OripError
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import parse_stations
-from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.log.text import read_measurements
 from orip.files.project.reader import parse_project
 from orip.files.result.reader import read_result
@@ -87,6 +87,7 @@ def targets(folder: Path) -> Mapping[str, Target]:
         ".ELE": Target(lambda data: _of_lines(parse_elements, data), (b"PHOTO left KAPPA 1.5 0.1\n",)),
         ".LEN": Target(lambda data: _of_lines(parse_distances, data), (b"1 2 100.0 0.01\n3 4 50 0.02\n",)),
         ".DIR": Target(lambda data: _of_lines(parse_directions, data), (_DIRECTIONS.encode(),)),
+        ".CON": Target(lambda data: _of_lines(parse_figures, data), (b"WALL PLANE 1 0.01\nLAKE HEIGHT 2 -0.02\n",)),
         ".STA": Target(
             lambda data: _of_lines(parse_stations, data),
             (_STATIONS.encode(), b"CRS EPSG:4258\nANGLES ROLL PITCH HEADING\n" + _STATIONS.encode()),

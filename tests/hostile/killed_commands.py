@@ -35,6 +35,7 @@ CONTROL_TEXTS = {
     "FIRST.ELE": "left PHOTO Z0 330 5\nright PHOTO Y0 2075 -5\n",
     "FIRST.LEN": "D1 1 2 XYZ 166.63 0.05\nD2 3 4 XYZ 136.7 -0.05\n",
     "FIRST.DIR": "S1 1 2 88.4352 0.01\nS1 1 3 1.1402 0.01\nS1 1 4 51.5 -0.02\n",
+    "FIRST.CON": "LAKE HEIGHT 1 5\nLAKE HEIGHT 2 5\nLAKE HEIGHT 3 -5\n",
     "FIRST.STA": "left 1070 2075 330 5 5 5\nright 1130 2075 330 -5 -5 -5\n",
     "FIRST.REL": "left right 60 0 0 5 5 5\nright third 60 0 0 -5 -5 -5\n",
     "MAIN.PRE": "P1 1101 2083 107\n",

@@ -52,8 +52,8 @@ COMMANDS = (
 )  # fmt: skip
 
 TEXTS = (
-    "orip.toml", "FIRST.MEA", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "MAIN.PRE", "EDITS.MEA", "again.txt",
-    "FIRST.dump",
+    "orip.toml", "FIRST.MEA", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.CON", "MAIN.PRE", "EDITS.MEA",
+    "again.txt", "FIRST.dump",
 )  # fmt: skip
 OUTPUTS = (
     "INTERIOR_RESULT.OUT", "PRELIM_RESULT.OUT", "BUNDLE_RESULT.OUT", "BUNDLE_ERROR.OUT", "result.json", "residuals.csv",

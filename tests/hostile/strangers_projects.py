@@ -86,7 +86,7 @@ COMMANDS = (*READING, *ADJUSTING, *CHANGING)
 
 ONLINE = '{"do":"show"}\n{"do":"measure","photo":"left","point":"P1","x":104.4,"y":100.9}\n{"do":"undo"}\nnonsense\n'
 _CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-_TEXTS = ("orip.toml", "FIRST.MEA", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.STA")
+_TEXTS = ("orip.toml", "FIRST.MEA", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.CON", "FIRST.STA")
 
 _ENCODINGS = (
     *("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32", "utf-32-le", "utf-32-be"),

@@ -25,7 +25,7 @@ from orip.bundle.kinds.observation import Observations, coordinates_with_partial
 from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
-from orip.bundle.state import BlockState
+from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials
 from orip.geometry.essential import TwoPhotos, relative_poses_with_partials
@@ -66,6 +66,8 @@ from orip.records.control import (
     ControlDirection,
     ControlDistance,
     ControlElement,
+    FigurePoint,
+    GivenDirection,
     PointCorrelation,
     Station,
     StationDifference,
@@ -615,7 +617,8 @@ def _in_a_crs(block: Block) -> Block:
     the partials by the other axes are so small that a numerical derivative is nothing but rounding.
     """
     at_rest = {"P5": ("X0", "Y0", "Z0"), "P6": ("X0", "Y0", "Z0")}
-    stations = np.isin(block.point_names, [direction.station for direction in block.directions])
+    held = [direction.station for direction in block.directions] + [line.start for line in block.given_directions]
+    stations = np.isin(block.point_names, held)
     left_out = ("P1", "P2", block.point_names[11])
     position, xyz = (("X0", 400_000.0), ("Y0", 5_300_000.0), ("Z0", 1000.0)), "XYZ"
     observed, constant = block.point_names[2:4]
@@ -694,7 +697,20 @@ def state_of(block: Block) -> BlockState:
         for table in (state.shifts, state.drifts, state.motions, state.motion_corrections)
     )
     return replace(
-        state, additional=values, shifts=shifts, drifts=drifts, motions=motions, motion_corrections=corrections
+        state, additional=values, shifts=shifts, drifts=drifts, motions=motions, motion_corrections=corrections,
+        figures=_figures(state),
+    )  # fmt: skip
+
+
+def _figures(state: BlockState) -> PlacedFigures:
+    """Return figures above the points that do not fit them: residuals bend the partials, little far from an axis."""
+    count, size = len(state.figures.origins), np.ptp(state.points, axis=0).max()
+    axes = rotation_from_angles(np.random.default_rng(18).uniform(-1.0, 1.0, (count, 3)))
+    level = np.ptp(state.figures.axes - np.eye(3), axis=(1, 2)) == 0.0
+    return PlacedFigures(
+        np.where(level[:, None], state.figures.origins, state.points.mean(axis=0) + size * np.eye(3)[2]),
+        np.where(level[:, None, None], np.eye(3), axes),
+        np.where(state.figures.radii > 0.0, 0.3 * size, 0.0),
     )
 
 
@@ -739,6 +755,16 @@ def _with_everything(block: Block) -> Block:
             ControlDirection("S2", d, c, 200.0, 0.01, 100.0, 0.01),
         ),
         theodolites=(TheodoliteSet("S1", 0.4), TheodoliteSet("S2", -2.0, constant=True)),
+        given_directions=tuple(
+            GivenDirection(f"G{number}", start, end, direction, 0.01)
+            for number, (start, end, direction) in enumerate(((a, b, (0.3, -1.0, 0.4)), (c, d, (0.0, 0.0, 1.0))))
+        ),
+        figure_points=tuple(
+            FigurePoint(f"{kind}{number}", kind, name, 0.01)
+            for kind in ("LINE", "PLANE", "CYLINDER", "HEIGHT")
+            for number in (1, 2)
+            for name in block.point_names[number : number + 14 : 2]
+        ),
         stations=_stations(block),
         differences=_differences(block),
         antennas=(_ANTENNA,),
@@ -854,11 +880,14 @@ def _kinds() -> Iterator[Case]:
 def _parts(block: Block, observations: Observations) -> list[tuple[np.ndarray, float, float]]:
     """Return rows of cases, their moves and rounding: millions of metres on a map grid are rounded to 1e-9.
 
-    Angles are not; they bend with larger moves. A lever arm changes little between two photos that look alike.
+    Angles are not; they bend with larger moves. A lever arm changes little between two photos that look alike. Heights
+    change with X and Y by a ten-thousandth.
     """
     rows, kind = np.arange(len(observations.rows.error)), observations.rows.kind.name
     if kind == "difference" and block.ground is not PLAIN:
         of_position = np.isin(observations.rows.component, ("X", "Y", "Z"))
         return [(rows[of_position], 0.1, 1e-8), (rows[~of_position], 1e-3, 0.0)]
+    if kind == "height" and block.ground is not PLAIN:
+        return [(rows, 100.0, 0.0)]
     is_small = block.ground is PLAIN or kind in ("photo", "attitude", "constant attitude")
     return [(rows, 1e-3 if is_small else 0.1, 0.0)]

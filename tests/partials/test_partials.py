@@ -88,6 +88,7 @@ def test_a_wrong_partial_is_found_among_variables_that_are_moved_together():
 
 
 PART_OF = {
+    "orip.bundle.kinds.figure.FigureObservations._along_axes": "linearise_with_partials of lines, planes and cylinders",
     "orip.bundle.kinds.distance.DistanceObservations._coordinates": "linearise_with_partials of distances",
     "orip.bundle.kinds.element._centre_values": "linearise_with_partials of elements",
     "orip.bundle.kinds.element._point_values": "linearise_with_partials of elements",
@@ -129,6 +130,7 @@ GIVES_NONE = {
     "orip.bundle.points.consensus.PointRays.of_pair": "some of the rows, unchanged",
     "orip.bundle.points.consensus.moves_of_points": "moves of points",
     "orip.bundle.points.consensus.with_steady_weights": "moves of points",
+    "orip.bundle.points.on_figures.with_points_on_figures": "places of points",
     "orip.bundle.results.ground.photo_correlations": "correlations",
     "orip.bundle.results.rigs._deviations_of_mean": "standard deviations, with relative_poses_with_partials",
     "orip.bundle.results.ground._rotation_deviations": "standard deviations",

@@ -17,9 +17,10 @@ from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, StreamedCoupling, photo_loop
 from orip.bundle.kinds.observation import Rows
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.state import BlockState
+from orip.bundle.state import NO_FIGURES, BlockState
 from orip.bundle.unknowns import CONSTANT, UnknownNames, Unknowns
 from orip.records.camera import AdditionalSet
+from orip.records.figures import FIGURE_PARAMETERS
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.set_aside import set_aside
 
@@ -130,6 +131,7 @@ class Members(Struct, frozen=True):
             shifts=nothing,
             drifts=nothing,
             theodolites=np.zeros(0),
+            figures=NO_FIGURES,
             turned_by_angles=state.turned_by_angles[self.photos],
             left_out=state.left_out[self.points],
         )
@@ -235,6 +237,7 @@ def _unknowns(sub_block: SubBlock) -> Unknowns:
         shifts=nothing,
         drifts=nothing,
         theodolites=np.zeros(0, dtype=np.int64),
+        figures=np.zeros((0, len(FIGURE_PARAMETERS)), dtype=np.int64),
         photos=sub_block.photo_columns,
         motions=np.full((len(sub_block.photo_columns), 6), CONSTANT),
         points=sub_block.point_columns,

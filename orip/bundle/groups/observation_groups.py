@@ -20,10 +20,15 @@ from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
     CONTROL_POINT,
+    CYLINDER,
     DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
+    HEIGHT,
+    LINE,
+    PLANE,
     STATION,
 )
 from orip.records.result_tests import CommonExtent, GroupKind
@@ -34,6 +39,11 @@ _KINDS: dict[str, GroupKind] = {
     ELEMENT.name: "element",
     DISTANCE.name: "distance",
     DIRECTION.name: "direction",
+    LINE.name: "line",
+    PLANE.name: "plane",
+    CYLINDER.name: "cylinder",
+    HEIGHT.name: "height",
+    GIVEN_DIRECTION.name: "given direction",
     STATION.name: "station",
     ATTITUDE.name: "attitude",
     DIFFERENCE.name: "difference",

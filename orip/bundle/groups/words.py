@@ -10,15 +10,20 @@ from orip.records.observation_kinds import (
     ANGULAR_UNKNOWNS,
     ATTITUDE,
     CONTROL_POINT,
+    CYLINDER,
     DIFFERENCE,
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
+    HEIGHT,
+    LINE,
     PHOTO_POINT,
+    PLANE,
     STATION,
     ObservationKind,
 )
-from orip.records.result_tests import CommonCause, Contradiction, GroupTest
+from orip.records.result_tests import FIGURE_GROUPS, CommonCause, Contradiction, GroupTest
 from orip.records.solution import Diagnosis
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import joined
@@ -33,6 +38,11 @@ _KINDS: dict[str, ObservationKind] = {
     "element": ELEMENT,
     "distance": DISTANCE,
     "direction": DIRECTION,
+    "line": LINE,
+    "plane": PLANE,
+    "cylinder": CYLINDER,
+    "height": HEIGHT,
+    "given direction": GIVEN_DIRECTION,
     "station": STATION,
     "attitude": ATTITUDE,
     "difference": DIFFERENCE,
@@ -53,6 +63,8 @@ _REMEDIES = {
     "attitude": "check the system and the a-priori errors of the attitudes, and the boresight",
     "difference": "check the system and the a-priori errors of the .REL file, and the lever arm",
     "direction": "check the unit, the instrument's errors and the a-priori error of the directions",
+    "given direction": "check the given directions, their points and a-priori errors",
+    **dict.fromkeys(FIGURE_GROUPS, "check whether the points are those of the figure, and their a-priori errors"),
 }
 
 _LONGEST_ARM, _LARGEST_SHIFT = 10.0, 20.0
@@ -119,6 +131,16 @@ def group_name(group: GroupTest) -> str:
             return f"{group.component} of the station differences"
         case "direction":
             return "zenith angles" if group.component == "zenith" else "directions"
+        case _:
+            return _name_of_figures(group)
+
+
+def _name_of_figures(group: GroupTest) -> str:
+    if group.kind == "given direction":
+        return f"given directions, {group.component}"
+    if group.kind == "line":
+        return f"distances {'to the side' if group.component == 'side' else 'up'} of points on lines"
+    return FIGURE_GROUPS[group.kind]
 
 
 def _name_of_elements(group: GroupTest) -> str:

@@ -13,6 +13,7 @@ from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.antennas import station_places
 from orip.bundle.results.correlated_figures import CorrelatedFigures, correlated_figures
+from orip.bundle.results.fitted_figures import figure_estimates
 from orip.bundle.results.ground import (
     adjusted_photos,
     adjusted_points,
@@ -97,6 +98,7 @@ def solution_of(solved: SolvedBlock) -> Solution:
         photo_rotation_sd_about_axes=tuple(bool(shown) for shown in photos.about_axes),
         additional=_additional(solved),
         zero_directions=_zero_directions(solved),
+        figures=figure_estimates(solved),
         antennas=_antennas(solved),
         rigs=rig_estimates(solved),
         mountings=mounting_estimates(solved),

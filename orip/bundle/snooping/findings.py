@@ -15,7 +15,15 @@ from orip.bundle.kinds.station_difference import disregarded_difference
 from orip.bundle.snooping.correlated import correlated_groups, size_of_errors
 from orip.bundle.solve import SolvedBlock
 from orip.records.block import Block, IndexedPhotoPoints
-from orip.records.control import ControlDirection, ControlDistance, ControlElement, ControlPoint, Station
+from orip.records.control import (
+    ControlDirection,
+    ControlDistance,
+    ControlElement,
+    ControlPoint,
+    FigurePoint,
+    GivenDirection,
+    Station,
+)
 from orip.records.names import record_key
 from orip.records.observation_kinds import (
     ATTITUDE,
@@ -24,11 +32,13 @@ from orip.records.observation_kinds import (
     DIRECTION,
     DISTANCE,
     ELEMENT,
+    GIVEN_DIRECTION,
     OBSERVATION_KINDS,
     PHOTO_POINT,
     STATION,
     unit_of_observation,
 )
+from orip.records.result_tests import FIGURE_GROUPS
 from orip.records.solution import Blunder, Diagnosis
 from orip.structs import replace
 from orip.wording import first_names
@@ -38,6 +48,9 @@ _NAMED = 6
 
 _SIZES = 6
 """Most sizes of errors in a sentence: of a theodolite set the largest ones."""
+
+
+_FIGURE = {"line": "line", "plane": "plane", "cylinder": "cylinder", "height": "equal heights"}
 
 
 class Finding(Struct, frozen=True):
@@ -90,6 +103,10 @@ class _Listed(Struct, frozen=True):
             return f"{components} of photo {photo}" if photo else f"{components} of {point}"
         if kind in (STATION.name, ATTITUDE.name):
             return f"{OBSERVATION_KINDS[kind].label} of photo {photo}"
+        if kind == GIVEN_DIRECTION.name:
+            return f"given direction {photo}"
+        if kind in FIGURE_GROUPS:
+            return f"point {point} of {_FIGURE[kind]} {photo}"
         return f"{OBSERVATION_KINDS[kind].label} {point}"
 
 
@@ -156,6 +173,14 @@ def without_blunders(block: Block, blunders: Sequence[Blunder]) -> Block:
             replace(distance, error=-abs(distance.error)) if _is_distance(distance, wrong) else distance
             for distance in block.distances
         ),
+        given_directions=tuple(
+            replace(line, error=-abs(line.error)) if _is_given_direction(line, wrong) else line
+            for line in block.given_directions
+        ),
+        figure_points=tuple(
+            replace(point, error=-abs(point.error)) if _is_of_figure(point, wrong) else point
+            for point in block.figure_points
+        ),
         stations=tuple(_disregarded_station(station, wrong) for station in block.stations),
         directions=tuple(_disregarded_direction(direction, wrong) for direction in block.directions),
         differences=tuple(
@@ -170,6 +195,8 @@ _WRONG = {
     ELEMENT.name: "contradicts the other observations",
     DISTANCE.name: "contradicts the other observations",
     DIRECTION.name: "contradicts the other observations",
+    **dict.fromkeys(FIGURE_GROUPS, "does not lie on it"),
+    GIVEN_DIRECTION.name: "contradicts the other observations",
     STATION.name: "contradicts the other observations",
     ATTITUDE.name: "contradicts the other observations",
     DIFFERENCE.name: "contradicts the other observations",
@@ -179,6 +206,10 @@ _REMEDY = {
     CONTROL_POINT.name: "check the coordinates, and whether the feature measured in the photos is the one surveyed",
     ELEMENT.name: "check its value, its a-priori error and the name it is given under, or disregard it",
     DISTANCE.name: "check its value and the names of its two points; measure it again, or disregard it",
+    **dict.fromkeys(
+        FIGURE_GROUPS, "check its name and whether it belongs to the figure; measure it again, or disregard it"
+    ),
+    GIVEN_DIRECTION.name: "check its direction and the names of its two points, or disregard it",
     STATION.name: "check its coordinates, its time and whether its ambiguities were fixed; or disregard it",
     ATTITUDE.name: "check its angles, their a-priori errors and the photo they are given for, or disregard it",
     DIFFERENCE.name: "check the inertial data between its two exposures, and their names; or disregard it",
@@ -261,6 +292,14 @@ def _is_element(element: ControlElement, wrong: Collection[tuple[str, str, str, 
 
 def _is_distance(distance: ControlDistance, wrong: Collection[tuple[str, str, str, str]]) -> bool:
     return (DISTANCE.name, "", distance.name, distance.code) in wrong
+
+
+def _is_given_direction(line: GivenDirection, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    return any(one[:3] == (GIVEN_DIRECTION.name, line.name, f"{line.start}-{line.end}") for one in wrong)
+
+
+def _is_of_figure(point: FigurePoint, wrong: Collection[tuple[str, str, str, str]]) -> bool:
+    return any(one[:3] == (point.kind.lower(), point.figure, point.point) for one in wrong)
 
 
 def _disregarded_station(station: Station, wrong: Collection[tuple[str, str, str, str]]) -> Station:

@@ -17,6 +17,8 @@ from orip.bundle.kinds.antenna_parameter import AntennaParameterObservations
 from orip.bundle.kinds.control_point import ControlPointObservations
 from orip.bundle.kinds.direction import DirectionObservations
 from orip.bundle.kinds.element import ElementObservations
+from orip.bundle.kinds.figure import LineObservations
+from orip.bundle.kinds.given_direction import GivenDirectionObservations
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.kinds.station_attitude import AttitudeObservations
@@ -35,6 +37,7 @@ from orip.bundle.solve import SolvedBlock
 # - a control element; and together those of one projection centre, rotation or point;
 # - a direction or a zenith angle; both to one target; and all of a theodolite set;
 # - the position of an exposure station; its attitude;
+# - the two distances of a point from a line, and the two angles of a given direction;
 # - a distance, and an observation of any other kind, by itself.
 #
 # Constants are no observations, and neither the zeros that additional parameters are observed to be nor the a-priori
@@ -108,6 +111,8 @@ def _groups(kind: Observations) -> Iterable[tuple[int, ...]]:
         return _together(range(len(kind.pair)), kind.pair)
     if isinstance(kind, DirectionObservations):
         return _direction_groups(kind)
+    if isinstance(kind, (LineObservations, GivenDirectionObservations)):
+        return _together(range(len(kind.component)), kind.groups())
     return ((row,) for row in range(len(kind.rows.photo)))
 
 
@@ -188,7 +193,7 @@ class Screening:
         here = [index for index in groups if self.hypotheses.in_one_place[index]]
         for index, effects in (
             *_effects_in_one_place(solved, here, self.hypotheses),
-            *_effects_of_directions(solved, [index for index in groups if index not in set(here)], self.hypotheses),
+            *_effects_of_groups(solved, [index for index in groups if index not in set(here)], self.hypotheses),
         ):
             (change,), (freedom,) = effects.square_sum_changes(np.arange(len(effects.residual))[None])
             if freedom and (ratio := np.sqrt(change) / (test.sigma0 * test.group_limit(int(freedom)))) > 1.0:
@@ -213,7 +218,7 @@ def _effects_in_one_place(
         yield index, JointEffects(solved.equations.residual[own], cofactor, np.ones(len(own), dtype=bool))
 
 
-def _effects_of_directions(
+def _effects_of_groups(
     solved: SolvedBlock, groups: Iterable[int], hypotheses: Hypotheses
 ) -> Iterator[tuple[int, JointEffects]]:
     rows = [np.array(hypotheses.rows[index]) for index in groups]

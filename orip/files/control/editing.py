@@ -13,7 +13,7 @@ from orip.errors import InputError
 from orip.files.control.differences_text import DIFFERENCE_KEYS, OPTIONAL_DIFFERENCE_KEYS, parse_differences
 from orip.files.control.preliminary_text import parse_preliminary
 from orip.files.control.stations_text import OPTIONAL_KEYS, STATION_KEYS, is_heading, parse_stations
-from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_points
+from orip.files.control.text import parse_directions, parse_distances, parse_elements, parse_figures, parse_points
 from orip.files.text.decimal_numbers import is_number, parse_number
 from orip.files.text.lines import TextField, TextLine, decode_lines, existing_bytes, split_line
 from orip.files.text.shown import Parsed, printable, shown_token
@@ -152,7 +152,9 @@ def _aligned(fields: Sequence[str], pattern: TextLine | None, names: int) -> str
     return line
 
 
-ControlKind = Literal["points", "elements", "distances", "directions", "stations", "differences", "preliminary"]
+ControlKind = Literal[
+    "points", "elements", "distances", "directions", "figures", "stations", "differences", "preliminary"
+]
 Fields = list[str | None]
 """Fields of a line in the order of the keys; None: missing."""
 
@@ -275,6 +277,17 @@ FORMS: dict[ControlKind, ControlForm] = {
         parse_directions,
         errors=("a", "azenith"),
         optional=(("zenith", "azenith"),),
+    ),
+    "figures": ControlForm(
+        "point of a figure",
+        "CON",
+        ("figure", "kind", "point", "a", "to", "dX", "dY", "dZ"),
+        3,
+        parse_figures,
+        words=("kind",),
+        errors=("a",),
+        texts=("to",),
+        optional=(("to", "dX", "dY", "dZ"),),
     ),
     "stations": ControlForm(
         "station",

@@ -1,4 +1,4 @@
-"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN) and directions (.DIR), read and written."""
+"""Ground control as text: points (.PNT), elements (.ELE), distances (.LEN), directions (.DIR) and figures (.CON)."""
 
 from __future__ import annotations
 
@@ -30,6 +30,9 @@ from orip.records.control import (
     DistanceCode,
     ElementGroup,
     ErrorLimits,
+    FigureKind,
+    FigurePoint,
+    GivenDirection,
 )
 from orip.records.names import look_alikes, record_key
 from orip.records.photo import PHOTO_PARAMETERS
@@ -72,11 +75,14 @@ ELEMENT_KINDS: dict[ElementGroup, tuple[str, ...]] = {
 }
 """Unknowns that a control element may observe, by group."""
 
-CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "STA", "REL", "COV")
+CONTROL_EXTENSIONS = ("PNT", "ELE", "LEN", "DIR", "CON", "STA", "REL", "COV")
 """Of the control files of a project."""
 
 _GROUPS: tuple[ElementGroup, ...] = get_args(ElementGroup)
 _CODES: tuple[DistanceCode, ...] = get_args(DistanceCode)
+_FIGURES: tuple[FigureKind, ...] = get_args(FigureKind)
+_DIRECTION = "DIRECTION"
+_NO_ZERO = "an a-priori error of 0 is not possible for a {}; write one above 0, or below to disregard"
 _SIGNED_CODES = ("X", "Y", "Z")
 _AXES = ("X", "Y", "Z")
 _NUMBERS = 6
@@ -315,11 +321,81 @@ def _read_direction(reader: FieldReader, found: _RecordList[ControlDirection]) -
     found.add((name, station, target), title, record, reader)
 
 
+def parse_figures(text: Parsed[list[str]], shown: str) -> Parsed[tuple[FigurePoint | GivenDirection, ...]]:
+    """Read points that lie on figures: ``figure KIND point a``, ground units; a figure is of one kind.
+
+    Given directions are ``name DIRECTION from a to dX dY dZ``, the error in degrees.
+    """
+    parsed = _read(text, shown, _read_figure)
+    return Parsed(parsed.value, (*parsed.complaints, *_other_kinds(parsed.value, shown)))
+
+
+def _other_kinds(points: Sequence[FigurePoint | GivenDirection], shown: str) -> Iterator[Complaint]:
+    first: dict[str, FigurePoint] = {}
+    for point in points:
+        if isinstance(point, GivenDirection):
+            continue
+        known = first.setdefault(point.figure, point)
+        if known.kind != point.kind:
+            message = (
+                f"figure '{shown_token(point.figure)}' is a {known.kind} on line {known.line} and a {point.kind} here; "
+                "give each figure a name of its own"
+            )
+            yield Complaint(message, shown, point.line)
+
+
+def _read_figure(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
+    if reader.count > 1 and reader.text(1).upper() == _DIRECTION:
+        _read_given_direction(reader, found)
+    else:
+        _read_figure_point(reader, found)
+
+
+def _read_given_direction(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
+    if not reader.has_fields((8,), "name DIRECTION from a to dX dY dZ"):
+        found.complaints += reader.complaints
+        return
+    name, start, error, end = reader.name(0), reader.name(2), reader.error(3, ANGLE_ERRORS), reader.name(4)
+    direction = (reader.decimal(5), reader.decimal(6), reader.decimal(7))
+    if start == end:
+        reader.complain(
+            f"direction '{reader.shown_text(0)}' goes from '{reader.shown_text(2)}' to itself; name two points", 4
+        )
+    if direction == (0.0, 0.0, 0.0):
+        reader.complain(f"direction '{reader.shown_text(0)}' has no length; give dX, dY or dZ other than 0", 5)
+    if error == 0.0:
+        reader.complain(_NO_ZERO.format("given direction"), 3)
+    title = f"direction '{reader.shown_text(0)}' from '{reader.shown_text(2)}'"
+    found.add((name, start), title, GivenDirection(name, start, end, direction, error, reader.number), reader)
+
+
+def _read_figure_point(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
+    if not reader.has_fields((4,), "figure KIND point a") or reader.is_heading((3,)):
+        found.complaints += reader.complaints
+        return
+    figure, kind, point = reader.name(0), reader.word(1, _FIGURES, "a kind of figure"), reader.name(2)
+    error = reader.error(3, GROUND_ERRORS)
+    if error == 0.0:
+        reader.complain(_NO_ZERO.format("point of a figure"), 3)
+    record = None if kind is None else FigurePoint(figure, kind, point, error, reader.number)
+    title = f"point '{reader.shown_text(2)}' of figure '{reader.shown_text(0)}'"
+    found.add((figure, point), title, record, reader)
+
+
 def read_control_file(
     parse: Callable[[Parsed[list[str]], str], Parsed[Content]], folder: Path, name: str
 ) -> Parsed[Content]:
     """Read a file with the function that parses its kind; a file that is absent has no records."""
     return parse(read_lines(folder / name, name, may_be_absent=True), name)
+
+
+def _parted(
+    lines: Sequence[FigurePoint | GivenDirection],
+) -> tuple[tuple[FigurePoint, ...], tuple[GivenDirection, ...]]:
+    return (
+        tuple(line for line in lines if isinstance(line, FigurePoint)),
+        tuple(line for line in lines if isinstance(line, GivenDirection)),
+    )
 
 
 def read_control(folder: Path, base: str) -> Parsed[Control]:
@@ -337,12 +413,24 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     distances = read_control_file(parse_distances, folder, f"{base}.LEN")
     directions = read_control_file(parse_directions, folder, f"{base}.DIR")
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
+    figures = read_control_file(parse_figures, folder, f"{base}.CON")
     differences = read_control_file(parse_differences, folder, f"{base}.REL")
     correlations = read_control_file(partial(parse_covariances, points=points.value), folder, f"{base}.COV")
-    texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, differences, correlations)
+    texts: tuple[Parsed[Any], ...] = (
+        points, elements, distances, directions, figures, stations, differences, correlations
+    )  # fmt: skip
     own, between = with_own_correlations(points.value, correlations.value)
     return Parsed(
-        Control(own, elements.value, distances.value, directions.value, *stations.value, differences.value, between),
+        Control(
+            own,
+            elements.value,
+            distances.value,
+            directions.value,
+            *stations.value,
+            differences.value,
+            between,
+            *_parted(figures.value),
+        ),
         tuple(complaint for text in texts for complaint in text.complaints),
         points.warnings,
     )

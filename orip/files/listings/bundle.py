@@ -13,6 +13,7 @@ from orip.files.listings.bundle_estimates import (
     camera_lines,
     check_point_lines,
     exposure_lines,
+    figure_lines,
     motion_lines,
     mounting_lines,
     photo_lines,
@@ -31,6 +32,7 @@ from orip.number_text import decimals_for, fixed, one_fixed, root_mean_square
 from orip.records.coded_names import coded
 from orip.records.epochs import SECONDS_PER_WEEK
 from orip.records.measurement import PhotoObservations
+from orip.records.result_tests import FIGURE_GROUPS
 from orip.records.solution import MOST_AS_TEXT, Reliability, Solution
 from orip.records.solution_stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
 
@@ -151,11 +153,16 @@ def bundle_listing_lines(solution: Solution, reliability: Reliability, measured:
         yield from section("RIGS: EXPOSURES", exposure_lines(solution))
     if solution.zero_directions:
         yield from section("ZERO DIRECTIONS OF THEODOLITE SETS", zero_direction_lines(solution))
+    if solution.figures:
+        yield from section("LINES, PLANES, CYLINDERS AND EQUAL HEIGHTS", figure_lines(solution))
+        yield from section("DISTANCES FROM THEM", ground_residual_lines(solution, FIGURE_GROUPS.__contains__))
     yield from section("CONTROL POINT RESIDUALS", ground_residual_lines(solution, lambda kind: kind == "control"))
     yield from section("CHECK POINTS: ADJUSTED MINUS GIVEN COORDINATES", check_point_lines(solution))
     if any(kind in STATION_KINDS for kind in coded(solution.residuals.kind).occurring()):
         yield from section("EXPOSURE STATIONS", station_lines(solution))
-    others = ground_residual_lines(solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS))
+    others = ground_residual_lines(
+        solution, lambda kind: kind not in ("control", "photo", *STATION_KINDS, *FIGURE_GROUPS)
+    )
     yield from section("RESIDUALS OF ELEMENTS, DISTANCES AND DIRECTIONS", others)
     residual_lines = _at_request(solution, "residuals") or photo_residual_lines(solution, reliability, measured)
     yield from section("PHOTO RESIDUALS", residual_lines)

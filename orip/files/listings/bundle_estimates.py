@@ -158,6 +158,29 @@ def motion_lines(solution: Solution) -> list[str]:
     return table_lines(columns)
 
 
+def figure_lines(solution: Solution) -> list[str]:
+    """Return the table of the figures that points lie on: a place, direction and radius, with standard deviations."""
+    rows, unit = solution.figures, solution.ground_unit
+    places = np.array([(row.X, row.Y, row.Z, row.radius) for row in rows], dtype=np.float64)
+    sd = np.array([(row.sd_place, row.sd_direction, row.sd_radius) for row in rows], dtype=np.float64)
+    directions = np.array([(row.dX, row.dY, row.dZ) for row in rows], dtype=np.float64)
+    decimals, of_angles = _decimals(places, sd[:, ::2]), _decimals(np.zeros(1), sd[:, 1], *ANGLE_DECIMALS)
+    return table_lines(
+        [
+            Column("Figure", [row.name for row in rows], align="left"),
+            Column("Kind", [row.kind for row in rows], align="left"),
+            Column("Points", [str(row.points) for row in rows]),
+            *(Column(axis, fixed(places[:, k], decimals), unit) for k, axis in enumerate("XYZ")),
+            Column("Radius", fixed(places[:, 3], decimals), unit),
+            *(Column(f"d{axis}", fixed(directions[:, k], 6)) for k, axis in enumerate("XYZ")),
+            Column("s place", deviations(sd[:, 0], decimals), unit),
+            Column("s direction", deviations(sd[:, 1], of_angles), "degrees"),
+            Column("s radius", deviations(sd[:, 2], decimals), unit),
+            Column("RMS v", fixed(np.array([row.rms for row in rows]), decimals), unit),
+        ]
+    )
+
+
 def antenna_lines(solution: Solution) -> list[str]:
     """Return the table of the parameters of antennas, and of the shifts and drifts of their strips."""
     rows = solution.antennas

@@ -14,6 +14,7 @@ import numpy as np
 from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.figures import FigureEstimate
 from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupTest, VarianceComponent
@@ -53,6 +54,7 @@ def _document(solution: Solution, points: object, point_columns: object, residua
         "exposures": _exposures(solution),
         "motions": _motions(solution),
         "theodolites": {row.set: {"R": _estimate(row.value, row.sd)} for row in solution.zero_directions},
+        "figures": {row.name: _figure(row) for row in solution.figures},
         **_findings(solution),
         "interior": {
             group: {row.name: _interior(row) for row in solution.interior if row.group == group}
@@ -307,6 +309,12 @@ def _variance_components(solution: Solution) -> list[dict[str, object]]:
         }
         for row in solution.variance_components
     ]
+
+
+def _figure(row: FigureEstimate) -> dict[str, object]:
+    sizes = {name: _estimate(0.0, getattr(row, name))["sd"] for name in ("sd_place", "sd_direction", "sd_radius")}
+    values = {name: _number(getattr(row, name)) for name in ("X", "Y", "Z", "dX", "dY", "dZ", "radius")}
+    return {"kind": row.kind, "points": int(row.points), **values, **sizes, "rms": _number(row.rms)}
 
 
 def _interior(summary: InteriorSummary) -> dict[str, object]:

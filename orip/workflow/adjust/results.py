@@ -18,7 +18,13 @@ from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UsageError
-from orip.files.listings.bundle_estimates import camera_lines, photo_lines, point_lines, zero_direction_lines
+from orip.files.listings.bundle_estimates import (
+    camera_lines,
+    figure_lines,
+    photo_lines,
+    point_lines,
+    zero_direction_lines,
+)
 from orip.files.listings.bundle_residuals import component_columns
 from orip.files.result.json_text import points_by_name, result_document
 from orip.files.result.residuals import (
@@ -46,7 +52,7 @@ from orip.workflow.project.outputs import first_bytes, require_replaceable
 from orip.workflow.project.state import Part
 from orip.workflow.steps import solve_step
 
-What = Literal["cameras", "photos", "points", "theodolites", "residuals"]
+What = Literal["cameras", "photos", "points", "theodolites", "figures", "residuals"]
 
 
 class Results(Struct, frozen=True):
@@ -80,9 +86,9 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
     Parameters
     ----------
     solution : Solution
-    what : {"cameras", "photos", "points", "theodolites", "residuals"}
+    what : {"cameras", "photos", "points", "theodolites", "figures", "residuals"}
     names : sequence of str
-        Cameras, photos, points or sets of directions to show; for residuals photos or points. Empty: all.
+        Cameras, photos, points, sets of directions or figures to show; for residuals photos or points. Empty: all.
 
     Raises
     ------
@@ -97,15 +103,20 @@ def results(solution: Solution, what: What, names: Sequence[str]) -> Results:
         "photos": lambda: photo_lines(chosen),
         "points": lambda: list(point_lines(chosen)),
         "theodolites": lambda: zero_direction_lines(chosen),
+        "figures": lambda: figure_lines(chosen),
     }[what]()
     part = points_by_name(chosen) if what == "points" else result_document(chosen)[what]
     return Results("\n".join(lines) + "\n", {"run": solution.run, what: part})
 
 
 def _chosen(
-    solution: Solution, what: Literal["cameras", "photos", "points", "theodolites"], names: Sequence[str]
+    solution: Solution, what: Literal["cameras", "photos", "points", "theodolites", "figures"], names: Sequence[str]
 ) -> Solution:
-    """Return the solution with only some cameras, photos, points or sets of directions."""
+    """Return the solution with only some cameras, photos, points, sets of directions or figures."""
+    if what == "figures":
+        figures = solution.figures
+        rows = _rows([figure.name for figure in figures], what, names)
+        return replace(solution, figures=tuple(figures[row] for row in rows))
     if what == "theodolites":
         known = solution.zero_directions
         rows = _rows([direction.set for direction in known], what, names)

@@ -17,6 +17,7 @@ _POINT_FIELDS: dict[ControlKind, tuple[str, ...]] = {
     "preliminary": ("name",),
     "distances": ("from", "to"),
     "directions": ("station", "target"),
+    "figures": ("point",),
 }
 
 
@@ -70,7 +71,7 @@ def _unknown(kind: ControlKind, fields: dict[str, str | None], known: _Known) ->
         return
     if not known.measured:
         return
-    given = known.given if kind in {"distances", "directions"} else frozenset()
+    given = known.given if kind in {"distances", "directions", "figures"} else frozenset()
     for key in _POINT_FIELDS[kind]:
         name = fields[key] or ""
         if name not in known.measured and name not in given:

@@ -213,6 +213,22 @@ def test_distances_and_directions(project: Path) -> None:
     assert (record["direction"], record["zenith"]) == (12.5, None)
 
 
+def test_figures(project: Path) -> None:
+    said = done(project, "figures add WALL kind=plane point=Q a=0.01", "--json")
+    assert [warning["text"] for warning in said.document["warnings"]] == ["point 'Q' is not measured in any photo"]
+    done(project, "figures add WALL kind=PLANE point=1 a=0.01")
+    refused = orip(project, "control", "figures", "add", "WALL", "kind=LINE", "point=2", "a=0.01")
+    assert refused.code == 3
+    assert "figure 'WALL' is a PLANE on line 1 and a LINE here" in refused.err
+    done(project, "figures add D kind=DIRECTION point=1 a=0.01 to=2 dX=0 dY=1 dZ=0")
+    last = (project / "FIRST.CON").read_text().splitlines()[-1]
+    assert " ".join(last.split()) == "D DIRECTION 1 0.01 2 0 1 0"
+    done(project, "figures kill D --yes")
+    weigh = orip(project, "control", "figures", "disregard", "WALL PLANE 1")
+    assert weigh.code == 0
+    assert (project / "FIRST.CON").read_text() == "WALL  plane  Q  0.01\nWALL  PLANE  1 -0.01\n"
+
+
 def test_preliminary_coordinates(project: Path) -> None:
     done(project, "preliminary add P1 X=1 Y=2 Z=3")
     done(project, "preliminary edit P1 sX=0.1 sY=0.2 sZ=0.3")

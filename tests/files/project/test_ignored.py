@@ -13,8 +13,8 @@ from orip.files.project.file_names import IGNORED
 
 PATTERNS = [line for line in IGNORED.splitlines() if line and not line.startswith("#")]
 WRITTEN_BY_USERS = (
-    "orip.toml", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.STA", "FIRST.MEA", "EDITS.MEA", "MAIN.PRE",
-    "names.csv", "exchange.toml", "README.md", ".gitignore",
+    "orip.toml", "FIRST.PNT", "FIRST.ELE", "FIRST.LEN", "FIRST.DIR", "FIRST.CON", "FIRST.STA", "FIRST.MEA", "EDITS.MEA",
+    "MAIN.PRE", "names.csv", "exchange.toml", "README.md", ".gitignore",
 )  # fmt: skip
 """All texts of a project that docs/reference/files.md names."""
 

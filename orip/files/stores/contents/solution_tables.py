@@ -10,7 +10,7 @@ from msgspec import Struct
 from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS, Projection
-from orip.records.control import PointKind
+from orip.records.control import FigureKind, PointKind
 from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupKind, Status, VarianceGroupKind
@@ -78,6 +78,13 @@ ITEM_LISTS: dict[str, StoreTable] = {
     ),
     "additional": _list_of_solution("additional_estimate", *_texts("camera", "name"), *_reals("value", "sd")),
     "zero_directions": _list_of_solution("zero_direction", text("set"), *_reals("value", "sd")),
+    "figures": _list_of_solution(
+        "figure_estimate",
+        text("name"),
+        text("kind", get_args(FigureKind)),
+        integer("points"),
+        *_reals("X", "Y", "Z", "dX", "dY", "dZ", "radius", "sd_place", "sd_direction", "sd_radius", "rms"),
+    ),
     "antennas": _list_of_solution("antenna_estimate", *_texts("antenna", "strip", "name"), *_reals("value", "sd")),
     "rigs": _list_of_solution(
         "rig_estimate",

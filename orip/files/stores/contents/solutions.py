@@ -27,6 +27,7 @@ from orip.files.stores.store import Store
 from orip.files.stores.table import StoreTable
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import CodedNames, repeated
+from orip.records.figures import FigureEstimate
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GroupTest, VarianceComponent
 from orip.records.solution import (
@@ -56,6 +57,7 @@ ITEMS: dict[str, type[Any]] = {
     "iterations": IterationPass,
     "additional": AdditionalEstimate,
     "zero_directions": ZeroDirection,
+    "figures": FigureEstimate,
     "antennas": AntennaEstimate,
     "rigs": RigEstimate,
     "mountings": MountingEstimate,
