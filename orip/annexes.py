@@ -51,7 +51,7 @@ MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next`: `tell_next`; `digitise points --online`: `answered_online`; `screen`:
 `session_to_measure`."""
 
-STEREO_MODELS = "orip.multimodel.stereo_processor"
+STEREO_MODELS = "orip.multimodel.stereo_project"
 """`screen --stereo`: `open_stereo`."""
 
 PHOTOGRAPHS = "orip.pictures.commands"

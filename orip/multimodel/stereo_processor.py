@@ -7,34 +7,25 @@ pixels of what is seen, one plate set to a place of its image, and the readings 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
-from orip.errors import InputError, ProjectWarning, UsageError
+from orip.errors import ProjectWarning
 from orip.geometry.stereo import PARALLEL, meeting
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.movement import automatic, change_model, drive_object, drive_plate, guide, move, next_model
 from orip.multimodel.oriented_block import ModelLoop, OrientedBlock
 from orip.multimodel.photo_loop import DrivenPhoto
-from orip.multimodel.processor import Loaded, load
+from orip.multimodel.processor import Loaded
 from orip.multimodel.readout import object_position, photo_positions, plate_position
 from orip.multimodel.rectified_model import ImageOnPlate, RectifiedModel, rectified_model
-from orip.multimodel.state import Condition, Guide, Position, ProcessorState, active_model
-from orip.multimodel.stereo_pairs import stereo_pairs
-from orip.multimodel.table import object_ground
-from orip.multimodel.table_step import DRIVEN_FROM, current_table
+from orip.multimodel.state import Condition, Guide, Position, ProcessorState, active_model, inside_model
 from orip.records.drive_table import DriveCode, DriveFault, Triple
 from orip.records.ground import GroundSystem
-from orip.records.names import record_key
 from orip.records.stereo import StereoVertex
-from orip.structs import replace
-from orip.wording import counted
-from orip.workflow.observations.films import plate_of_log
-from orip.workflow.project.bundle_state import read_bundle
 
 _LEAST_DEPTH_OF_Z = 0.5
 """Part of the object's Z along the model's z axis from which on Z is height in the model; below it guides in MODEL."""
@@ -238,12 +229,14 @@ class StereoProcessor:
         self._take(drive_plate(self._block, self._state, photo.stage, _plate(image, log)))
 
     def change_model(self, name: str) -> None:
-        """Change to a model."""
+        """Change to a model: at the same place, or in its middle where it does not show that."""
         self._take(change_model(self._block, self._state, name))
+        self._go_inside()
 
     def next_model(self) -> None:
-        """Change to the next model."""
+        """Change to the next model, as `change_model`."""
         self._take(next_model(self._block, self._state))
+        self._go_inside()
 
     def guide(self, system: Guide) -> None:
         """Choose the guiding system."""
@@ -275,6 +268,17 @@ class StereoProcessor:
         """Return points (n, 3) of the project in the object system."""
         return self._ground.to_local(xyz)
 
+    def _go_inside(self) -> None:
+        """Drive to the adjusted point in the middle of those that the model shows, if the mark is not inside of it."""
+        if self._state.condition == "IN" or not self.points:
+            return
+        points = self.local(np.array(list(self.points.values())))
+        inside = points[inside_model(self._block, self._state.model, points)]
+        if len(inside):
+            away = np.linalg.norm(inside - inside.mean(axis=0), axis=1)
+            x, y, z = inside[int(away.argmin())].tolist()
+            self._take(drive_object(self._block, self._state, (x, y, z)))
+
     def _where_rays_meet(self) -> Triple:
         found = object_position(self._block, self._state)
         if isinstance(found, DriveFault):
@@ -289,67 +293,6 @@ class StereoProcessor:
         self._state, reply = outcome
         if isinstance(reply, DriveFault):
             raise ProcessorFault(reply.code, reply.text)
-
-
-def open_stereo(
-    folder: Path, bundle: str | None, extents: Mapping[str, tuple[float, float, float, float]]
-) -> StereoProcessor:
-    """Return a plate processor with the models of a bundle's last adjustment.
-
-    Parameters
-    ----------
-    folder : Path
-    bundle : str or None
-        None: the project's only one.
-    extents : mapping of str
-        Of the photos that have images, by name: their first and last x and y, log coordinates.
-
-    Raises
-    ------
-    InputError
-        If the bundle has not been adjusted, or none of its models can be driven.
-    UsageError
-        If no model has two images.
-    """
-    state = read_bundle(folder, bundle, *DRIVEN_FROM)
-    solution = state.adjusted
-    ground = object_ground(state.project.definition.crs, solution.ground_unit, solution)
-    pairs = state.definition.models or stereo_pairs(solution, ground)
-    if not pairs:
-        raise UsageError(_without_models(state.name))
-    table, warnings = current_table(state, pairs)
-    if not state.definition.models:
-        text = f"has no models; {counted(len(pairs), 'pair')} of its photos can be seen instead"
-        warnings += (ProjectWarning("pairs-of-photos", f"bundle {state.name}", text),)
-    photos = {}
-    for key in (photo.name for photo in table.photos):
-        photo = state.records.photos[key]
-        template = state.records.template_of(photo)
-        scan = photo.scan or (None if template is None else template.scan)
-        camera = state.records.cameras[record_key(photo.camera)]
-        image = ImageOnPlate(plate_of_log(scan), extents.get(photo.name, (0.0, 0.0, 0.0, 0.0)))
-        photos[key] = StereoPhoto(photo.name, image, camera.sensor is not None)
-    seen = tuple(
-        model for model in table.models if all(photos[name].name in extents for name in (model.left, model.right))
-    )
-    if not seen:
-        message = "no model has images of both its photos: name them with image = in orip.toml, or give --images"
-        raise UsageError(message)
-    loaded = load(replace(table, models=seen))
-    if not isinstance(loaded, Loaded):
-        raise InputError.single("; ".join(fault.text for fault in loaded))
-    values = solution.points.values.tolist()
-    points: dict[str, Triple] = {
-        name: (x, y, z) for name, (x, y, z) in zip(solution.points.names, values, strict=True) if np.isfinite(x + y + z)
-    }
-    return StereoProcessor(loaded, photos, ground, points, warnings)
-
-
-def _without_models(bundle: str) -> str:
-    return (
-        f"bundle {bundle} has no models, and no two photos with points in common that show them in stereo: add some, "
-        "for example 'orip model add 1-1 left=P1 right=P2 row=1 column=1', then repeat the command"
-    )
 
 
 def _base(model: ModelLoop) -> float:

@@ -176,6 +176,19 @@ def test_movements_are_seen_as_they_are_asked_for(project: Path) -> None:
     assert abs(screen.state()["y_pixels"]) > 1.0
 
 
+def test_a_model_that_does_not_show_the_mark_is_begun_in_its_middle(project: Path, adjusted: Adjusted) -> None:
+    _, screen = stereo_of(project)
+    start = screen.commands["drive"]({"object": [-20.0, 0.0, 10.0]})["state"]
+    assert (start["model"], start["condition"]) == (0, "IN")
+    there = screen.commands["model"]({"name": "M3"})["state"]
+    assert (there["model"], there["condition"]) == (2, "IN")
+    names = screen.scene["models"][2]["photos"]
+    assert all(adjusted.strip.shows(int(name[1]), np.array(there["mark"]))[0] for name in names)
+    again = screen.commands["model"]({"name": "M2"})["state"]
+    assert again["mark"] == pytest.approx(there["mark"], abs=1e-6) or again["condition"] == "IN"
+    assert screen.commands["next"]({})["state"]["model"] == 2
+
+
 def test_lines_and_areas_are_closed_go_on_and_are_undone(project: Path) -> None:
     _, screen = stereo_of(project)
     do = screen.commands
