@@ -25,7 +25,6 @@ from orip.bundle.datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.bundle.points.consensus import (
     Moves,
     come_near,
@@ -47,16 +46,10 @@ from orip.bundle.points.left_out import (
 )
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
-from orip.bundle.state import (
-    BlockState,
-    antenna_parameters,
-    camera_parameters,
-    entries_at,
-    rotation_limit,
-    with_motions,
-)
+from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, moving, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
+from orip.interior.motions import TimedPhotos, motions, strips_of_rolling_shutters
 from orip.records.block import Block
 from orip.set_aside import ColumnByParts, set_aside
 from orip.structs import replace
@@ -78,7 +71,7 @@ class BlockProblem(Struct, frozen=True):
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
     strips : tuple of TimedPhotos
-        From which the motions of rolling shutters follow; none without such cameras.
+        From which motions follow.
     """
 
     block: Block
@@ -198,7 +191,7 @@ class BlockProblem(Struct, frozen=True):
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = with_motions(state.moved(correction, self.unknowns), self.strips)
+        moved = moving(state.moved(correction, self.unknowns), self.strips)
         memory = {
             kind.rows.kind.name: kept
             for kind in self.observations
@@ -387,16 +380,17 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
 
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
-    places = station_places(block)
-    state = BlockState(
+    places, centres = station_places(block), block.photo_orientation[:, :3].copy()
+    rotations = rotation_from_angles(block.photo_orientation[:, 3:])
+    return BlockState(
         cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         antennas=antenna_parameters(block),
         shifts=np.zeros((len(places.shifts), 3)),
         drifts=np.zeros((len(places.drifts), 3)),
-        centres=block.photo_orientation[:, :3].copy(),
-        rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
-        motions=np.zeros((len(block.photos), 6)),
+        centres=centres,
+        rotations=rotations,
+        motions=motions(strips_of_rolling_shutters(block), centres, rotations),
         motion_corrections=np.zeros((len(block.photos), 6)),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
@@ -405,4 +399,3 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-    return with_motions(state, strips_of_rolling_shutters(block))
