@@ -27,7 +27,6 @@ from orip.bundle.figures import placed_figures
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.bundle.points.consensus import (
     Moves,
     come_near,
@@ -52,16 +51,10 @@ from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
 from orip.bundle.rigs import columns_by_rigs
 from orip.bundle.starting_rigs import starting_rigs
-from orip.bundle.state import (
-    BlockState,
-    antenna_parameters,
-    camera_parameters,
-    entries_at,
-    rotation_limit,
-    with_motions,
-)
+from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, moving, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
+from orip.interior.motions import TimedPhotos, motions, strips_of_rolling_shutters
 from orip.records.block import Block
 from orip.set_aside import ColumnByParts, set_aside
 from orip.structs import replace
@@ -83,7 +76,7 @@ class BlockProblem(Struct, frozen=True):
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
     strips : tuple of TimedPhotos
-        From which the motions of rolling shutters follow; none without such cameras.
+        From which motions follow.
     """
 
     block: Block
@@ -208,7 +201,7 @@ class BlockProblem(Struct, frozen=True):
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = with_motions(state.moved(correction, self.unknowns), self.strips)
+        moved = moving(state.moved(correction, self.unknowns), self.strips)
         memory = {
             kind.rows.kind.name: kept
             for kind in self.observations
@@ -400,16 +393,18 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
 
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
-    places = station_places(block)
+    strips = strips_of_rolling_shutters(block)
+    places, centres = station_places(block), block.photo_orientation[:, :3].copy()
+    rotations = rotation_from_angles(block.photo_orientation[:, 3:])
     state = BlockState(
         cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         antennas=antenna_parameters(block),
         shifts=np.zeros((len(places.shifts), 3)),
         drifts=np.zeros((len(places.drifts), 3)),
-        centres=block.photo_orientation[:, :3].copy(),
-        rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
-        motions=np.zeros((len(block.photos), 6)),
+        centres=centres,
+        rotations=rotations,
+        motions=motions(strips, centres, rotations),
         motion_corrections=np.zeros((len(block.photos), 6)),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
@@ -419,4 +414,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-    return with_motions(state.with_rigs(starting_rigs(block)), strips_of_rolling_shutters(block))
+    return moving(state.with_rigs(starting_rigs(block)), strips)

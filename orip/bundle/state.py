@@ -9,7 +9,6 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.motions import Poses, TimedPhotos, motions, poses, rows_of_readout
 from orip.bundle.rigs import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
@@ -18,6 +17,7 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
+from orip.interior.motions import Poses, TimedPhotos, motions, poses, rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, READOUT, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
@@ -91,7 +91,7 @@ class BlockState(Struct, frozen=True):
     rotations : array (number of photos, 3, 3)
         Photo to ground.
     motions : array (number of photos, 6)
-        Velocities and angular rates of photos of rolling shutters, from their neighbours; see `orip.bundle.motions`.
+        Velocities and angular rates of photos of rolling shutters, from their neighbours; see `orip.interior.motions`.
     motion_corrections : array (number of photos, 6)
         Unknown parts of them.
     points : array (number of points, 3)
@@ -181,7 +181,7 @@ class BlockState(Struct, frozen=True):
         return moved.with_rigs(rigs)
 
 
-def with_motions(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
+def moving(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
     """Return the state with the motions that follow from its orientations; without strips they stay."""
     return replace(state, motions=motions(strips, state.centres, state.rotations)) if strips else state
 

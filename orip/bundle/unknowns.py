@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
-from orip.bundle.motions import rolling_cameras, unknown_motions
 from orip.bundle.rigs import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
+from orip.interior.motions import rolling_cameras, unknown_motions
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT

@@ -280,7 +280,7 @@ def rolling_shutters(solved: SolvedBlock, readjuster: Readjuster) -> list[Projec
     It is tried as an unknown before it is advised; where that is not possible, or fails, its size is that of the test.
     """
     from orip.bundle.groups.held_readouts import readout_test
-    from orip.bundle.motions import motions, rolling_cameras, timed_photos
+    from orip.interior.motions import motions, rolling_cameras, timed_photos
 
     block = solved.block
     if len(block.photo_points.photo) > _MOST_PHOTO_POINTS:

@@ -205,7 +205,7 @@ def test_axes_and_polynomials_are_undone(axes: ImageAxes) -> None:
     pixels = np.array([[0.0, 0.0], [0.5, 0.5], [4000.0, 3000.0], [17.25, 2900.5]])
     there = axes_from_pixels(pixels, axes, (4000, 3000), (10.0, 7.5))
     assert np.allclose(pixels_from_axes(there, axes, (4000, 3000), (10.0, 7.5)), pixels, atol=1e-12)
-    given = tuple(0.1 * (n + 1) * 10.0**-n for n in range(len(CAMERA_PARAMETERS)))
+    given = (*(0.1 * (n + 1) * 10.0**-n for n in range(len(CAMERA_PARAMETERS) - 1)), 0.0)
     polynomial = polynomial_from_parameters(given, axes, (4000, 3000), 0.0025, at_measured=False)
     again = parameters_from_polynomial(polynomial, axes, (4000, 3000), 0.0025)
     assert again == pytest.approx(given, rel=1e-12, abs=1e-12)

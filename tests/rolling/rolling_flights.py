@@ -31,7 +31,7 @@ class Swing(NamedTuple):
     intervals: float
 
 
-STEADY, SWINGING = Swing(1.5, 14.0), Swing(0.4, 0.83)
+STEADY, SWINGING = Swing(1.5, 14.0), Swing(1.0, 2.3)
 """A swing that neighbours show, and one that they do not."""
 
 

@@ -63,7 +63,7 @@ def rms(values: np.ndarray) -> np.ndarray:
 FLIGHTS = {
     "RTK": partial(errors, rtk=True, unknown=MODELLED),
     "control": partial(errors, rtk=False, unknown=MODELLED),
-    "swinging": partial(errors, rtk=True, swing=SWINGING, unknown=MODELLED, rate_error=3.0),
+    "swinging": partial(errors, rtk=True, swing=SWINGING, unknown=MODELLED, rate_error=2.0),
 }
 
 

@@ -51,7 +51,7 @@ def readout_test(solved: SolvedBlock, camera: int, motions: FloatArray) -> Reado
     camera : int
         Its row in the block.
     motions : array (number of photos, 6)
-        Of the photos; see `orip.bundle.motions`.
+        Of the photos; see `orip.interior.motions`.
     """
     kind, sensor = solved.problem.observations[0], solved.block.cameras[camera].sensor
     assert isinstance(kind, PhotoPointObservations), "photo points are the first kind of observation"

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray, parts
 from orip.bundle.kinds.observation import KindEquations, Linearisation, Observations, Rows
-from orip.bundle.motions import rows_of_readout
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.perspective import Perspective
@@ -17,6 +16,7 @@ from orip.geometry.projection import projected_with_partials
 from orip.geometry.rolling_shutter import Motion, MovingImage, moving_image_with_partials
 from orip.interior.additional_parameters import PARAMETER_SETS, base_of_camera
 from orip.interior.image_coordinates import ImageResiduals, SetValues, image_residuals_with_partials
+from orip.interior.motions import rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, READOUT, AdditionalSet
 from orip.records.coded_names import CodedNames, coded

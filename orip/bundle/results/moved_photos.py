@@ -6,9 +6,9 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.motions import rolling_cameras
 from orip.bundle.results.ground import deviations
 from orip.bundle.solve import SolvedBlock
+from orip.interior.motions import rolling_cameras
 from orip.records.camera import READOUT
 from orip.records.solution import PhotoMotion
 from orip.structs import replace

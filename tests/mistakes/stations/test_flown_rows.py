@@ -7,9 +7,9 @@ import pytest
 from mistakes.stations.flown_rows import flight
 
 from orip.bundle.groups.held_readouts import readout_test
-from orip.bundle.motions import motions, timed_photos
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.errors import ProjectWarning
+from orip.interior.motions import motions, timed_photos
 from orip.mistakes.camera_values import rolling_shutters
 from orip.mistakes.hypothesis import Readjuster
 
