@@ -50,6 +50,8 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         test_level=source.check.test_level,
         report=source.report,
         plan=source.plan,
+        gnss=source.gnss,
+        imu=source.imu,
         antennas=tuple(antenna.record for antenna in source.antennas),
         output_folder=project.output_folder,
     )
@@ -65,7 +67,7 @@ def _with_models(bundle: Located[BundleDefinition], models: list[Located[StereoM
     return replace(bundle.record, models=tuple(model.record for model in models if model.place[:2] == bundle.place))
 
 
-SINGLE_SECTIONS = ("project", "check", "report", "plan")
+SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "bundle")
 
 
@@ -91,6 +93,8 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "check": _check_table(definition),
         "report": _report_table(definition.report),
         "plan": {} if definition.plan is None else toml_of(definition.plan),
+        "gnss": {} if definition.gnss is None else toml_of(definition.gnss),
+        "imu": {} if definition.imu is None else toml_of(definition.imu),
         "camera": [camera_table(camera) for camera in definition.cameras],
         "temtick": [toml_of(temtick) for temtick in definition.temticks],
         "template": [toml_of(template) for template in definition.templates],
