@@ -1,4 +1,4 @@
-"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .STA and .PRE files."""
+"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .STA, .REL and .PRE files."""
 
 from __future__ import annotations
 

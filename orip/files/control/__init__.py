@@ -1,1 +1,1 @@
-"""Control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR, .STA and .PRE, read and edited by lines."""
+"""Control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR, .STA, .REL, .PRE, read and edited by lines."""
