@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli.command_line import orip
+from reference.published_data import REFERENCE_DATA
 from trajectory.inertial_flight import LEVER_ARM, MEMS, START, flight, observed, written
 
 from orip.files.control.differences_text import read_differences
 from orip.files.control.stations_text import read_stations
+from orip.records.epochs import SECONDS_PER_WEEK
 
 pytest.importorskip("gtsam", reason="pip install 'orip[ins]'")
 
@@ -95,3 +97,31 @@ def test_what_is_wrong_is_said_and_nothing_is_written(computed, tmp_path):
         assert said.code != 0
         assert words in said.err
         assert (folder / "F.STA").read_bytes() == before
+
+
+def test_positions_of_a_receiver_become_stations(tmp_path):
+    """The hour of two permanent stations; the photos are three epochs of it."""
+    data = REFERENCE_DATA / "gnss"
+    if not data.exists():
+        pytest.skip("the folder gnss is not in ../shared/reference-data beside the repository")
+    pytest.importorskip("pyrtklib5", reason="pip install 'orip[gnss]'")
+    names = ("07590920.05o", "30400920.05o", "30400920.05n")
+    for name in names:
+        shutil.copy(data / name, tmp_path)
+    rover, base, orbits = names
+    table = f'gnss = {{ rover = "{rover}", base = "{base}", orbits = ["{orbits}"], events = "events.csv" }}\n'
+    lines = text().splitlines(keepends=True)
+    (tmp_path / "orip.toml").write_text(lines[0].replace("25832", "32654") + table + "".join(lines[2:]))
+    begin = 1316 * SECONDS_PER_WEEK + 6 * 86400.0
+    rows = "".join(f"P{row},{begin + 600.0 * (row + 1):.1f}\n" for row in range(3))
+    (tmp_path / "events.csv").write_text("photo,time\n" + rows)
+    assert [state for _, state in steps(tmp_path)[:2]] == ["missing", "missing"]
+    said = orip(tmp_path, "run")
+    assert "stations 3 in F.STA" in said.err, said.err
+    assert [state for _, state in steps(tmp_path)[:2]] == ["up to date", "up to date"]
+    place = np.array([station.position for station in read_stations(tmp_path / "F.STA", "S").value])
+    assert len(place) == 3
+    assert np.ptp(place, axis=0).max() < 0.05
+    (tmp_path / base).write_bytes((tmp_path / base).read_bytes() + b"\n")
+    # positions are to be computed again, and stations follow
+    assert steps(tmp_path)[0] == ("orip gnss", "out of date")
