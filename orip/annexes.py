@@ -47,6 +47,9 @@ DIVIDED_BLOCK = "orip.archive.cluster.divided_block"
 IMPORTED_PROJECTS = "orip.exchange.project.imported"
 """`orip.import_project`: `import_folder`."""
 
+STATION_STEPS = "orip.stations.project_steps"
+"""Steps of `run` and `status` for projects with `[gnss]` or `[imu]`: `station_steps`, `process_stations`."""
+
 MEASURING_ONLINE = "orip.online.commands"
 """`observations todo --next`: `tell_next`; `digitise points --online`: `answered_online`; `screen`:
 `session_to_measure`."""

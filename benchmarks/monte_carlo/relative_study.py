@@ -7,15 +7,18 @@ from itertools import pairwise
 import numpy as np
 from bundle.aerial_block import Flight, aerial_block
 from monte_carlo.simulated_blocks import NO_DOWN_WEIGHTING, random_numbers, solved, with_noise
+from monte_carlo.stations_study import MINIMAL_SIZES
 from msgspec import Struct
 from scipy.spatial.transform import Rotation
 
+from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.findings import blunders_of
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.records.block import Block
 from orip.records.control import Station, StationDifference
 from orip.records.definition import BORESIGHT, Antenna
+from orip.records.observation_kinds import DIFFERENCE
 from orip.structs import replace
 
 MADE = aerial_block("relative", 15, Flight(strips=4, photos=15))
@@ -93,13 +96,16 @@ def point_errors(case: tuple[int, bool]) -> PointErrors:
 
 
 def wrong_difference(run: int) -> tuple[bool, int]:
-    """Return whether a difference that was spoilt is named, and how many others are."""
+    """Return whether a difference off by six minimal detectable sizes is named, and how many others are."""
     made = block(run, with_differences=True)
-    row = int(random_numbers("wrong difference", run).integers(len(made.differences)))
-    lines = list(made.differences)
-    lines[row] = replace(
-        lines[row], position=tuple((np.array(lines[row].position) + np.array([0.08, 0.0, 0.0])).tolist())
-    )
+    clean = solved(made)
+    lines, row = list(made.differences), int(random_numbers("wrong difference", run).integers(len(made.differences)))
+    kinds = [kind.rows.kind for kind in clean.problem.observations]
+    first = sum(len(kind.rows.error) for kind in clean.problem.observations[: kinds.index(DIFFERENCE)])
+    number = clean.variance.redundancy_numbers[first + 6 * row]
+    x, y, z = lines[row].position
+    size = MINIMAL_SIZES * NON_CENTRALITY * lines[row].position_error[0] / float(np.sqrt(number))
+    lines[row] = replace(lines[row], position=(x + size, y, z))
     found = snoop(replace(made, differences=tuple(lines)), SnoopingSettings(), lambda _: None, lambda: False)
-    named = {one.point for one in blunders_of(found.solved, found.findings)}
+    named = {one.point or one.photo for one in blunders_of(found.solved, found.findings)}
     return lines[row].name in named, len(named - {lines[row].name})

@@ -243,6 +243,7 @@ _SILENT = RunWatcher(
     solving=NOBODY,
     solved=lambda _: None,
     driven=lambda _: None,
+    processed=lambda *_: None,
 )
 
 

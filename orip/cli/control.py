@@ -1,4 +1,4 @@
-"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .CON, .STA and .PRE files."""
+"""`orip control`: the lines of .PNT, .ELE, .LEN, .DIR, .CON, .STA, .REL and .PRE files."""
 
 from __future__ import annotations
 

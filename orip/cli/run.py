@@ -83,6 +83,7 @@ def run_project(
         solving=solve_watcher(terminal),
         solved=partial(tell_solution, terminal),
         driven=partial(_tell_drive, terminal),
+        processed=terminal.point,
     )
     with limited_threads(terminal.threads):
         state = read_checked_project(folder, *INITIALISED_FROM)

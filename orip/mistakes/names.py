@@ -154,6 +154,12 @@ def name_warnings(block: Block, control: Control, preliminary: Sequence[Prelimin
         for station in control.stations
         if record_key(station.photo) not in photos
     ]
+    unused += [
+        ("control", f"station difference {line.name}", _unknown_photo(name, photos.values()))
+        for line in control.differences
+        for name in (line.first, line.second)
+        if record_key(name) not in photos
+    ]
     warnings = [ProjectWarning(f"unused-{what}", where, text) for what, where, text in unused if where not in told]
     similar = []
     for group in look_alikes([*block.point_names, *(point.name for point in control.points)]):

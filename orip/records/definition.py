@@ -14,6 +14,7 @@ from orip.records.fields import GROUND_UNIT, Field
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings
+from orip.records.receivers import GnssSettings, ImuSettings
 from orip.records.rig import Rigs
 
 LEVER_ARM: Final = ("LX", "LY", "LZ")
@@ -309,6 +310,8 @@ class ProjectDefinition(Struct, frozen=True):
     output_folder: str | None = None
     test_level: float | None = None
     plan: PlanSettings | None = None
+    gnss: GnssSettings | None = None
+    imu: ImuSettings | None = None
 
 
 _OTHER: Mapping[Stage, Stage] = {"UPPER": "LOWER", "LOWER": "UPPER"}

@@ -13,7 +13,7 @@ from orip.bundle.results.figures import figure
 from orip.bundle.results.reliability import number_by_chance
 from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_finding
 from orip.records.coded_names import coded
-from orip.records.observation_kinds import CONSTANT_DISTANCE, CONSTANT_ELEMENT, DISTANCE, ELEMENT
+from orip.records.observation_kinds import CONSTANT_DISTANCE, CONSTANT_ELEMENT, DIFFERENCE, DISTANCE, ELEMENT
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.result_tests import GATE_FIGURES
 from orip.records.solution import Solution
@@ -225,6 +225,7 @@ def _holding(solution: Solution) -> Iterator[tuple[int, str]]:
             rows &= component.where(lambda own, components=components: own in components)  # type: ignore[misc]
         yield len([name for name in coded(residuals.photo)[rows].occurring() if name]), noun
     yield int(np.count_nonzero(taking_part & kind.where(_DISTANCES.__contains__))), "distance"
+    yield len(coded(residuals.point)[taking_part & kind.where(DIFFERENCE.name.__eq__)].occurring()), DIFFERENCE.label
 
 
 def _method(given: ReportInput) -> str:

@@ -83,8 +83,9 @@ def register(app: typer.Typer) -> None:
 
         Example: orip gnss flight.obs base.obs flight.nav
         """
-        from orip.files.text.atomic import reporting_failure, write_output
+        from orip.files.text.atomic import write_output
         from orip.stations.gnss.processing import GnssFiles, process_gnss
+        from orip.stations.own_outputs import require_solution
 
         folder = invocation.folder
         files = GnssFiles(
@@ -96,8 +97,7 @@ def register(app: typer.Typer) -> None:
             message = "--point writes the place of a receiver that stands; add --way static"
             raise UsageError(message)
         target = folder / (output or Path(f"{rover.name.split('.')[0] or rover.name}.pos"))
-        with reporting_failure(target.name, "name another file with --output"):
-            _require_own(target, [files.rover, files.base, *files.orbits])
+        require_solution(target, [files.rover, files.base, *files.orbits])
         result = process_gnss(files)
         added = None if point is None else _add_point(invocation, result, point, dry_run=dry_run)
         if not dry_run:
@@ -149,27 +149,6 @@ def _frequencies(count: int) -> int:
         message = f"--frequencies {count}: write 1, 2 or 3"
         raise UsageError(message)
     return count
-
-
-def _require_own(target: Path, inputs: list[Path]) -> None:
-    """Refuse to replace what is read, or what is no solution."""
-    from orip.files.text.atomic import require_no_link
-    from orip.files.text.regular_file import open_regular
-
-    require_no_link(target)
-    if not target.exists():
-        return
-    if any(path.exists() and target.samefile(path) for path in inputs):
-        message = f"--output {target.name} is a file that is read; name another"
-        raise UsageError(message)
-    try:
-        with open_regular(target) as file:
-            is_solution = file.read(9) == b"% program"
-    except OSError:
-        is_solution = False
-    if not is_solution:
-        message = f"{target.name} is there and is no solution of RTKLIB; name another file with --output"
-        raise UsageError(message)
 
 
 def _tell(invocation: Invocation, result: GnssResult, target: Path, *, dry_run: bool) -> None:

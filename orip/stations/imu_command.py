@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from orip.arrays import FloatArray
     from orip.records.epochs import Epochs
     from orip.stations.inertial.files import ImuForm
-    from orip.stations.inertial.processing import ImuFiles, ImuResult
+    from orip.stations.inertial.processing import ImuResult
     from orip.stations.inertial.samples import ImuNoise
 
 
@@ -106,6 +106,7 @@ def register(app: typer.Typer) -> None:
         """
         from orip.files.text.atomic import write_output
         from orip.stations.inertial.processing import ImuFiles, process_imu
+        from orip.stations.own_outputs import require_trajectory
 
         folder = invocation.folder
         files = ImuFiles(
@@ -116,7 +117,7 @@ def register(app: typer.Typer) -> None:
         target = folder / (output or Path(f"{imu.name.split('.')[0] or imu.name}.sbet"))
         deviations = target.with_suffix(".smrmsg")
         for path in (target, deviations):
-            _require_own(path, files)
+            require_trajectory(path, (files.imu, files.positions))
         result = process_imu(files)
         if files.events is not None:
             _write_stations(invocation, result, files.events, exposures, dry_run=dry_run)
@@ -213,21 +214,6 @@ def _time(word: str | None) -> str:
         message = f"--time {word}: write one of {', '.join(known)}"
         raise UsageError(message)
     return word or ""
-
-
-def _require_own(target: Path, files: ImuFiles) -> None:
-    """Refuse to replace what is read, or what is no trajectory: whole records of 17 or 10 numbers."""
-    from orip.files.text.atomic import reporting_failure, require_no_link
-
-    with reporting_failure(target.name, "name another file with --output"):
-        require_no_link(target)
-        if not target.exists():
-            return
-        size = 8 * (17 if target.suffix != ".smrmsg" else 10)
-        is_read = any(path.exists() and target.samefile(path) for path in (files.imu, files.positions))
-        if is_read or not target.is_file() or target.stat().st_size % size or target.suffix not in {".sbet", ".smrmsg"}:
-            message = f"{target.name} is there and is no trajectory; name another file, NAME.sbet, with --output"
-            raise UsageError(message)
 
 
 def _tell(invocation: Invocation, result: ImuResult, target: Path, *, dry_run: bool, has_events: bool) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from orip.annexes import DRIVE_STEPS, annex
+from orip.annexes import DRIVE_STEPS, STATION_STEPS, annex
 from orip.bundle.methods import Method
 from orip.solving.solve import PLAIN, SolveWatcher
 from orip.workflow.adjust.gates import project_gates
@@ -17,7 +17,7 @@ from orip.workflow.observations.measure import MEASURED_FROM, MeasureOutcome, me
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.commit import Committed, carry_out, commit
 from orip.workflow.project.folder import ProjectFolder
-from orip.workflow.project.state import ProjectState
+from orip.workflow.project.state import ProjectState, read_checked_project
 from orip.workflow.records.initialise import Initialised, initialise
 from orip.workflow.records.reconcile import Prefer
 
@@ -53,13 +53,18 @@ EVERYTHING = RunSettings()
 
 
 class RunWatcher(Struct, frozen=True):
-    """Functions that are called after each step; `driven` with the drive table of a bundle with models, or why not."""
+    """Functions that are called after each step.
+
+    `driven` is called with the drive table of a bundle with models, or why there is none; `processed` with the label of
+    what was computed from receivers' files, and what is said of it.
+    """
 
     initialised: Callable[[Initialised], None]
     measured: Callable[[Committed[MeasureOutcome]], None]
     solving: SolveWatcher
     solved: Callable[[Committed[SolveOutcome]], None]
     driven: Callable[[Any], None]
+    processed: Callable[[str, str], None]
 
 
 def run(
@@ -81,6 +86,7 @@ def run(
     """
     bundles = settings.bundles(state.project)
     project_gates(state.project, settings.gates)  # malformed ones are refused before anything is written
+    state = _with_stations(state, watcher)
     watcher.initialised(carry_out(state, partial(initialise, prefer=prefer)).outcome)
     watcher.measured(commit(measure(state.read_again(*MEASURED_FROM))))
     outcomes: list[SolveOutcome] = []
@@ -95,3 +101,15 @@ def run(
         if status == "stopped":
             break
     return tuple(outcomes)
+
+
+def _with_stations(state: ProjectState, watcher: RunWatcher) -> ProjectState:
+    """Return the state with exposure stations computed from the files of receivers and inertial units."""
+    definition = state.project.definition
+    if definition.gnss is None and definition.imu is None:
+        return state
+    is_changed = False
+    for label, text in annex(STATION_STEPS).process_stations(state):
+        watcher.processed(label, text)
+        is_changed = True
+    return read_checked_project(state.project.folder, *state.parts) if is_changed else state

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from orip.annexes import DOWNLOAD_STEP, DRIVE_STEPS, annex
+from orip.annexes import DOWNLOAD_STEP, DRIVE_STEPS, STATION_STEPS, annex
 from orip.errors import HOW_TO_COMPILE, NotCompiledError, ProjectWarning
 from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.text.regular_file import beginning
@@ -66,7 +66,7 @@ def project_status(state: ProjectState, link: str | None = None, *, is_there: bo
     project = state.project
     bundles = [BundleState(state, name) for name in project.bundle_names]
     beside: list[ProjectWarning] = []
-    steps = [initialise_step(state), measure_step(state), *map(solve_step, bundles)]
+    steps = [*_station_steps(state), initialise_step(state), measure_step(state), *map(solve_step, bundles)]
     if all(step.state == "up to date" for step in steps):  # a drive table waits for all before it
         steps += _drive_steps(state)
     if link is not None and any(map(_is_driven(state), project.bundle_names)):
@@ -113,6 +113,13 @@ def _stations(state: ProjectState) -> Iterator[tuple[str, int]]:
     """Yield the number of exposure stations, of which most projects have none."""
     if count := len(state.texts.stations.value):
         yield "exposure station", count
+
+
+def _station_steps(state: ProjectState) -> list[Step]:
+    definition = state.project.definition
+    if definition.gnss is None and definition.imu is None:  # few projects have files of receivers
+        return []
+    return list(annex(STATION_STEPS).station_steps(state))
 
 
 def _drive_steps(state: ProjectState) -> Iterator[Step]:

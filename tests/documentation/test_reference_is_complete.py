@@ -22,12 +22,15 @@ from orip.files.result.residuals import HEADER
 from orip.records.control import DistanceCode
 from orip.records.definition import RECORD_TYPES, ReportDetails
 from orip.records.plan import PlanSettings
+from orip.records.receivers import GnssSettings, ImuSettings
 
 TABLES = {
     "[project]": project_tables.table_of(project_tables.ProjectTable),
     "[check]": project_tables.table_of(project_tables.CheckTable),
     "[report]": project_tables.table_of(ReportDetails),
     "[plan]": project_tables.table_of(PlanSettings),
+    "[gnss]": project_tables.table_of(GnssSettings),
+    "[imu]": project_tables.table_of(ImuSettings),
     "[[camera]]": project_tables.table_of(RECORD_TYPES["camera"]),
     "[[temtick]]": project_tables.table_of(RECORD_TYPES["temtick"]),
     "[[template]]": project_tables.table_of(RECORD_TYPES["template"]),

@@ -34,6 +34,8 @@ OBSERVATIONS = {
     ("attitude", "PHI"): "degrees",
     ("constant station", "X"): "foot",
     ("constant attitude", "KAPPA"): "degrees",
+    ("difference", "X"): "foot",
+    ("difference", "OMEGA"): "degrees",
     ("antenna", "VX"): "foot/s",
 }
 """Unit by kind and component, in a project in feet."""

@@ -24,7 +24,7 @@ def hear_nothing(_told: object) -> None:
 def run_quietly(folder: Path, prefer: Prefer | None = None) -> tuple[SolveOutcome, ...]:
     """Do what `orip run` does."""
     with threadpool_limits(1):  # as the command line does: with more threads the last digits vary
-        watcher = RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing, hear_nothing)
+        watcher = RunWatcher(hear_nothing, hear_nothing, NOBODY, hear_nothing, hear_nothing, lambda *_: None)
         return run(read_checked_project(folder, *INITIALISED_FROM), prefer, watcher)
 
 

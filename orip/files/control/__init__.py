@@ -1,1 +1,1 @@
-"""Control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR, .CON, .STA and .PRE, read, edited by lines."""
+"""Control and preliminary coordinates as text: .PNT, .ELE, .LEN, .DIR, .CON, .STA, .REL, .PRE; edited by lines."""

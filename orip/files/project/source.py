@@ -16,6 +16,7 @@ from orip.records.camera import Camera
 from orip.records.definition import Antenna, BundleDefinition, ReportDetails, StereoModel
 from orip.records.photo import Photo, Template, Temtick
 from orip.records.plan import PlanSettings
+from orip.records.receivers import GnssSettings, ImuSettings
 from orip.records.rig import Rig, RigExposure
 
 Record = TypeVar("Record")
@@ -47,6 +48,8 @@ class ProjectSource(Struct):
     check: CheckTable = field(default_factory=CheckTable)
     report: ReportDetails = field(default_factory=ReportDetails)
     plan: PlanSettings | None = None
+    gnss: GnssSettings | None = None
+    imu: ImuSettings | None = None
     cameras: list[Located[Camera]] = field(default_factory=list)
     temticks: list[Located[Temtick]] = field(default_factory=list)
     templates: list[Located[Template]] = field(default_factory=list)
@@ -70,6 +73,8 @@ def project_source(document: Mapping[str, Any]) -> ProjectSource:
     source.check = _single(document, "check", CheckTable, source) or CheckTable()
     source.report = _single(document, "report", ReportDetails, source) or ReportDetails()
     source.plan = _single(document, "plan", PlanSettings, source) if "plan" in document else None
+    source.gnss = _single(document, "gnss", GnssSettings, source) if "gnss" in document else None
+    source.imu = _single(document, "imu", ImuSettings, source) if "imu" in document else None
     source.cameras = _records(document, "camera", Camera, source)
     source.temticks = _records(document, "temtick", Temtick, source)
     source.templates = _records(document, "template", Template, source)

@@ -34,10 +34,10 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # carries an example; messages about a wrong value show it. What concerns several records together is looked at in
 # `checks`.
 
-SINGLE_SECTIONS = ("project", "check", "report", "plan")
+SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
 RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "rig", "exposure", "bundle")
 SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
-"""Tables of orip.toml; all but the first four may come several times."""
+"""Tables of orip.toml; all but the first six may come several times."""
 
 
 class ProjectTable(Struct, frozen=True):
@@ -128,10 +128,19 @@ def _single(kind: Any, field: Field) -> Form:
     if kind is str:
         is_one_line = field.text == "line"
         return OwnForm(_day) if field.text == "date" else Text(field.shortest, field.longest, is_one_line)
+    if kind is bool:
+        return OwnForm(_truth)
     return Number(kind is int, field.above, field.least, field.most)
 
 
 # values that may be written in several ways
+
+
+def _truth(value: object) -> bool:
+    if not isinstance(value, bool):
+        message = "only true or false, without quotation marks, is allowed"
+        raise ValueError(message)  # noqa: TRY004  # what is allowed is told by a ValueError
+    return value
 
 
 def _day(value: object) -> str:

@@ -76,16 +76,21 @@ def _as_precise(station: FloatArray, difference: FloatArray, is_tied: BoolArray,
     """
     tie = np.where(is_tied[:, None, None], np.linalg.inv(difference), 0.0)
     aim = np.sqrt(np.diagonal(wanted, axis1=1, axis2=2))
+    start = np.sqrt(np.diagonal(station, axis1=1, axis2=2))
+    largest = np.maximum(_MOST * aim, start)
+    largest[:, 3:] = np.minimum(largest[:, 3:], np.pi)
     factors = np.ones_like(aim)
     for _ in range(_ROUNDS):
         found = _joint_deviations(_scaled(station, factors), tie)
         if (np.abs(found / aim - 1.0) < _AS_GOOD).all():
             break
-        factors = np.clip(factors * aim / found, 1.0 / _MOST, _MOST)
+        factors = np.clip(factors * aim / found, 1.0 / _MOST, largest / start)
     return _scaled(station, factors)
 
 
-_ROUNDS, _AS_GOOD, _MOST = 40, 0.01, 1e4
+_ROUNDS, _AS_GOOD = 40, 0.01
+_MOST = 100.0
+"""Times the smoother's standard deviation, with which a station says nothing by itself any more."""
 
 
 def _joint_deviations(station: FloatArray, tie: FloatArray) -> FloatArray:
