@@ -35,6 +35,7 @@ OBSERVATIONS = {
     ("constant station", "X"): "foot",
     ("constant attitude", "KAPPA"): "degrees",
     ("antenna", "VX"): "foot/s",
+    ("mounting", "OX"): "foot",
 }
 """Unit by kind and component, in a project in feet."""
 
