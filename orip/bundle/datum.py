@@ -367,10 +367,8 @@ def _beyond_unknowns(
 
 def _held_by_constants(state: BlockState, unknowns: Unknowns) -> FloatArray:
     """Return how the movements would change constant photo elements and points: they are not free to."""
-    tables = [unknowns.elements, unknowns.points]
     rigs = unknowns.rigs
-    if rigs is not None:
-        tables += [rigs.mountings]
+    tables = [unknowns.elements, unknowns.points, *([] if rigs is None else [rigs.mountings])]
     constant = np.concatenate([table.ravel() for table in tables]) == CONSTANT
     if not constant.any():
         return np.empty((0, 7))

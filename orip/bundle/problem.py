@@ -103,8 +103,7 @@ class BlockProblem(Struct, frozen=True):
 
     def columns(self) -> list[IntArray | NDArray[np.int32]]:
         """Return the unknowns that each equation touches, kind by kind."""
-        rigs = self.unknowns.rigs
-        return [columns_by_rigs(np.asarray(kind.columns()), rigs) for kind in self.observations]
+        return [columns_by_rigs(np.asarray(kind.columns()), self.unknowns.rigs) for kind in self.observations]
 
     def as_observed(self, residual: FloatArray) -> FloatArray:
         """Convert equation residuals to residuals (n,) of the observations, in observed units."""
@@ -351,18 +350,18 @@ def pose_problem(block: Block) -> BlockProblem:
     """Return the problem of a block."""
     problem, photo_points, others, couples_points = posed(block)
     if not couples_points and (problem.unknowns.motions == CONSTANT).all():
-        found = photo_loop if problem.unknowns.rigs is None else rig_loop
-        loop = found(photo_points, problem.unknowns, block.point_start)
-        problem = _arranged(problem, loop, others)
+        loop = photo_loop if problem.unknowns.rigs is None else rig_loop
+        problem = _arranged(problem, loop(photo_points, problem.unknowns, block.point_start), others)
     return freed(problem, block) if block.is_free_network else problem
 
 
 def _arranged(problem: BlockProblem, loop: PhotoPointLoop | RigLoop, others: BlockProblem) -> BlockProblem:
     """Return the problem with its reduced system as a band, where that pays, and streamed, where that is possible."""
-    touched = touched_groups(problem.unknowns, others.columns(), *loop.touched(), loop.sets)
-    layout = replace(problem.layout, arrangement=arranged(*touched))
-    if isinstance(loop, RigLoop):
-        loop = loop.arranged_as(layout.arrangement)
+    touching, touched = loop.touched()
+    count = int(touching.max(initial=-1)) + 1
+    groups = touched_groups(problem.unknowns, others.columns(), touching, touched, count)
+    layout = replace(problem.layout, arrangement=arranged(*groups))
+    loop = loop.arranged_as(layout.arrangement) if isinstance(loop, RigLoop) else loop
     unknowns = replace(problem.unknowns, layout=layout)
     return replace(problem, unknowns=unknowns, streamed=(loop, others) if is_compiled() else None)
 
@@ -381,8 +380,7 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     others = tuple(kind for kind in problem.observations if not isinstance(kind, PhotoPointObservations))
     state, unknowns = with_points_on_figures(others, starting_state(block)), problem.unknowns
     on_the_ground = replace(problem, observations=others, streamed=None).linearise(state)
-    every = np.ones(len(on_the_ground.residual), dtype=bool)
-    datum = free_datum(block, state, unknowns, on_the_ground, every)
+    datum = free_datum(block, state, unknowns, on_the_ground, np.ones(len(on_the_ground.residual), dtype=bool))
     if datum is None:
         return problem
     fixed = unknowns.layout.fixed.copy()

@@ -37,6 +37,7 @@ OBSERVATIONS = {
     ("difference", "X"): "foot",
     ("difference", "OMEGA"): "degrees",
     ("antenna", "VX"): "foot/s",
+    ("mounting", "OX"): "foot",
 }
 """Unit by kind and component, in a project in feet."""
 

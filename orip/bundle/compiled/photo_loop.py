@@ -202,11 +202,6 @@ class PhotoPointLoop(Struct, frozen=True):
         all_go = self.eliminated.all()
         return np.empty(0, dtype=np.int64) if all_go else np.flatnonzero(np.repeat(~self.eliminated, 2))
 
-    @property
-    def sets(self) -> int:
-        """Return a number above all those of sets of photos that show a point."""
-        return len(self.pattern.coupled_start)
-
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of a set of photos that show a point, and the first unknown of one of them or of its camera."""
         largest = np.iinfo(np.int32).max

@@ -145,11 +145,6 @@ class RigLoop(Struct, frozen=True):
         fixed = np.concatenate([np.zeros(size, dtype=bool), layout.fixed[layout.reduced :]])
         return Layout(size, layout.blocks, fixed, self.arrangement)
 
-    @property
-    def sets(self) -> int:
-        """Return a number above all those of sets of photos that show a point."""
-        return self.loop.sets
-
     def touched(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return pairs of a set of photos that show a point, and an unknown of the block that it touches."""
         number, column = self.loop.touched()
