@@ -266,16 +266,11 @@ def _is_accepted(
 
 
 def _after(
-    now: IterationState[StateT],
-    step: _Step[StateT],
-    weights: FloatArray,
-    layout: Layout,
-    settings: IterationSettings,
+    now: IterationState[StateT], step: _Step[StateT], weights: FloatArray, layout: Layout, settings: IterationSettings
 ) -> IterationState[StateT]:
     """Return what an iteration leaves to the next."""
-    record = _record(len(now.records) + 1, step, weights, layout)
-    if settings.is_small is not None and not settings.is_small(now.current, step.moved, weights):
-        record = replace(record, is_small=False)
+    is_small = settings.is_small is None or settings.is_small(now.current, step.moved, weights)
+    record = replace(_record(len(now.records) + 1, step, weights, layout), is_small=is_small)
     return replace(
         now,
         current=step.moved,

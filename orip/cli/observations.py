@@ -13,6 +13,7 @@ from msgspec.structs import asdict
 from orip.annexes import MEASURING_ONLINE, annex
 from orip.cli.completion import photos, points
 from orip.cli.conversion import require_confirmation
+from orip.cli.corrections import register_corrections
 from orip.cli.options import BundleOption, DryRunOption, EditOptions, Invocation, YesOption, command, group_of_commands
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import UsageError
@@ -151,8 +152,7 @@ def register(app: typer.Typer) -> None:
     _register_edit(group, "disregard")
     _register_edit(group, "include")
     _register_kill(group)
-    _register_rename(group)
-    _register_correct(group)
+    register_corrections(group, tell_edited)
     _register_again(group)
 
 
@@ -212,61 +212,6 @@ def _register_kill(group: typer.Typer) -> None:
 
     kill_command.__doc__ = _documented("kill")
     command(group, "kill")(kill_command)
-
-
-def _register_rename(group: typer.Typer) -> None:
-    @command(group, "rename")
-    def rename_command(
-        invocation: Invocation,
-        what: Annotated[Literal["point"], typer.Argument(metavar="point", show_default=False)],  # noqa: ARG001
-        owner: Annotated[
-            str, typer.Argument(metavar="PHOTO", autocompletion=photos, help="A photo; '*' in quotes: all.")
-        ],
-        name: Annotated[str, typer.Argument(metavar="NAME", autocompletion=points)],
-        new_name: Annotated[str, typer.Argument(metavar="NEW_NAME")],
-        options: EditOptions,
-    ) -> None:
-        """Give a point that was measured under a wrong name its right one.
-
-        It goes into EDITS.MEA and counts whenever the measurements are replayed.
-
-        Example: orip observations rename point P101 1001 1002
-        """
-        from orip.workflow.observations.edits import EDITED_FROM, rename_observation
-        from orip.workflow.project.commit import commit
-        from orip.workflow.project.state import read_project
-
-        state = read_project(invocation.folder, *EDITED_FROM)
-        bundle, dry_run = options
-        change = rename_observation(state, owner, name, new_name, bundle=bundle, is_trial=dry_run)
-        tell_edited(invocation.terminal, "rename", commit(change).outcome)
-
-
-def _register_correct(group: typer.Typer) -> None:
-    @command(group, "edit")
-    def edit_command(
-        invocation: Invocation,
-        what: Annotated[Literal["point"], typer.Argument(metavar="point", show_default=False)],  # noqa: ARG001
-        photo: Annotated[str, typer.Argument(metavar="PHOTO", autocompletion=photos)],
-        name: Annotated[str, typer.Argument(metavar="NAME", autocompletion=points)],
-        words: Annotated[list[str], typer.Argument(metavar="KEY=VALUE", help="x=... y=..., as in .MEA; name=...")],
-        options: EditOptions,
-    ) -> None:
-        """Give a point in a photo other coordinates, or another name.
-
-        It goes into EDITS.MEA as a correction, and counts whenever the measurements are replayed.
-
-        Example: orip observations edit point P101 1001 x=35.2310 y=180.0040
-        """
-        from orip.workflow.observations.corrections import edit_point
-        from orip.workflow.observations.edits import EDITED_FROM
-        from orip.workflow.project.commit import commit
-        from orip.workflow.project.state import read_project
-
-        state = read_project(invocation.folder, *EDITED_FROM)
-        bundle, dry_run = options
-        change = edit_point(state, photo, name, words, bundle=bundle, is_trial=dry_run)
-        tell_edited(invocation.terminal, "edit", commit(change).outcome)
 
 
 def _documented(verb: Verb) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,10 @@ from orip.geometry.rotation import angles_from_rotation, rotation_from_angles
 from orip.online.answers import Answer, Candidate, Suspect, words_of
 from orip.online.control_examination import control_as_given
 from orip.online.deviations import photo_deviations, point_deviations
+from orip.online.fit import given_of, measured_of, residuals_of, statistics_of
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock
 from orip.online.requests import Request, read_request
-from orip.online.sequential.standings import falls, redundancies
 from orip.online.session import OnlineSession
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
@@ -131,62 +131,6 @@ def cameras_of(measuring: Measuring) -> list[Shown]:
     ]
 
 
-def residuals_of(measuring: Measuring, photo: str = "", point: str = "") -> list[Shown]:
-    """Return the photo points that are in: residuals and redundancy numbers of x and y, w and its limit, largest first.
-
-    Residuals are computed minus observed, divided by the a-priori errors.
-
-    Parameters
-    ----------
-    measuring : Measuring
-    photo, point : str
-        Those of this photo alone, as it is defined, and of this point; empty: of all.
-    """
-    equations = measuring.block.equations
-    of_both = measuring.block.included_of([photo] if photo else (), [point] if point else ())
-    keys = [
-        key
-        for key in (of_both if photo or point else equations.included)
-        if key.kind == "photo" and photo in ("", key.photo) and point in ("", key.point)
-    ]
-    standings = equations.standings(keys)
-    squares, checked = falls(standings)
-    limits = {count: measuring.limit(max(count, 1)) for count in np.unique(checked).tolist()}
-    found = [
-        {
-            "photo": key.photo,
-            "point": key.point,
-            "v": standing.residual.tolist(),
-            "redundancy": redundancy,
-            "w": w,
-            "limit": limits[count],
-        }
-        for key, standing, redundancy, w, count in zip(
-            keys, standings, redundancies(standings), np.sqrt(squares).tolist(), checked.tolist(), strict=True
-        )
-    ]
-    return sorted(found, key=lambda one: -one["w"] / one["limit"])
-
-
-def statistics_of(measuring: Measuring) -> Shown:
-    """Return the square sum of the standard residuals, redundancy, sigma0, and what they are made of."""
-    block = measuring.block
-    kinds: dict[str, int] = {}
-    for key, rows in block.equations.included.items():
-        kinds[key.kind] = kinds.get(key.kind, 0) + len(rows.right)
-    equations = sum(kinds.values())
-    return {
-        "equations": equations,
-        "unknowns": equations - block.equations.redundancy,
-        "redundancy": block.equations.redundancy,
-        "square sum": block.equations.square_sum,
-        "sigma0": block.sigma0,
-        "by kind": kinds,
-        "suspects": len(measuring.suspects),
-        "excluded": len(measuring.excluded),
-    }
-
-
 Reply = dict[str, Any]
 
 SUMMARY = Request("show")
@@ -262,28 +206,40 @@ def shown(session: OnlineSession, request: Request = SUMMARY) -> Reply:
     measuring = session.measuring
     if len(measuring.block.measurements):
         measuring.try_waiting()
-    match request.what:
-        case "waiting":
-            return {"waiting": list(measuring.waiting().values())}
-        case "suspects":
-            measuring.examine()
-            return {"suspects": [_suspect(one) for one in measuring.suspects.values()]}
-        case "todo":
-            advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)
-            return {"todo": [_candidate(session, one) for one in advised]}
-        case "photos":
-            return {"system": _system(measuring), "photos": photos_of(measuring)}
-        case "points":
-            return {"system": _system(measuring), "points": points_of(measuring)}
-        case "cameras":
-            return {"cameras": cameras_of(measuring)}
-        case "residuals":
-            photo = session.name_of(request.photo) if request.photo else ""
-            return {"residuals": residuals_of(measuring, photo, request.point)}
-        case "statistics":
-            return {"statistics": statistics_of(measuring)}
-        case _:
-            return {"summary": summary(measuring), "system": _system(measuring)}
+    find = _SHOWN.get(request.what)
+    if find is not None:
+        return find(session, request)
+    return {"summary": summary(measuring), "system": _system(measuring)}
+
+
+def _shown_suspects(session: OnlineSession, _: Request) -> Reply:
+    session.measuring.examine()
+    return {"suspects": [_suspect(one) for one in session.measuring.suspects.values()]}
+
+
+def _shown_advice(session: OnlineSession, _: Request) -> Reply:
+    measuring = session.measuring
+    advised = measuring.next(measuring.block.measurements.photos, _MOST_ADVISED)
+    return {"todo": [_candidate(session, one) for one in advised]}
+
+
+def _shown_residuals(session: OnlineSession, request: Request) -> Reply:
+    photo = session.name_of(request.photo) if request.photo else ""
+    return {"residuals": residuals_of(session.measuring, photo, request.point)}
+
+
+_SHOWN: Mapping[str, Callable[[OnlineSession, Request], Reply]] = {
+    "waiting": lambda session, _: {"waiting": list(session.measuring.waiting().values())},
+    "suspects": _shown_suspects,
+    "todo": _shown_advice,
+    "photos": lambda session, _: {"system": _system(session.measuring), "photos": photos_of(session.measuring)},
+    "points": lambda session, _: {"system": _system(session.measuring), "points": points_of(session.measuring)},
+    "cameras": lambda session, _: {"cameras": cameras_of(session.measuring)},
+    "residuals": _shown_residuals,
+    "given": lambda session, _: {"given": given_of(session.measuring)},
+    "measured": lambda session, _: {"measured": measured_of(session.measuring)},
+    "statistics": lambda session, _: {"statistics": statistics_of(session.measuring)},
+}
 
 
 def _system(measuring: Measuring) -> str:

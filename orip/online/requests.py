@@ -21,7 +21,19 @@ from orip.records.names import name_fault
 from orip.threads import begin_thread
 
 Do = Literal["measure", "remove", "exclude", "include", "undo", "show", "relinearise", "solve", "quit"]
-Shown = Literal["summary", "waiting", "suspects", "todo", "photos", "points", "cameras", "residuals", "statistics"]
+Shown = Literal[
+    "summary",
+    "waiting",
+    "suspects",
+    "todo",
+    "photos",
+    "points",
+    "cameras",
+    "residuals",
+    "given",
+    "measured",
+    "statistics",
+]
 
 _OF_POINT = frozenset({"measure", "remove", "exclude", "include"})
 _ALLOWED = {

@@ -105,3 +105,42 @@ def test_what_is_left_out_stays_out_where_the_session_begins_again() -> None:
     assert isinstance(key, ObservationKey)
     again.take_in(key)
     assert key in again.block.equations.included
+
+
+def test_what_is_given_is_shown_with_the_figures_of_the_adjustment(tmp_path: Path) -> None:
+    folder = project(tmp_path / "session")
+    adjusted(folder)
+    found = orip(folder, "results", "residuals", "--json").document["residuals"]
+    expected: dict[str, list[dict]] = {}
+    for row in found:
+        if row["kind"] == "control" and row["weight_factor"] is not None:
+            expected.setdefault(f"control point {row['point']}", []).append(row)
+    asked = Asked(folder)
+    given = {one["observation"]: one for one in asked(do="show", what="given")["given"]}
+    assert set(expected) | {"element left Z0"} <= set(given)
+    for name, components in expected.items():
+        for place, row in enumerate(components):
+            shown = given[name]
+            assert shown["redundancy"][place] == pytest.approx(row["redundancy_number"], abs=1e-3)
+            assert abs(shown["v"][place]) == pytest.approx(row["standard_residual"], abs=2e-3)
+
+
+def test_photo_points_are_shown_in_the_order_of_measuring(tmp_path: Path) -> None:
+    folder = project(tmp_path / "session")
+    assert orip(folder, "run", "--no-report").code == 0
+    asked = Asked(folder)
+    shown = asked(do="show", what="measured")["measured"]
+    lines = (folder / "FIRST.MEA").read_text(encoding="utf-8").splitlines()
+    wanted, photo = [], ""
+    for line in lines:
+        words = line.split()
+        if words[:1] == ["POINTS"]:
+            photo = words[2]
+        elif words and words[0] in ("PHOTO", "TEMPLATE"):
+            photo = ""
+        elif words and photo and not line.startswith("!"):
+            wanted.append((photo, words[0]))
+    assert [(one["photo"], one["point"]) for one in shown] == wanted
+    name = shown[0]
+    assert asked(do="exclude", photo=name["photo"], point=name["point"])["state"] == "excluded"
+    assert asked(do="show", what="measured")["measured"][0]["state"] == "excluded"

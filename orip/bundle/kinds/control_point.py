@@ -27,6 +27,7 @@ from orip.bundle.kinds.observation import (
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, POINT_COORDINATES, Unknowns
 from orip.records.block import Block
+from orip.records.control import PointCorrelation
 from orip.records.ground import GroundSystem
 from orip.records.observation_kinds import CONTROL_POINT
 from orip.structs import replace
@@ -118,13 +119,21 @@ def observe_control_points(block: Block, unknowns: Unknowns) -> ControlPointObse
 def tied_by_correlations(block: Block) -> frozenset[int]:
     """Return the points whose errors are correlated with those of other points."""
     place = block.point_index()
-    return frozenset(place[name] for pair in block.control_correlations for name in (pair.first, pair.second))
+    return frozenset(place[name] for pair in _pairs(block) for name in (pair.first, pair.second))
+
+
+def _pairs(block: Block) -> list[PointCorrelation]:
+    """Return the correlations of control points that the block has; it may be a part of the one they were given for."""
+    if not block.control_correlations:
+        return []
+    known = {point.name for point in block.control_points if not point.rejected}
+    return [pair for pair in block.control_correlations if {pair.first, pair.second} <= known]
 
 
 def _correlated(block: Block, point: IntArray, coordinate: IntArray, used: BoolArray) -> tuple[CorrelatedRows, ...]:
     """Return the groups of rows (n,) whose errors are correlated."""
-    own = [one for one in block.control_points if one.correlations is not None]
-    if not (own or block.control_correlations):
+    own, pairs = [one for one in block.control_points if one.correlations is not None], _pairs(block)
+    if not (own or pairs):
         return ()
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -143,7 +152,7 @@ def _correlated(block: Block, point: IntArray, coordinate: IntArray, used: BoolA
     for control in own:
         rxy, rxz, ryz = control.correlations or (0.0, 0.0, 0.0)
         put(place[control.name], place[control.name], ((1.0, rxy, rxz), (rxy, 1.0, ryz), (rxz, ryz, 1.0)))
-    for pair in block.control_correlations:
+    for pair in pairs:
         put(place[pair.first], place[pair.second], pair.coefficients)
     if not coefficients:
         return ()

@@ -50,6 +50,9 @@ NewOption = Annotated[
     bool, typer.Option("--new", help="Points that the operator names while measuring, model by model.")
 ]
 FirstOption = Annotated[str, typer.Option("--first", metavar="NAME", help="With --new: number points from here.")]
+OnlyOption = Annotated[
+    Literal["control", "tie"] | None, typer.Option("--only", help="Control and check points, or tie points, alone.")
+]
 ListOption = Annotated[Path | None, typer.Option("--list", metavar="FILE", help="Names, or 'observations todo'.")]
 NamesArgument = Annotated[list[str] | None, typer.Argument(metavar="NAME", help="Default: 1, 2, 3 ...")]
 
@@ -207,6 +210,7 @@ def points_command(
     again: AgainOption = False,
     start: Annotated[str | None, typer.Option("--from", metavar="POINT", help="Begin with this one.")] = None,
     listed: ListOption = None,
+    only: OnlyOption = None,
     new: NewOption = False,
     first: FirstOption = "1",
     online: Annotated[
@@ -230,11 +234,11 @@ def points_command(
     answered = annex(MEASURING_ONLINE).answered_online(invocation, bundle) if online and not dry_run else nullcontext()
     with answered as written:
         if new:
-            _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start})
+            _refuse_with_new({"--point": point, "--list": listed, "--again": again, "--from": start, "--only": only})
             chosen = NewPointsChoice(tuple(photo or ()), model, first)
             found = digitise_new_points(setup, bundle, chosen, viewing=viewing, written=written)
         else:
-            choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again)
+            choice = PointChoice(tuple(photo or ()), model, tuple(point or ()), listed, again, only)
             found = digitise_points(setup, bundle, choice, viewing=viewing, start=start, written=written)
     tell_digitised(invocation.terminal, "digitise points", found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import Struct
@@ -95,6 +95,8 @@ class PointChoice(Struct, frozen=True):
         Points of a list, relative to the project folder.
     again : bool
         Drive to where points were measured, and measure them again.
+    only : {"control", "tie"} or None
+        Only control and check points, or only points that are neither.
     """
 
     photos: tuple[str, ...] = ()
@@ -102,6 +104,7 @@ class PointChoice(Struct, frozen=True):
     points: tuple[str, ...] = ()
     file: Path | None = None
     again: bool = False
+    only: Literal["control", "tie"] | None = None
 
 
 class BundlePoints(Struct, frozen=True, dict=True):
@@ -112,6 +115,7 @@ class BundlePoints(Struct, frozen=True, dict=True):
     measured: dict[tuple[str, str], Position]
     places: Places
     photos: Mapping[str, str]
+    control: frozenset[str]
 
     @cached_property
     def measured_photos(self) -> dict[str, list[str]]:
@@ -173,11 +177,20 @@ def bundle_points(films: MountedFilms, name: str | None) -> BundlePoints:
     """
     bundle = BundleState(films.state, films.project.bundle_name(name))
     photos = bundle.photos or {key: photo.name for key, photo in films.definitions.photos.items()}
-    return BundlePoints(films, bundle.definition, films.points_on_plate(bundle.name), Places(bundle), photos)
+    control = frozenset(point.name for point in bundle.control.points if not point.rejected)
+    return BundlePoints(films, bundle.definition, films.points_on_plate(bundle.name), Places(bundle), photos, control)
 
 
 def wanted_points(points: BundlePoints, choice: PointChoice) -> dict[str, list[str]]:
-    """Return the photos in which each point is to be digitised, points in their order.
+    """Return the photos in which each point is to be digitised, points in their order; see `PointChoice.only`."""
+    found = _wanted_points(points, choice)
+    if choice.only is None:
+        return found
+    return {name: photos for name, photos in found.items() if (name in points.control) == (choice.only == "control")}
+
+
+def _wanted_points(points: BundlePoints, choice: PointChoice) -> dict[str, list[str]]:
+    """Return the photos in which each point is to be digitised, of whatever kind.
 
     Raises
     ------

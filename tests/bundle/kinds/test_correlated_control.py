@@ -105,6 +105,25 @@ def test_the_solution_is_that_of_generalised_least_squares(network: bool) -> Non
     assert reliability.adjusted_sd[control] == pytest.approx(adjusted, rel=1e-6)
 
 
+def test_without_a_point_the_others_have_their_own_covariance() -> None:
+    """Taken out of the block, disregarded, or left out by snooping, a point leaves the same solution."""
+    block, _ = drawn(np.random.default_rng(4))
+    gone = block.control_points[1]
+    without = solution(replace(block, control_points=tuple(one for one in block.control_points if one is not gone)))
+    only_compared = replace(gone, errors=tuple(-error for error in gone.errors))
+    points = tuple(only_compared if one is gone else one for one in block.control_points)
+    compared = solution(replace(block, control_points=points))
+    assert compared.points.values == pytest.approx(without.points.values, abs=1e-9)
+    assert compared.points.sd == pytest.approx(without.points.sd, rel=1e-7)
+    wrong = replace(gone, coordinates=tuple(value + 40.0 * gone.errors[0] for value in gone.coordinates))
+    points = tuple(wrong if one is gone else one for one in block.control_points)
+    snooped = snoop(replace(block, control_points=points), SnoopingSettings(), lambda _: None, lambda: False)
+    assert {blunder.point for blunder in snooped.blunders} == {gone.name}
+    found = solution_of(snooped.solved)
+    assert found.points.values == pytest.approx(without.points.values, abs=1e-7)
+    assert found.points.sd / found.sigma0 == pytest.approx(without.points.sd / without.sigma0, rel=1e-6)
+
+
 def scatter(runs: int) -> tuple[float, float, float]:
     """Return sigma0, and the root mean squares of errors of points and of w of control, over many adjustments."""
     random, squares, redundancy, normalised, w = np.random.default_rng(2), 0.0, 0.0, [], []

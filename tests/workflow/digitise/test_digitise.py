@@ -574,3 +574,17 @@ def test_typed_requests():
     assert said == [
         "'QUIT' is not an operator's request; write one of FOOT, KEY, MOVE, DRIVE, GUIDE, LOCK, PRISM, NAME"
     ]
+
+
+def test_control_or_tie_points_alone(cliff):
+    lines = (cliff.folder / "CLIFF.PNT").read_text().splitlines()
+    control = {line.split()[0] for line in lines if line[:1] not in ("", "!")}
+
+    def digitised(only):
+        found = Bench(cliff.folder).points((DAY1, DAY2), again=True, only=only)
+        return [(entry.owner, entry.name) for entry in found.entries]
+
+    every, of_control, of_tie = digitised(None), digitised("control"), digitised("tie")
+    assert {name for _, name in of_control} == {name for _, name in every} & control != set()
+    assert {name for _, name in of_tie} == {name for _, name in every} - control != set()
+    assert sorted(of_control + of_tie) == sorted(every)
