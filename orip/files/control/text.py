@@ -311,7 +311,7 @@ def parse_figures(text: Parsed[list[str]], shown: str) -> Parsed[tuple[FigurePoi
 
     Given directions are ``name DIRECTION from a to dX dY dZ``, the error in degrees.
     """
-    parsed = _read(text, shown, _read_figure)
+    parsed = _read(text, shown, _read_figure_point)
     return Parsed(parsed.value, (*parsed.complaints, *_other_kinds(parsed.value, shown)))
 
 
@@ -327,13 +327,6 @@ def _other_kinds(points: Sequence[FigurePoint | GivenDirection], shown: str) -> 
                 "give each figure a name of its own"
             )
             yield Complaint(message, shown, point.line)
-
-
-def _read_figure(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
-    if reader.count > 1 and reader.text(1).upper() == _DIRECTION:
-        _read_given_direction(reader, found)
-    else:
-        _read_figure_point(reader, found)
 
 
 def _read_given_direction(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
@@ -355,6 +348,9 @@ def _read_given_direction(reader: FieldReader, found: _RecordList[FigurePoint | 
 
 
 def _read_figure_point(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
+    if reader.count > 1 and reader.text(1).upper() == _DIRECTION:
+        _read_given_direction(reader, found)
+        return
     if not reader.has_fields((4,), "figure KIND point a") or reader.is_heading((3,)):
         found.complaints += reader.complaints
         return
@@ -374,15 +370,6 @@ def read_control_file(
     return parse(read_lines(folder / name, name, may_be_absent=True), name)
 
 
-def _parted(
-    lines: Sequence[FigurePoint | GivenDirection],
-) -> tuple[tuple[FigurePoint, ...], tuple[GivenDirection, ...]]:
-    return (
-        tuple(line for line in lines if isinstance(line, FigurePoint)),
-        tuple(line for line in lines if isinstance(line, GivenDirection)),
-    )
-
-
 def read_control(folder: Path, base: str) -> Parsed[Control]:
     """Read the control files of a project; those that are absent are empty.
 
@@ -400,10 +387,8 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
     stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
     figures = read_control_file(parse_figures, folder, f"{base}.CON")
     texts: tuple[Parsed[Any], ...] = (points, elements, distances, directions, stations, figures)
-    return Parsed(
-        Control(
-            points.value, elements.value, distances.value, directions.value, *stations.value, *_parted(figures.value)
-        ),
-        tuple(complaint for text in texts for complaint in text.complaints),
-        points.warnings,
-    )
+    given = (points.value, elements.value, distances.value, directions.value, *stations.value)
+    on_figures = tuple(line for line in figures.value if isinstance(line, FigurePoint))
+    lines = tuple(line for line in figures.value if isinstance(line, GivenDirection))
+    complaints = tuple(complaint for text in texts for complaint in text.complaints)
+    return Parsed(Control(*given, on_figures, lines), complaints, points.warnings)
