@@ -326,7 +326,7 @@ def parse_figures(text: Parsed[list[str]], shown: str) -> Parsed[tuple[FigurePoi
 
     Given directions are ``name DIRECTION from a to dX dY dZ``, the error in degrees.
     """
-    parsed = _read(text, shown, _read_figure)
+    parsed = _read(text, shown, _read_figure_point)
     return Parsed(parsed.value, (*parsed.complaints, *_other_kinds(parsed.value, shown)))
 
 
@@ -342,13 +342,6 @@ def _other_kinds(points: Sequence[FigurePoint | GivenDirection], shown: str) -> 
                 "give each figure a name of its own"
             )
             yield Complaint(message, shown, point.line)
-
-
-def _read_figure(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
-    if reader.count > 1 and reader.text(1).upper() == _DIRECTION:
-        _read_given_direction(reader, found)
-    else:
-        _read_figure_point(reader, found)
 
 
 def _read_given_direction(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
@@ -370,6 +363,9 @@ def _read_given_direction(reader: FieldReader, found: _RecordList[FigurePoint | 
 
 
 def _read_figure_point(reader: FieldReader, found: _RecordList[FigurePoint | GivenDirection]) -> None:
+    if reader.count > 1 and reader.text(1).upper() == _DIRECTION:
+        _read_given_direction(reader, found)
+        return
     if not reader.has_fields((4,), "figure KIND point a") or reader.is_heading((3,)):
         found.complaints += reader.complaints
         return
@@ -387,15 +383,6 @@ def read_control_file(
 ) -> Parsed[Content]:
     """Read a file with the function that parses its kind; a file that is absent has no records."""
     return parse(read_lines(folder / name, name, may_be_absent=True), name)
-
-
-def _parted(
-    lines: Sequence[FigurePoint | GivenDirection],
-) -> tuple[tuple[FigurePoint, ...], tuple[GivenDirection, ...]]:
-    return (
-        tuple(line for line in lines if isinstance(line, FigurePoint)),
-        tuple(line for line in lines if isinstance(line, GivenDirection)),
-    )
 
 
 def read_control(folder: Path, base: str) -> Parsed[Control]:
@@ -420,17 +407,8 @@ def read_control(folder: Path, base: str) -> Parsed[Control]:
         points, elements, distances, directions, figures, stations, differences, correlations
     )  # fmt: skip
     own, between = with_own_correlations(points.value, correlations.value)
-    return Parsed(
-        Control(
-            own,
-            elements.value,
-            distances.value,
-            directions.value,
-            *stations.value,
-            differences.value,
-            between,
-            *_parted(figures.value),
-        ),
-        tuple(complaint for text in texts for complaint in text.complaints),
-        points.warnings,
-    )
+    given = (own, elements.value, distances.value, directions.value, *stations.value, differences.value, between)
+    on_figures = tuple(line for line in figures.value if isinstance(line, FigurePoint))
+    lines = tuple(line for line in figures.value if isinstance(line, GivenDirection))
+    complaints = tuple(complaint for text in texts for complaint in text.complaints)
+    return Parsed(Control(*given, on_figures, lines), complaints, points.warnings)
