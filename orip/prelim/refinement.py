@@ -160,22 +160,15 @@ def refine(
     Cuthill-McKee (1969), is solved as a band (Brown's 1976 arrangement of a block).
     """
     held_points = np.zeros(len(rays.points), dtype=bool) if held_points is None else held_points
-    corrections = no_corrections(rays) if corrections is None else corrections
-    return _refined(rays, (rotations, centres, coordinates, corrections), oriented, held_points, enough)
-
-
-def _refined(
-    rays: ImageRays, block: tuple[FloatArray, ...], oriented: BoolArray, held_points: BoolArray, enough: float
-) -> Refined:
-    """Return what the compiled loop finds from rotations, centres, coordinates and corrections."""
-    rotations, centres, coordinates, values = (array.copy() for array in block)
+    corrections = no_corrections(rays) if corrections is None else corrections.copy()
+    rotations, centres, coordinates = rotations.copy(), centres.copy(), coordinates.copy()
     weights, scale, cameras = np.empty(len(rays.photo)), np.empty(1), rays.cameras
     of_rays = map(np.ascontiguousarray, (rays.photo, rays.point, rays.vectors, rays.error))
     iterations = kernels.refine(
         *of_rays, cameras.of_photo, cameras.unknown, oriented, held_points, _rules(enough),
-        rotations, centres, coordinates, values, weights, scale,
+        rotations, centres, coordinates, corrections, weights, scale,
     )  # fmt: skip
-    return Refined(rotations, centres, coordinates, values, weights, float(scale[0]), iterations)
+    return Refined(rotations, centres, coordinates, corrections, weights, float(scale[0]), iterations)
 
 
 def _rules(enough: float) -> FloatArray:

@@ -16,7 +16,6 @@ from msgspec import Struct
 from scipy.spatial.transform import Rotation
 from support.drive_tables import cameras as driven_cameras
 from support.prelim_references import resection
-from support.prelim_references.refinement import ArraySolver, RefinementProblem, RefinementState
 from support.prelim_references.relative import parallaxes_with_partials
 from support.synthetic_block import DISTORTED, synthetic_block
 
@@ -56,8 +55,6 @@ from orip.interior.distortion import (
 )
 from orip.interior.image_coordinates import SetValues, image_residuals_with_partials
 from orip.multimodel.photo_loop import camera_model
-from orip.prelim.rays import image_rays
-from orip.prelim.refinement import no_corrections
 from orip.prelim.relative.solution import Pairs
 from orip.records.block import Block, TheodoliteSet
 from orip.records.camera import CAMERA_PARAMETERS, Sensor
@@ -120,7 +117,7 @@ def all_cases() -> list[Case]:
         *_similarity(), *_image_residuals(), *_image_equation(), *_bases(), *_rates(),
         *_rotation_vectors(), *_shown_rotations(),
         *_relative_poses(), *_rig_photos(),
-        *_parallaxes(), *_resection(), *_refinement(), *_kinds(),
+        *_parallaxes(), *_resection(), *_kinds(),
     ]  # fmt: skip
 
 
@@ -501,37 +498,6 @@ def _resection() -> Iterator[Case]:
     yield Case(
         full_name(resection._Resection.linearised), "rotation and centre", np.zeros(6),
         lambda x: linearised(x).residual.ravel(), linearised(np.zeros(6)).partials.reshape(-1, 6),
-    )  # fmt: skip
-
-
-def _refinement() -> Iterator[Case]:
-    """Return the case of the rows of a refinement, which has the partials by the cameras' corrections in it."""
-    made = synthetic_block("convergent", "refinement partials", noise_mm=0.0)
-    camera = replace(made.block.cameras[0], unknown=("C", "DX", "DY", "A3"))
-    rays = image_rays(replace(made.block, cameras=(camera, *made.block.cameras[1:])))
-    photos, points = len(made.orientations), len(made.points)
-    network = RefinementProblem(rays, np.ones(photos, dtype=bool), np.ones(points, dtype=bool))
-    solver = ArraySolver(network)
-    state = RefinementState(
-        rotation_from_angles(made.orientations[:, 3:]), made.orientations[:, :3], made.points, no_corrections(rays)
-    )
-    count = len(rays.photo)
-    rows = solver._rows(state, np.ones(count))
-    width = 6 * photos + 3 * points
-    partials = np.zeros((count, 2, width + rows.by_camera.shape[2]))
-    for row, (photo, point) in enumerate(zip(rays.photo, rays.point, strict=True)):
-        partials[row, :, 6 * photo : 6 * photo + 6] = rows.by_photo[row]
-        partials[row, :, 6 * photos + 3 * point : 6 * photos + 3 * point + 3] = rows.by_point[row]
-    partials[:, :, width:] = rows.by_camera
-
-    def residuals(x: np.ndarray) -> np.ndarray:
-        by_photos, by_points = x[: 6 * photos].reshape(-1, 6), x[6 * photos : width].reshape(-1, 3)
-        moved = state.moved(by_photos, by_points, x[width:].reshape(state.corrections.shape))
-        return solver._misclosures(moved, solver._perspective(moved))
-
-    yield Case(
-        full_name(ArraySolver._rows), "photos, points and cameras", np.zeros(partials.shape[2]),
-        lambda x: residuals(x).ravel(), partials.reshape(2 * count, -1),
     )  # fmt: skip
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 from support.prelim_references import intersection as intersections
-from support.prelim_references import refinement as refinements
 from support.prelim_references import relative, resection, similarity
 
-from orip.prelim import growing_block, intersection, refinement
+from orip.prelim import growing_block, intersection
 from orip.prelim.relative import given_scale, orientation, solution
 from orip.prelim.resection import fitting_points, start
 from orip.prelim.resection import resection as photo
@@ -27,7 +26,6 @@ REFERENCES = (
     (partial_blocks, "_assembled", similarity._assembled),
     (partial_blocks, "_places", similarity._places),
     (photo, "_solution_at_once", lambda _given: None),
-    (refinement, "_refined", refinements.refined),
     (similarity_start, "_best_of", similarity._best_of),
     (solution, "_solution", relative._solution),
     (start, "_best_orientations", resection._side_by_side),

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from support.prelim_references import refinement as refinements
 from support.seen_points import rays_of, rotation_of
 
-from orip.prelim import refinement
 from orip.prelim.intersection import intersect
 from orip.prelim.rays import ALL_KNOWN, UnknownCameras
 from orip.prelim.refinement import EXPECTED, refine
@@ -154,21 +152,3 @@ def test_nothing_to_do():
     found = refine(rays, rotations, centres, np.zeros(len(centres), dtype=bool), ground)
     assert (found.centres == centres).all()
     assert found.iterations == 0
-
-
-def test_a_step_that_cannot_be_solved_is_damped_more(monkeypatch):
-    given, held = start(*block())
-    expected = refine(*given, held_points=held)
-    moved, dampings = refinements.ArraySolver.moved, []
-
-    def failing_at_first(self, state, factors, damping):
-        dampings.append(damping)
-        if len(dampings) < 3:
-            raise np.linalg.LinAlgError
-        return moved(self, state, factors, damping)
-
-    monkeypatch.setattr(refinement, "_refined", refinements.refined)
-    monkeypatch.setattr(refinements.ArraySolver, "moved", failing_at_first)
-    found = refine(*given, held_points=held)
-    assert np.diff(np.log10(dampings[:3])) == pytest.approx([1.0, 1.0])
-    assert np.allclose(found.centres, expected.centres, atol=1e-3)

@@ -1,6 +1,4 @@
-/* Reduced normal equations of a block's photos and points, and where a step leads;
- * prelim_references/refinement.py does the same.
- */
+/* Reduced normal equations of a block's photos and points, and where a step leads. */
 
 #include "../compiled/linear.h"
 #include "band_solution.h"

@@ -1,6 +1,4 @@
-/* The whole refinement of a block: which rays take part, and steps until none helps;
- * prelim_references/refinement.py does the same.
- */
+/* The whole refinement of a block: which rays take part, and steps until none helps. */
 
 #include "band_order.h"
 #include "refinement.h"
@@ -231,8 +229,10 @@ static void exchange(BlockState **one, BlockState **other)
     *one = *other, *other = kept;
 }
 
-/* Steps with Marquardt's damping, of which some may lead uphill, as `_UphillSteps` of refinement.py explains. Returns how
- * many were made, `REFINEMENT_INTERRUPTED` if the user interrupted them; `found` is the best state.
+/* Steps with Marquardt's damping, of which some may lead uphill: along a curved valley a full step often does, and the
+ * next one leads far down. If two such steps do not help, the iterations go back to the best estimate with more damping,
+ * and no further uphill steps are taken. Returns how many were made, `REFINEMENT_INTERRUPTED` if the user interrupted
+ * them; `found` is the best state.
  */
 static int64_t iterate(Refinement *r, BlockState **found)
 {

@@ -200,7 +200,10 @@ def _solution(given: KnownPoints) -> _Solution | Unresected:
     start = starting_orientations(known)
     if not len(start.centres):
         return Unresected(f"no camera position shows the {count} known points as measured; check point numbers and C")
-    best, others = _best_of_three(known, start) if count == 3 else best_orientations(known, start)
+    if count == 3:
+        (best, _), others = best_orientations(known, start.of(slice(0, 1))), start.of(slice(1, None))
+    else:
+        best, others = best_orientations(known, start)
     xy, fitting = vectors[:, :2], best.residual[best.weight_factors == 1.0]
     reduced = best.at.joined(others)
     return _Solution(
@@ -215,11 +218,6 @@ def _solution(given: KnownPoints) -> _Solution | Unresected:
         radius=math.sqrt(((xy - xy.sum(axis=0) / count) ** 2).sum(axis=1).max()),
         distance=spread * float(np.linalg.norm(best.at.centres[0])),
     )
-
-
-def _best_of_three(known: KnownPoints, start: Orientations) -> tuple[AdjustedResection, Orientations]:
-    best, _ = best_orientations(known, start.of(slice(0, 1)))
-    return best, start.of(slice(1, None))
 
 
 def _unfit(found: _Solution) -> str | None:

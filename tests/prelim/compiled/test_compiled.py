@@ -11,10 +11,9 @@ import pytest
 from compiled_cases import BLUNDERS, common_pairs, common_points, scene, synthetic_rays
 
 from orip.geometry.similarity import Similarity
-from orip.prelim import compiled, refinement
+from orip.prelim import compiled
 from orip.prelim.intersection import intersect
-from orip.prelim.rays import ALL_KNOWN, ImageRays, UnknownCameras
-from orip.prelim.refinement import refine
+from orip.prelim.rays import ImageRays
 from orip.prelim.relative.orientation import orient_pair
 from orip.prelim.relative.solution import Pairs, PairSolution, solve
 from orip.prelim.resection.resection import Resected, resect
@@ -22,7 +21,6 @@ from orip.prelim.similarity.adjustment import ALL_UNKNOWNS, NO_ROTATION, adjust_
 from orip.prelim.similarity.common_points import CommonPoints
 from orip.prelim.similarity.start import start_from_triples
 from orip.records.preliminary import RelativeOrientation
-from orip.structs import replace
 
 pytestmark = pytest.mark.skipif(not compiled.is_compiled(), reason="the extension was not built: no compiler here")
 
@@ -54,31 +52,6 @@ def test_resection(without_loops, count: int) -> None:
     assert mine.weight_factor == pytest.approx(theirs.weight_factor, abs=1e-6)
     assert mine.redundancy == theirs.redundancy
     assert len(mine.alternatives.centres) == len(theirs.alternatives.centres)
-
-
-@pytest.mark.parametrize("cameras", [0, 1, 2])
-@pytest.mark.parametrize("held", [False, True])
-def test_refinement(without_loops, monkeypatch: pytest.MonkeyPatch, held: bool, cameras: int) -> None:
-    rays, rotations, centres, points = scene()
-    # of two cameras one is unknown except for its principal point
-    of_photo = np.arange(len(centres)) % 3 - 1 if cameras == 2 else np.zeros(len(centres), dtype=int)
-    unknown = np.array([[True, True, True, True], [True, False, False, True]])[:cameras]
-    rays = replace(rays, cameras=UnknownCameras(of_photo, unknown) if cameras else ALL_KNOWN)
-    random = np.random.default_rng(3)
-    start = points + 0.001 * random.normal(size=points.shape)
-    oriented = np.ones(len(centres), dtype=bool)
-    held_points = np.arange(len(points)) < (5 if held else 0)
-    # later steps gain so little that rounding decides how many there are
-    monkeypatch.setattr(refinement, "_MOST_STEPS", 4)
-    mine, theirs = without_loops(lambda: refine(rays, rotations, centres, oriented, start, held_points=held_points))
-    assert mine.iterations == theirs.iterations
-    assert np.abs(mine.rotations - theirs.rotations).max() < 1e-8
-    assert np.abs(mine.centres - theirs.centres).max() < 1e-8 * np.abs(centres).max()
-    assert mine.weight_factors == pytest.approx(theirs.weight_factors, abs=1e-6)
-    assert mine.s0 == pytest.approx(theirs.s0, rel=1e-8)
-    assert np.abs(mine.corrections - theirs.corrections).max(initial=0.0) < 1e-9
-    assert (mine.corrections[unknown] != 0.0).all()
-    assert (mine.corrections[~unknown] == 0.0).all()
 
 
 def same_solution(mine: PairSolution, theirs: PairSolution) -> None:

@@ -51,8 +51,6 @@ class StepRule(Protocol):
     """Decides which steps are taken, and how they are damped."""
 
     damping: FloatArray
-    on_trust: bool
-    """Whether the last step was taken although it did not improve the best estimate."""
 
     def accepts(self, problem: PrelimProblem[E], best: E, tried: E) -> BoolArray:
         """Return which problems (k,) are better after a step than the best estimate so far."""
@@ -69,7 +67,6 @@ class GaussNewton:
     """Every step is taken in full."""
 
     damping = np.zeros(1)
-    on_trust = False
     exhausted = False
 
     def accepts(self, _problem: PrelimProblem[E], _best: E, _tried: E) -> BoolArray:
@@ -96,8 +93,6 @@ class Marquardt:
     largest : float
         Damping at which no further step can be expected to help.
     """
-
-    on_trust = False
 
     def __init__(
         self, damping: FloatArray, decrease: float, increase: float, least: float = 0.0, largest: float = np.inf
@@ -160,23 +155,18 @@ def least_squares(
     -------
     Iterated
     """
-    best = before = at = start
+    best = before = start
     iteration = 0
     for iteration in range(1, most_steps + 1):
         try:
-            tried = problem.stepped(at, rule.damping)
+            tried = problem.stepped(best, rule.damping)
         except np.linalg.LinAlgError:
             rule.singular()
-            at = best
             continue
         accepted = rule.accepts(problem, best, tried)
         if reweightings is None or iteration <= reweightings:
             tried = problem.reweighted(tried)
-        if rule.on_trust:
-            at = tried
-            continue
         before, best = best, chosen(accepted, tried, best)
-        at = best
         if np.all(rule.exhausted | (accepted & problem.converged(before, best))):
             break
     return Iterated(best, before, iteration)
