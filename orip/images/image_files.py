@@ -337,3 +337,16 @@ def _written(order: str, entries: dict[int, tuple[str, tuple[int, ...] | bytes]]
             rows_of_directory += struct.pack(f"{order}HHI", tag, kind, number) + value.ljust(4, b"\0")
     head = (b"II*\0" if order == "<" else b"MM\0*") + struct.pack(f"{order}IH", 8, count)
     return head + rows_of_directory + b"\0" * 4 + behind + data
+
+
+def jpeg_of(pixels: NDArray[np.uint8] | Any, **settings: Any) -> bytes:
+    """Return grey values (rows, columns), colours (rows, columns, 3), or a picture of Pillow as JPEG.
+
+    Settings are those of Pillow, such as ``quality``.
+    """
+    from PIL import Image
+
+    written = BytesIO()
+    picture: Any = Image.fromarray(np.ascontiguousarray(pixels)) if isinstance(pixels, np.ndarray) else pixels
+    picture.save(written, "JPEG", **settings)
+    return written.getvalue()

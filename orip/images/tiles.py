@@ -7,9 +7,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from contextlib import suppress
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec import Struct
@@ -19,7 +17,15 @@ from orip.errors import InputError
 from orip.files.text.atomic import remove_leftovers, replace_bytes
 from orip.files.text.own_files import make_folder
 from orip.files.text.regular_file import regular_bytes
-from orip.images.image_files import REDUCTIONS, in_eight_bits, read_colours, read_eight_bits, read_grey, read_header
+from orip.images.image_files import (
+    REDUCTIONS,
+    in_eight_bits,
+    jpeg_of,
+    read_colours,
+    read_eight_bits,
+    read_grey,
+    read_header,
+)
 
 TILE_FOLDER = ".orip-tiles"
 """In the project folder; it may be deleted at any time."""
@@ -158,9 +164,4 @@ def _halved(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def as_jpeg(pixels: NDArray[np.uint8]) -> bytes:
     """Return grey values or colours as JPEG."""
-    from PIL import Image
-
-    written = BytesIO()
-    picture: Any = Image.fromarray(np.ascontiguousarray(pixels))
-    picture.save(written, "JPEG", quality=_QUALITY, subsampling=0)
-    return written.getvalue()
+    return jpeg_of(pixels, quality=_QUALITY, subsampling=0)

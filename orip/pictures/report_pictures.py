@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from functools import partial
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from orip.arrays import IntArray
 from orip.errors import InputError
-from orip.images.image_files import REDUCTIONS, Grey, read_colours, read_grey, read_header
+from orip.images.image_files import REDUCTIONS, Grey, jpeg_of, read_colours, read_grey, read_header
 from orip.progress import stage
 from orip.records.names import record_key
 from orip.report.report_input import CHIP_PIXELS, AskedImage, GivenImage, PictureSource
@@ -60,7 +59,10 @@ def _thumbnail(path: Path) -> str:
     header = read_header(path, path.name)
     longer = max(header.columns, header.rows)
     reduction = max(factor for factor in REDUCTIONS if factor == 1 or longer // factor >= _LONGER_SIDE)
-    picture = _picture(read_colours(path, reduction, path.name))
+    colours = read_colours(path, reduction, path.name)
+    from PIL import Image  # there, where the pixels have been read
+
+    picture = Image.fromarray(colours)
     picture.thumbnail((_LONGER_SIDE, _LONGER_SIDE), reducing_gap=2.0)
     while len(data := _jpeg(picture, THUMBNAIL_BYTES)) > THUMBNAIL_BYTES:
         picture = picture.resize((max(1, picture.width * 3 // 4), max(1, picture.height * 3 // 4)))
@@ -74,7 +76,7 @@ def _chips(path: Path, corners: IntArray) -> tuple[str, ...]:
     bottom, right = int(rows.max()) + CHIP_PIXELS, int(columns.max()) + CHIP_PIXELS
     grey = read_grey(path, ((top, bottom), (left, right)), shown=path.name)
     chips = (_chip(grey[row - top :, column - left :]) for column, row in corners.tolist())
-    return tuple(_address(_jpeg(_picture(chip), CHIP_BYTES)) for chip in chips)
+    return tuple(_address(_jpeg(chip, CHIP_BYTES)) for chip in chips)
 
 
 def _chip(grey: Grey) -> NDArray[np.uint8]:
@@ -87,19 +89,11 @@ def _chip(grey: Grey) -> NDArray[np.uint8]:
     return found
 
 
-def _picture(pixels: NDArray[np.uint8]) -> Any:
-    from PIL import Image  # there, where the pixels have been read
-
-    return Image.fromarray(pixels)
-
-
-def _jpeg(picture: Any, most: int) -> bytes:
+def _jpeg(picture: NDArray[np.uint8] | Any, most: int) -> bytes:
     """Return a picture as JPEG of so many bytes at most, if any quality makes it so small; else the smallest."""
     data = b""
     for quality in _QUALITIES:
-        buffer = BytesIO()
-        picture.save(buffer, "JPEG", quality=quality, optimize=True)
-        data = buffer.getvalue()
+        data = jpeg_of(picture, quality=quality, optimize=True)
         if len(data) <= most:
             break
     return data
