@@ -54,7 +54,7 @@ from orip.bundle.starting_rigs import starting_rigs
 from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, moving, rotation_limit
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
 from orip.geometry.rotation import rotation_from_angles
-from orip.interior.motions import TimedPhotos, motions, strips_of_rolling_shutters
+from orip.interior.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.records.block import Block
 from orip.set_aside import ColumnByParts, set_aside
 from orip.structs import replace
@@ -75,8 +75,7 @@ class BlockProblem(Struct, frozen=True):
         Observations left out as blunders: their residuals are computed, but have no influence.
     streamed : tuple (loop, others) or None
         What passes over the photo points, and the problem of all other rows; None: the design matrix is stored.
-    strips : tuple of TimedPhotos
-        From which motions follow.
+    strips : tuple of TimedPhotos, from which motions follow
     """
 
     block: Block
@@ -200,7 +199,7 @@ class BlockProblem(Struct, frozen=True):
         """Return the state after a correction."""
         if self.datum is not None:
             correction = self.datum.transformed(correction, state, self.unknowns)
-        moved = moving(state.moved(correction, self.unknowns), self.strips)
+        moved = moving(state.moved(correction, self.unknowns), self.block, self.strips)
         memory = {
             kind.rows.kind.name: kept
             for kind in self.observations
@@ -315,14 +314,8 @@ class BlockProblem(Struct, frozen=True):
 class Posed(NamedTuple):
     """A block's problem with its design matrix stored, and its photo points apart from all other rows.
 
-    Attributes
-    ----------
-    problem : BlockProblem
-    photo_points : PhotoPointObservations
-    others : BlockProblem
-        Of photo points of tied points, and of all other kinds.
-    couples_points : bool
-        One of the others touches both an eliminated point and a reduced unknown.
+    `others` are those of tied points and of all other kinds; `couples_points`: one of them touches both an eliminated
+    point and a reduced unknown.
     """
 
     problem: BlockProblem
@@ -391,19 +384,18 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
 
 def starting_state(block: Block) -> BlockState:
     """Return the state that the block's preliminary values give."""
-    strips = strips_of_rolling_shutters(block)
-    places, centres = station_places(block), block.photo_orientation[:, :3].copy()
-    rotations = rotation_from_angles(block.photo_orientation[:, 3:])
+    places = station_places(block)
     state = BlockState(
         cameras=camera_parameters(block),
         additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
         antennas=antenna_parameters(block),
         shifts=np.zeros((len(places.shifts), 3)),
         drifts=np.zeros((len(places.drifts), 3)),
-        centres=centres,
-        rotations=rotations,
-        motions=motions(strips, centres, rotations),
+        centres=block.photo_orientation[:, :3].copy(),
+        rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
+        motions=np.zeros((len(block.photos), 6)),
         motion_corrections=np.zeros((len(block.photos), 6)),
+        readouts=np.zeros(len(block.photos)),
         points=block.point_start.copy(),
         theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
         figures=placed_figures(block),
@@ -412,4 +404,4 @@ def starting_state(block: Block) -> BlockState:
             [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
         ),
     )
-    return moving(state.with_rigs(starting_rigs(block)), strips)
+    return moving(state.with_rigs(starting_rigs(block)), block, strips_of_rolling_shutters(block))

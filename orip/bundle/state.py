@@ -17,7 +17,7 @@ from orip.geometry.rotation import (
     rotation_about_axes,
     rotation_from_angles,
 )
-from orip.interior.motions import Poses, TimedPhotos, motions, poses, rows_of_readout
+from orip.interior.motions import Poses, TimedPhotos, motions, poses, rolling_cameras, rows_of_readout
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, READOUT, first_of_lens
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT_PLACES
@@ -93,7 +93,9 @@ class BlockState(Struct, frozen=True):
     motions : array (number of photos, 6)
         Velocities and angular rates of photos of rolling shutters, from their neighbours; see `orip.interior.motions`.
     motion_corrections : array (number of photos, 6)
-        Unknown parts of them.
+        What is unknown of them, times the readout: shifts (ground unit) and turns (radians) during all of it.
+    readouts : array (number of photos,)
+        Seconds, those that the a-priori errors of the corrections are of; held in an iteration.
     points : array (number of points, 3)
     antennas : array (number of antennas, 7)
         In the order of `ANTENNA_PARAMETERS`, boresight in radians.
@@ -119,6 +121,7 @@ class BlockState(Struct, frozen=True):
     rotations: FloatArray
     motions: FloatArray
     motion_corrections: FloatArray
+    readouts: FloatArray
     points: FloatArray
     antennas: FloatArray
     shifts: FloatArray
@@ -181,9 +184,15 @@ class BlockState(Struct, frozen=True):
         return moved.with_rigs(rigs)
 
 
-def moving(state: BlockState, strips: tuple[TimedPhotos, ...]) -> BlockState:
-    """Return the state with the motions that follow from its orientations; without strips they stay."""
-    return replace(state, motions=motions(strips, state.centres, state.rotations)) if strips else state
+def moving(state: BlockState, block: Block, strips: tuple[TimedPhotos, ...]) -> BlockState:
+    """Return the state with motions and readouts of photos as its orientations and cameras say."""
+    if not rolling_cameras(block).any():
+        return state
+    return replace(
+        state,
+        motions=motions(strips, state.centres, state.rotations),
+        readouts=state.cameras[block.photo_camera, READOUT],
+    )
 
 
 def poses_of_rays(block: Block, state: BlockState, rays: IntArray | slice) -> Poses:
@@ -194,8 +203,8 @@ def poses_of_rays(block: Block, state: BlockState, rays: IntArray | slice) -> Po
     row = rows_of_readout(block, points.xy[rays], camera)
     if row is None:
         return Poses(state.centres[photo], state.rotations[photo])
-    motion = (state.motions + state.motion_corrections)[photo]
-    return poses(state.centres[photo], state.rotations[photo], motion, state.cameras[camera, READOUT] * row)
+    motion = state.cameras[camera, READOUT, None] * state.motions[photo] + state.motion_corrections[photo]
+    return poses(state.centres[photo], state.rotations[photo], motion, row)
 
 
 def rotation_limit(correction: FloatArray, unknowns: Unknowns) -> float:

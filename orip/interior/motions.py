@@ -204,8 +204,7 @@ def rows_of_readout(block: Block, xy: FloatArray, camera: IntArray) -> FloatArra
     return np.asarray(-xy[:, 1] * per_mm[camera])
 
 
-def poses(centres: FloatArray, rotations: FloatArray, motion: FloatArray, time: FloatArray) -> Poses:
-    """Return poses at times (n,) after the middle row, of centres (n, 3), rotations (n, 3, 3) and motions (n, 6)."""
-    return Poses(
-        centres + motion[:, :3] * time[:, None], rotation_about_axes(motion[:, 3:] * time[:, None]) @ rotations
-    )
+def poses(centres: FloatArray, rotations: FloatArray, motion: FloatArray, row: FloatArray) -> Poses:
+    """Return poses at rows (n,), of centres (n, 3), rotations (n, 3, 3) and motions (n, 6) during the readout."""
+    part = row[:, None]
+    return Poses(centres + motion[:, :3] * part, rotation_about_axes(motion[:, 3:] * part) @ rotations)

@@ -663,7 +663,7 @@ def state_of(block: Block) -> BlockState:
         for table in (state.shifts, state.drifts, state.motions, state.motion_corrections)
     )
     return replace(
-        state, additional=values, shifts=shifts, drifts=drifts, motions=motions, motion_corrections=corrections,
+        state, additional=values, shifts=shifts, drifts=drifts, motions=motions, motion_corrections=0.1 * corrections,
         figures=_figures(state),
     )  # fmt: skip
 

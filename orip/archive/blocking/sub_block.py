@@ -126,6 +126,7 @@ class Members(Struct, frozen=True):
             rotations=state.rotations[self.photos],
             motions=state.motions[self.photos],
             motion_corrections=state.motion_corrections[self.photos],
+            readouts=state.readouts[self.photos],
             points=state.points[self.points],
             antennas=nothing,
             shifts=nothing,

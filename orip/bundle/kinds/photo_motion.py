@@ -12,6 +12,9 @@ from orip.records.block import Block
 from orip.records.observation_kinds import MOTION, MOTION_PARAMETERS
 from orip.units import DEGREES_PER_RADIAN
 
+_SHORTEST = 1e-5
+"""Seconds: in less nothing moves."""
+
 _UNIT = np.repeat([1.0, DEGREES_PER_RADIAN], 3)
 
 
@@ -24,7 +27,7 @@ class MotionObservations(Observations, frozen=True):
 
     def linearise_with_partials(self, state: BlockState) -> Linearisation:
         """Return the corrections and their partials by themselves."""
-        unit: FloatArray = _UNIT[self.parameter]
+        unit: FloatArray = _UNIT[self.parameter] / np.maximum(np.abs(state.readouts[self.photo]), _SHORTEST)
         residual = unit * state.motion_corrections[self.photo, self.parameter]
         return Linearisation(residual, unit[:, None], np.ones(len(residual), dtype=bool))
 

@@ -139,11 +139,15 @@ class PhotoPointObservations(Observations, frozen=True):
         if self.row is None:
             image = projected_with_partials(offset, rotation, parameters[:, 0], self.is_equidistant)
             return MovingImage(image, *[np.empty(0)] * 3)
-        motion = (state.motions + state.motion_corrections)[self.photo]
-        return moving_image_with_partials(
+        # during a whole readout: what is corrected does not depend on how long it takes
+        steady = state.motions[self.photo]
+        motion = parameters[:, READOUT, None] * steady + state.motion_corrections[self.photo]
+        found = moving_image_with_partials(
             offset, rotation, parameters[:, 0], self.is_equidistant, Motion(motion[:, :3], motion[:, 3:]), self.row,
-            parameters[:, READOUT],
+            np.ones(len(motion)),
         )  # fmt: skip
+        by_readout = found.by_velocity @ steady[:, :3, None] + found.by_rate @ steady[:, 3:, None]
+        return found._replace(by_readout=by_readout[:, :, 0])
 
     def _groups(self, state: BlockState) -> Iterator[tuple[BoolArray, bool, SetValues | None]]:
         """Yield the rows (n,) with one form of image equation, the form, and the additional parameters."""

@@ -9,7 +9,6 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import deviations
 from orip.bundle.solve import SolvedBlock
 from orip.interior.motions import rolling_cameras
-from orip.records.camera import READOUT
 from orip.records.solution import PhotoMotion
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
@@ -24,9 +23,11 @@ def photo_motions(solved: SolvedBlock) -> tuple[PhotoMotion, ...]:
     if not len(photos):
         return ()
     axes = block.ground.axes_at(block.ground.to_project(state.centres[photos]))
-    local = (state.motions + state.motion_corrections)[photos].reshape(-1, 2, 3)
+    readout = state.readouts[photos, None]
+    readout = np.where(readout == 0.0, np.inf, readout)
+    local = (state.motions[photos] + state.motion_corrections[photos] / readout).reshape(-1, 2, 3)
     values = _UNIT * np.einsum("nij,nkj->nki", axes, local).reshape(-1, 6)
-    sd = _UNIT * deviations(solved, solved.problem.unknowns.motions[photos])
+    sd = _UNIT * deviations(solved, solved.problem.unknowns.motions[photos]) / np.abs(readout)
     pixels = _pixels(solved)[photos]
     return tuple(
         PhotoMotion(block.photos[photo].name, *[*np.column_stack([of_photo, sds]).ravel().tolist(), size])
@@ -43,11 +44,11 @@ def _pixels(solved: SolvedBlock) -> FloatArray:
     )
     squares, number = np.zeros(len(block.photos)), np.zeros(len(block.photos))
     for part in kind.in_parts():
-        # by the readout, at a whole readout after the middle row
-        found = replace(part, row=np.ones(len(part.photo))).moving_image(solved.state)
-        seen = found.image.in_front
-        readout = solved.state.cameras[part.camera, READOUT] / pixel[part.camera]
-        moved = found.by_readout[seen] * readout[seen, None]
+        ends = [
+            replace(part, row=np.full(len(part.photo), end)).moving_image(solved.state).image for end in (-0.5, 0.5)
+        ]
+        seen = ends[0].in_front & ends[1].in_front
+        moved = (ends[1].xy - ends[0].xy)[seen] / pixel[part.camera[seen], None]
         squares += np.bincount(part.photo[seen], np.sum(moved**2, axis=1), len(squares))
         number += np.bincount(part.photo[seen], minlength=len(squares))
     return np.asarray(np.sqrt(squares / np.maximum(number, 1.0)))
