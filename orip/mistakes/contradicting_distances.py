@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 
 from orip.arrays import IntArray
 from orip.errors import ProjectWarning
 from orip.mistakes.contradicting_control import slip_of_pen
+from orip.mistakes.distances_alone import (
+    CODE,
+    TOLERANCE,
+    distances_against_each_other,
+    give_the_scale_alone,
+    other_ends,
+)
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
-from orip.records.control import ControlDistance
-from orip.records.names import places_of_names
 from orip.records.solution import Solution
 
 DISTANCE_UNIT = "distance-unit"
@@ -26,12 +30,6 @@ _LENGTH_ALIKE = 0.01
 
 _DOUBTED = 5.0
 """Standard residual from which an observation does not fit."""
-
-_MATCHES = 4.0
-"""Standard errors within which a distance is the one to another point."""
-
-_BY_CHANCE = 0.2
-"""Largest expected number of points that match by chance; with more of them a match proves nothing."""
 
 
 def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWarning]:
@@ -53,8 +51,13 @@ def contradicting_distances(block: Block, solution: Solution) -> list[ProjectWar
         return found
     if found := list(_in_another_unit(solution, np.flatnonzero(wrong))):
         return found
-    if np.count_nonzero(wrong) > 0.5 * np.count_nonzero(is_distance) or solution.status == "not_converged":
+    if solution.status == "not_converged":
         return []
+    are_most = np.count_nonzero(wrong) > 0.5 * np.count_nonzero(is_distance)
+    if are_most or give_the_scale_alone(solution):
+        found = distances_against_each_other(block, solution)
+        if found or are_most:
+            return found
     return [_contradiction(block, solution, int(row)) for row in np.flatnonzero(wrong)]
 
 
@@ -108,11 +111,11 @@ def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning
     rows = solution.residuals
     name, given = rows.point[row], float(rows.observed[row])
     seen, error = given + float(rows.residual[row]), float(rows.a_priori[row])
-    tolerance = _MATCHES * error * max(1.0, solution.sigma0)
+    tolerance = TOLERANCE * error * max(1.0, solution.sigma0)
     distance = next(known for known in block.distances if known.name == name)
     text = f"{given:.10g} contradicts the block, which has {seen:.6g} {solution.ground_unit}"
     slip = slip_of_pen(given, seen, tolerance)
-    others = _other_ends(solution, distance, tolerance)
+    others = other_ends(solution, distance, distance.distance, tolerance)
     if slip is not None and "one digit" not in slip:
         text += f": it {slip}"
     elif others:
@@ -120,22 +123,4 @@ def _contradiction(block: Block, solution: Solution, row: int) -> ProjectWarning
     elif slip is not None:
         text += f": it {slip}"
     text += f"; check the distance, and that its ends are {distance.start} and {distance.end}"
-    return ProjectWarning("contradicting-distance", f"distance {name}", text)
-
-
-def _other_ends(solution: Solution, distance: ControlDistance, tolerance: float) -> list[tuple[str, str]]:
-    """Return the pairs of points, one of them an end of a distance, that are as far apart as given.
-
-    Empty where chance would find some, and for components of a distance, which many points share.
-    """
-    if distance.code != "XYZ":
-        return []
-    points = solution.points
-    place = places_of_names(points.names)
-    pairs, chances = [], 0.0
-    for end in (distance.start, distance.end):
-        lengths = np.linalg.norm(points.values - points.values[place[end]], axis=1)
-        chances += len(lengths) * 2.0 * tolerance / max(float(np.nanmax(lengths)), tolerance)
-        near = np.flatnonzero(np.abs(lengths - distance.distance) <= tolerance)
-        pairs.append([(end, points.names[row]) for row in near])
-    return list(chain(*pairs)) if chances <= _BY_CHANCE else []
+    return ProjectWarning(CODE, f"distance {name}", text)

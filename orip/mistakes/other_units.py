@@ -81,7 +81,7 @@ _MILLI = 1e-3
 
 def errors_too_large(block: Block, solution: Solution) -> list[ProjectWarning]:
     """Return a warning for each kind of observation whose residuals are far smaller than its a-priori errors."""
-    return [*_photos(block, solution), *_control(solution), *_positions(solution)]
+    return [*_photos(block, solution), *_control(solution), *_positions(solution), *_distances(solution)]
 
 
 def _photos(block: Block, solution: Solution) -> Iterator[ProjectWarning]:
@@ -133,6 +133,38 @@ def _positions(solution: Solution) -> Iterator[ProjectWarning]:
             )
             yield ProjectWarning("error-unit", "exposure stations", text)
 
+
+_ROUGH, _RARE = 2e-3, 0.01
+"""Relative error that no measured distance has, and probability of distances that then fit far better by chance."""
+
+
+def _distances(solution: Solution) -> Iterator[ProjectWarning]:
+    """Yield a warning where errors of distances, often two only, are in another unit.
+
+    Few residuals prove little; but such errors would not be given to a distance that is to give the scale.
+    """
+    rows = solution.residuals
+    is_distance = coded(rows.kind).where("distance".__eq__) & coded(rows.component).where("XYZ".__eq__)
+    is_distance &= (rows.a_priori > 0.0) & (rows.weight_factor >= 1.0)
+    redundancy = float(np.sum(rows.redundancy_number[is_distance]))
+    if not redundancy > _LEAST_OF_DISTANCES or solution.ground_unit != "m":
+        return
+    standard = rows.standard_residual[is_distance]
+    factor = float(np.sqrt(np.sum(standard**2) / redundancy))
+    roughest = float(np.median(rows.a_priori[is_distance] / np.abs(rows.observed[is_distance])))
+    from scipy.special import gammainc  # takes its time; few adjustments need it
+
+    if roughest < _ROUGH or factor >= 3.0 * _MILLI or gammainc(redundancy / 2.0, redundancy * factor**2 / 2.0) > _RARE:
+        return
+    text = (
+        f"they fit {1.0 / factor:.3g} times better than their a-priori errors promise: these seem to be in mm; write "
+        f"them in {solution.ground_unit}, the unit of the distances, in the .LEN file"
+    )
+    yield ProjectWarning("error-unit", "distances", text)
+
+
+_LEAST_OF_DISTANCES = 0.9
+"""Redundancy of two distances that give the scale is 1."""
 
 _COORDINATES = frozenset({*"XYZ", *PHOTO_PARAMETERS[:3]})
 

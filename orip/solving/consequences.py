@@ -14,6 +14,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import CAMERA_SIGNS, OTHER_LENS
 from orip.mistakes.check_points import HEIGHT_SYSTEM
 from orip.mistakes.contradicting_distances import DISTANCE_UNIT
+from orip.mistakes.distances_alone import CODE as DISTANCE
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.misread_photos import MIRRORED
@@ -72,6 +73,7 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),
+    Consequence((DISTANCE,), groups=("distance",)),
     Consequence((HEIGHT_UNIT,), groups=("camera", "control point")),
 )
 

@@ -16,16 +16,19 @@ from orip.mistakes.hypothesis import fit_of_adjustment
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.names import record_key
+from orip.structs import replace
 
 # The block has to fit without them: they lost their weight, and control shows where the photos are.
 
 ORDER, HEIGHTS, AXES, UNIT = "station-order", "station-heights", "station-axes", "station-unit"
+SHORTENED = "shortened-coordinates"
 
 SHORT_TEXTS_OF_STATIONS = {
     ORDER: "positions of photos stand under the names of others",
     HEIGHTS: OF_HEIGHT_SYSTEMS,
     AXES: "the axes of the stations are not those of the control",
     UNIT: "the stations are in another unit than the control",
+    SHORTENED: "leading digits are missing in the stations or the control",
 }
 """What the status says of the block, by the code of the warning."""
 
@@ -47,6 +50,9 @@ _GEOID = (10.0, 120.0)
 _ALIKE = 0.05
 """Spread of the differences of height systems, and what X and Y are off by, as parts of the difference at most."""
 
+
+_FEWEST_CONTROL = 3
+"""Least number of control points that show where the block is."""
 
 _FITS, _BENT, _WRONG_CONTROL = 3.0, 1.5, 0.1
 """Standard errors within which control fits, standard error of unit weight from which a block is bent, and part of the
@@ -81,7 +87,11 @@ def misread_stations(block: Block, solved: SolvedBlock) -> list[ProjectWarning]:
     observed = _observed(block, solved)
     if observed is None or len(observed.photo) < _FEWEST or not _is_where_photos_are(solved):
         return []
-    readings = (_in_another_order(block, observed), _in_another_height_system(block, observed), *_read(observed))
+    readings = [_in_another_order(block, observed)]
+    # positions that all agree may hold the block themselves, and it is the control that shows where the photos are
+    moved = _where_control_puts_it(block, solved, observed)
+    for placed in (observed, moved) if moved is not None else (observed,):
+        readings += [_in_another_height_system(block, placed), *_shortened(block, placed), *_read(placed)]
     where = "exposure stations"
     return [ProjectWarning(code, where, text) for code, text in readings if text][:1]
 
@@ -108,6 +118,22 @@ def _observed(block: Block, solved: SolvedBlock) -> _Observed | None:
     photo = np.array(sorted(places), dtype=np.int64)
     found = block.ground.to_project(solved.state.centres[photo])
     return _Observed(photo, np.array([places[row] for row in photo.tolist()], dtype=np.float64), found, file)
+
+
+def _where_control_puts_it(block: Block, solved: SolvedBlock, observed: _Observed) -> _Observed | None:
+    """Return the positions as control has them, where most of it is off from the block by the same; else None."""
+    place = solved.block.point_index()
+    known = [point for point in block.control_points if point.name in place and None not in point.coordinates]
+    if len(known) < _FEWEST_CONTROL:
+        return None
+    given = np.array([point.coordinates for point in known], dtype=np.float64)
+    found = block.ground.to_project(solved.state.points[[place[point.name] for point in known]])
+    shift = np.median(given - found, axis=0)
+    size = float(np.linalg.norm(shift))
+    is_alike = np.linalg.norm(given - found - shift, axis=1) < _REMAINS * size
+    if not np.count_nonzero(is_alike) > 0.5 * len(known) or _misfit(observed.given, observed.found) > 0.5 * size:
+        return None
+    return replace(observed, found=observed.found + shift)
 
 
 def _of_elements(block: Block, rows: dict[str, int]) -> dict[int, tuple[float, float, float]]:
@@ -173,6 +199,32 @@ def _in_another_height_system(block: Block, observed: _Observed) -> tuple[str, s
         "the ellipsoid, above the geoid); use one for both"
     )
     return HEIGHTS, text
+
+
+_ROUND, _SHORT = 1000.0, 5.0
+"""What coordinates are shortened by is a multiple of the first; the block is off by it within the second."""
+
+
+def _shortened(block: Block, observed: _Observed) -> Iterator[tuple[str, str]]:
+    """Yield that the leading digits of X and Y were left out, of the positions or of the control."""
+    off = observed.given - observed.found
+    middle = np.median(off, axis=0)
+    round_off = _ROUND * np.round(middle / _ROUND)
+    is_alike = (np.median(np.abs(off - middle), axis=0) < _SHORT).all() and (np.abs(middle - round_off) < _SHORT).all()
+    if block.ground_unit != "m" or not is_alike or round_off[2] != 0.0 or not round_off.any():
+        return
+    axes = np.flatnonzero(round_off)
+    longer, shorter = np.abs(observed.given), np.abs(observed.found)
+    is_control = bool((np.median(longer, axis=0) > np.median(shorter, axis=0))[axes].all())
+    short, whole = ("the control", "the positions") if is_control else ("the positions", "the control")
+    added = " and ".join(
+        f"{round_off[axis] if is_control else -round_off[axis]:+.0f} to {'XYZ'[axis]}" for axis in axes.tolist()
+    )
+    text = (
+        f"they and the control differ by whole thousands, as where leading digits were left out of {short}: write "
+        f"whole coordinates there, as in {whole}: add {added}"
+    )
+    yield SHORTENED, text
 
 
 def _read(observed: _Observed) -> Iterator[tuple[str, str]]:

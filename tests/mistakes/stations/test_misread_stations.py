@@ -55,6 +55,11 @@ MISREAD: dict[str, tuple[Change, str, str]] = {
     "north before east": (lambda places: places[:, [1, 0, 2]], "columns X and Y of the ", "are in different systems"),
     "feet": (lambda places: places / FOOT, " in feet; write both", "are in different systems"),
     "heights in feet": (lambda places: places / [1.0, 1.0, FOOT], "Z fits when", "in another unit than the control"),
+    "leading digits left out": (
+        lambda places: places - [500000.0, 5900000.0, 0.0],
+        "left out of the positions: write whole coordinates there, as in the control: add +500000 to X and +5900000",
+        "leading digits are missing",
+    ),
     "depths": (lambda places: places * [1.0, 1.0, -1.0], "Z has the opposite sign", "the axes of the stations"),
 }  # fmt: skip
 """How positions are changed, words of the first line that is said of it, and of the status."""
