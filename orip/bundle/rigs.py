@@ -143,7 +143,7 @@ def chained(
         np.add.at(further, (found.row[row], np.zeros_like(row), place), parts[row, place])
         further[found.row[row], 1, place] = 0.0
     return Chained(
-        np.hstack([partials, further.reshape(len(columns), -1)]),
+        np.hstack([partials, further.reshape(unknowns.shape)]),
         np.hstack([np.where(columns >= rigs.first, _NONE, columns), unknowns]),
     )
 
@@ -172,4 +172,4 @@ def _further_columns(count: int, found: _Elements, rigs: RigColumns) -> IntArray
     further[found.row, found.slot] = rigs.of_photos[found.photo]
     if slots == 2:
         further[:, 1][further[:, 1] == further[:, 0]] = _NONE
-    return further.reshape(count, -1)
+    return further.reshape(count, slots * 2 * ELEMENTS)

@@ -129,6 +129,7 @@ def assert_same_as_block(project: orip.Project) -> None:
         camera.name,
         values.pop("C"),
         (values.pop("DX"), values.pop("DY")),
+        readout=values.pop("READOUT"),
         distortion=values,
         frame=camera.frame,
         sensor=asdict(camera.sensor) if camera.sensor else None,

@@ -48,7 +48,7 @@ def test_records_are_found_by_name() -> None:
         (lambda found: found.covariance("station P1"), "there is no kind of record 'station'"),
         (
             lambda found: found.cameras["CAM"]["Q9"],
-            "there is no parameter 'Q9'; there are: C, DX, DY, A1, A3 and 7 more",
+            "there is no parameter 'Q9'; there are: C, DX, DY, A1, A3 and 8 more",
         ),
         (lambda found: found.figure("sigma1"), "there is no figure 'sigma1'; did you mean 'sigma0'?"),
         (lambda found: found.to_dataframe("photo"), "there is no table 'photo'; did you mean 'photos'?"),
@@ -65,14 +65,14 @@ def test_covariances_between_records() -> None:
     found = solution()
     names = ["105", "photo P2", "camera CAM"]
     joint = found.covariance(names)
-    assert joint.shape == (3 + 6 + 12,) * 2
+    assert joint.shape == (3 + 6 + 13,) * 2
     assert np.array_equal(joint[:3, 3:9], found.covariance("point 105", "photo p2"))
     deviations = np.concatenate(
         [found.points["105"].deviations, found.photos["P2"].deviations, found.cameras["CAM"].deviations]
     )
     constant = np.isnan(deviations)
     assert np.sqrt(np.diag(joint))[~constant] == pytest.approx(deviations[~constant], rel=1e-6)
-    assert np.array_equal(joint[constant], np.zeros((9, 21)))
+    assert np.array_equal(joint[constant], np.zeros((10, 22)))
     assert found.photos["P2"].covariance == pytest.approx(joint[3:9, 3:9], rel=1e-9)
     assert found.cameras["CAM"].covariance == pytest.approx(joint[9:, 9:], rel=1e-9)
     assert found.covariance("105") == pytest.approx(found.points["105"].covariance, rel=1e-6, abs=1e-15)

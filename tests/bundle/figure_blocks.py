@@ -103,7 +103,7 @@ def figure_block(
     given = tie + CONTROL_ERROR * random.normal(size=tie.shape) * noise
     block = Block(
         definition=BundleDefinition("figures", Precision(PHOTO_ERROR_MM), **settings),
-        cameras=(Camera("CAM", (C_MM, *np.zeros(11).tolist()), frame=tuple(FRAME_MM.tolist())),),
+        cameras=(Camera("CAM", (C_MM, *np.zeros(12).tolist()), frame=tuple(FRAME_MM.tolist())),),
         photos=tuple(
             Photo(f"P{row}", "CAM", orientation=tuple(np.r_[one[:3], np.degrees(one[3:])].tolist()))
             for row, one in enumerate(orientations)
@@ -125,7 +125,7 @@ def figure_block(
             for number in range(len(figure.points))
         ),
     )
-    cameras = np.array([[C_MM, *np.zeros(11)]])
+    cameras = np.array([[C_MM, *np.zeros(12)]])
     return SyntheticBlock(block, cameras, orientations, points)
 
 

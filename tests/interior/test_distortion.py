@@ -24,7 +24,7 @@ SMALL_FORMAT = np.array([1e-3, -8e-5, 6e-8, -2e-11, 3e-14, 3e-5, -2e-5, 4e-4, -3
 FRAME = np.stack(np.meshgrid(np.linspace(-18.0, 18.0, 9), np.linspace(-12.0, 12.0, 7)), axis=-1).reshape(-1, 2)
 
 
-DISTORTION_PARAMETERS = CAMERA_PARAMETERS[3:]
+DISTORTION_PARAMETERS = CAMERA_PARAMETERS[3:12]
 
 
 def coefficients(**values):

@@ -126,7 +126,7 @@ def rig_block(
     of_exposures = [tuple(names[k] for k in shown if exposure[k] == number) for number in range(len(centres))]
     block = Block(
         definition=BundleDefinition(seed, Precision(ERROR), **definition),
-        cameras=tuple(Camera("ABCDE"[k], (C, *[0.0] * 11), frame=FRAME) for k in range(cameras)),
+        cameras=tuple(Camera("ABCDE"[k], (C, *[0.0] * 12), frame=FRAME) for k in range(cameras)),
         photos=tuple(
             Photo(names[k], "ABCDE"[of], orientation=tuple(np.r_[one[:3], np.degrees(one[3:])].tolist()))
             for k, of, one in zip(shown, of_camera, start, strict=True)

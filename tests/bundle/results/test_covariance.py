@@ -175,10 +175,10 @@ def test_several_records_make_one_matrix() -> None:
     found = solved(CONTROLLED["self-calibration"])
     camera, photo, _, point, other = records(found)
     joint = covariance(found, [camera, point, other], [photo, point])
-    assert joint.shape == (12 + 3 + 3, 6 + 3)
+    assert joint.shape == (13 + 3 + 3, 6 + 3)
     whole = covariance(found, [point, photo], [point, photo])
     deviations = np.sqrt(np.diag(whole))
-    difference = joint[12:15, :6] - covariance(found, [point], [photo])
+    difference = joint[13:16, :6] - covariance(found, [point], [photo])
     # the same columns of the inverse, solved for beside others: a product may be summed in another order
     rounding = 100.0 * np.finfo(float).eps * dense_inverse(found)[1]
     assert np.abs(difference / np.outer(deviations[:3], deviations[3:])).max() < rounding < 1e-6
