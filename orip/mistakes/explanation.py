@@ -48,6 +48,7 @@ from orip.mistakes.point_numbers import misnamed_points, points_under_two_number
 from orip.mistakes.stations.contradicting_positions import contradicting_positions
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
 from orip.mistakes.stations.misread_angles import misread_angles
+from orip.mistakes.stations.misread_antennas import misread_antennas
 from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.two_lenses import two_lenses
 from orip.mistakes.vertical_photos import misread_vertical_photos
@@ -126,6 +127,8 @@ def _of_all_stations(solution: Solution, solved: SolvedBlock, readjuster: Readju
     read = misread_stations(readjuster.block, solved)
     if read and read[0].code != HEIGHTS:
         return read
+    if found := misread_antennas(solution, solved, readjuster):
+        return found
     return two_lenses(solution, readjuster) or camera_instead_of_stations(solution, solved, readjuster) or read
 
 

@@ -216,7 +216,7 @@ def _misgiven(compared: ComparedOrientations, row: int) -> ProjectWarning:
     if how is None:
         parts = []
         if compared.shifts[row] > _FAR_AWAY:
-            parts.append("its position is off by " + _listed(compared.found[row, :3] - compared.given[row, :3]))
+            parts.append("its position is off by " + _listed(compared.given[row, :3] - compared.found[row, :3]))
         if compared.turns[row] > _FAR_TURNED:
             parts.append(f"it is rotated by {np.degrees(compared.turns[row]):.0f}°")
         how = f"the block puts it elsewhere: {', and '.join(parts)}"

@@ -21,6 +21,7 @@ from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
+from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.two_lenses import TWO_LENSES
 from orip.mistakes.vertical_photos import HEIGHT_UNIT
@@ -33,7 +34,7 @@ _OF_START = (GIVEN, "exchanged-photos", "angle-unit", "control-unit", MIRRORED)
 """Codes of what is said of the values that an adjustment started from."""
 
 OF_STATIONS = frozenset(
-    (*SHORT_TEXTS_OF_SYSTEMS, *SHORT_TEXTS_OF_STATIONS, HEIGHT_SYSTEM, TWO_LENSES, ANGLES),
+    (*SHORT_TEXTS_OF_SYSTEMS, *SHORT_TEXTS_OF_STATIONS, *SHORT_TEXTS_OF_ANTENNAS, HEIGHT_SYSTEM, TWO_LENSES, ANGLES),
 )
 """Causes that all stations, or their control, appear wrong by."""
 

@@ -16,6 +16,7 @@ from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
+from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
@@ -30,6 +31,7 @@ FIRST_CAUSES = {
 
 WRONG = {
     **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS,
+    **SHORT_TEXTS_OF_ANTENNAS,
     HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
     COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
 }  # fmt: skip

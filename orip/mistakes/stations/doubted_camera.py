@@ -58,7 +58,7 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
         Of the block as gathered.
     """
     block = readjuster.block
-    if not (readjuster.is_worthwhile and _has_positions(block) and _are_doubted(solution)):
+    if not (readjuster.is_worthwhile and _has_positions(block) and are_doubted(solution)):
         return []
     without = readjuster.adjust(_without_positions(block))
     for row in range(len(block.cameras)):
@@ -67,7 +67,7 @@ def camera_instead_of_stations(solution: Solution, solved: SolvedBlock, readjust
             return found
         for hypothesis in _lenses(block, row):
             tried = readjuster.adjust(hypothesis.block)
-            if tried is None or not _is_better(tried, solved):
+            if tried is None or not is_better(tried, solved):
                 continue
             if _is_other_lens(tried, solved, row) or _is_seen_without(hypothesis, row, block, readjuster):
                 return hypothesis.findings(tried)
@@ -91,7 +91,7 @@ def lens_of_doubted_camera(solution: Solution, solved: SolvedBlock, readjuster: 
     for row, camera in enumerate(block.cameras):
         for hypothesis in _lenses(block, row) if f"camera {camera.name}" in accused else ():
             tried = readjuster.adjust(hypothesis.block)
-            if tried is not None and _is_better(tried, solved) and _is_other_lens(tried, solved, row, 0.0):
+            if tried is not None and is_better(tried, solved) and _is_other_lens(tried, solved, row, 0.0):
                 return hypothesis.findings(tried)
     return []
 
@@ -103,7 +103,7 @@ def _best(
     best, found = np.inf, []
     for hypothesis in hypotheses:
         tried = readjuster.adjust(hypothesis.block)
-        if tried is None or not (_is_better(tried, solved) and _fits_positions(tried, without)):
+        if tried is None or not (is_better(tried, solved) and _fits_positions(tried, without)):
             continue
         cost = tried.weighing.cost(tried.equations)
         if cost < best:
@@ -111,7 +111,7 @@ def _best(
     return found
 
 
-def _are_doubted(solution: Solution) -> bool:
+def are_doubted(solution: Solution) -> bool:
     """Tell whether groups of positions are doubted, a held camera, or most positions one by one."""
     if any(name in found.where for found in group_findings(solution) for name in ("exposure station", "camera")):
         return True
@@ -155,7 +155,8 @@ def _without_positions(block: Block) -> Block:
     return replace(block, stations=stations, elements=elements)
 
 
-def _is_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
+def is_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
+    """Tell whether another adjustment of the same observations costs certainly less."""
     weighing = solved.weighing
     return tried.converged and bool(weighing.cost(solved.equations) - weighing.cost(tried.equations) > DECIDED)
 

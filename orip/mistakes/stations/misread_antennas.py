@@ -1,0 +1,145 @@
+"""Antennas that are not as orip.toml has them, or stations that are late, where positions of photos are doubted.
+
+A lever arm is written in millimetres or with the wrong sign; and a station that is late lies ahead along the flight,
+which the axes of the photos cannot tell from a lever arm where the camera always looks the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from orip.bundle.antennas import NONE, antenna_of, station_places
+from orip.bundle.solve import SolvedBlock
+from orip.errors import ProjectWarning
+from orip.mistakes.doubted_observations import down_weighted_share
+from orip.mistakes.hypothesis import Hypothesis, Readjuster, explains, finding, fit_of_adjustment, is_good
+from orip.mistakes.stations.doubted_camera import are_doubted, is_better
+from orip.records.block import Block
+from orip.records.definition import ANTENNA_PARAMETERS, TIME_OFFSET, Antenna
+from orip.records.solution import Solution
+from orip.structs import replace
+
+ANTENNA, LATE = "lever-arm", "time-offset"
+
+SHORT_TEXTS_OF_ANTENNAS = {
+    ANTENNA: "the lever arm is not as orip.toml has it",
+    LATE: "the stations are late or early",
+}
+"""What the status says of the block, by the code of the warning."""
+
+_LONGEST = 5.0
+"""Metres: no lever arm on board of a drone or an aircraft is longer, but for mistakes of the unit."""
+
+_READINGS = (
+    (1e-3, "it seems to be in millimetres"),
+    (1e-2, "it seems to be in centimetres"),
+    (-1.0, "its sign is wrong: it goes from the projection centre to the antenna, along the photo's axes"),
+)
+"""Factors of lever arms, and what is wrong with the arm that fits with them."""
+
+_NEAR, _ARMS = 200.0, (1.0, 10.0)
+"""Metres: distance of a camera from the ground up to which what carries it is small, and the longest lever arm on board
+of what is small, and of others."""
+
+_DECIMALS = 4
+
+_MANY = 0.25
+"""Part of the coordinates of stations that loses weight where all of one axis are off."""
+
+
+def misread_antennas(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return what is wrong with the lever arm of an antenna, or with its times, if the stations fit without that.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+        Of the block as gathered.
+    """
+    block = readjuster.block
+    has_positions = any(station.has_position for station in block.stations)
+    if not (has_positions and block.ground_unit == "m" and readjuster.is_worthwhile):
+        return []
+    if not (are_doubted(solution) or down_weighted_share(solution, "station") > _MANY):
+        return []
+    for hypothesis in (*_other_arms(block), *_late_stations(block)):
+        tried = readjuster.adjust(hypothesis.block)
+        if tried is not None and _fits_better(tried, solved) and hypothesis.holds(tried):
+            return hypothesis.findings(tried)
+    return []
+
+
+def _fits_better(tried: SolvedBlock, solved: SolvedBlock) -> bool:
+    """Tell whether another adjustment explains the misfit; a block may take up a small one, and costs more then."""
+    fit = fit_of_adjustment(tried)
+    return explains(fit, fit_of_adjustment(solved)) or (is_good(fit) and is_better(tried, solved))
+
+
+def _other_arms(block: Block) -> Iterator[Hypothesis]:
+    for row, antenna in enumerate(block.antennas):
+        longest = max(map(abs, antenna.lever_arm))
+        for factor, how in _READINGS:
+            if longest == 0.0 or (longest < _LONGEST) == (factor > 0.0):
+                continue
+            arm = tuple(round(factor * value, _DECIMALS) + 0.0 for value in antenna.lever_arm)
+            listed = ", ".join(f"{value:g}" for value in arm)
+            text = f"the stations fit with lever_arm = [{listed}]: {how}; write that in orip.toml"
+            x, y, z = arm
+            changed = _with_antenna(block, row, replace(antenna, lever_arm=(x, y, z)))
+            yield Hypothesis(changed, finding(ANTENNA, f"antenna {antenna.name}", text))
+
+
+def _with_antenna(block: Block, row: int, antenna: Antenna) -> Block:
+    return replace(block, antennas=(*block.antennas[:row], antenna, *block.antennas[row + 1 :]))
+
+
+def _late_stations(block: Block) -> Iterator[Hypothesis]:
+    """Yield the stations of each antenna with an unknown time offset; of one for all cameras where none is defined."""
+    if not all(np.isfinite(station.time) for station in block.stations if station.has_position):
+        return
+    if not block.antennas:
+        yield _late(replace(block, antennas=(Antenna("GNSS"),)), 0, 'write [[antenna]] with name = "GNSS" and')
+        return
+    used = {antenna_of(block.antennas, camera.name) for camera in block.cameras} - {NONE}
+    for row in sorted(used):
+        if TIME_OFFSET not in block.antennas[row].unknown:
+            yield _late(block, row, f"set in [[antenna]] {block.antennas[row].name}")
+
+
+def _late(block: Block, row: int, where: str) -> Hypothesis:
+    antenna = block.antennas[row]
+    unknown = (*antenna.unknown, TIME_OFFSET)
+    column = ANTENNA_PARAMETERS.index(TIME_OFFSET)
+
+    def findings(solved: SolvedBlock) -> list[ProjectWarning]:
+        seconds = float(solved.state.antennas[row, column])
+        metres = abs(seconds - antenna.time_offset) * _speed(solved, row)
+        listed = ", ".join(f'"{name}"' for name in unknown)
+        text = (
+            f"they are {abs(seconds):.3f} s {'late' if seconds > 0.0 else 'early'}, as all are off by about "
+            f"{metres:.2f} m along the flight, more than a lever arm: {where} unknown = "
+            f"[{listed}] in orip.toml, or correct the times of the exposures"
+        )
+        return [ProjectWarning(LATE, "exposure stations", text)]
+
+    def is_longer_than_arms(solved: SolvedBlock) -> bool:
+        offset = abs(float(solved.state.antennas[row, column]) - antenna.time_offset) * _speed(solved, row)
+        return offset > _ARMS[0 if _distance(solved) < _NEAR else 1]
+
+    return Hypothesis(_with_antenna(block, row, replace(antenna, unknown=unknown)), findings, holds=is_longer_than_arms)
+
+
+def _speed(solved: SolvedBlock, row: int) -> float:
+    """Return the usual speed of an antenna, metres a second."""
+    places = station_places(solved.block)
+    return float(np.median(np.linalg.norm(places.velocity[places.antenna == row], axis=1)))
+
+
+def _distance(solved: SolvedBlock) -> float:
+    """Return the usual distance of the points from their cameras."""
+    state, points = solved.state, solved.block.photo_points
+    return float(np.median(np.linalg.norm(state.points[points.point] - state.centres[points.photo], axis=1)))
