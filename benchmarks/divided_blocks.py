@@ -25,9 +25,9 @@ from scipy.spatial import cKDTree
 from orip.adjustment.factorisation.dissection import DissectionTree, dissected
 from orip.archive.blocking.divided_problem import LARGEST_PART
 from orip.archive.cluster.divided_block import ClusterRequest, divided_blocks
-from orip.bundle.problem import starting_state
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem
+from orip.bundle.starting_state import starting_state
 
 POINTS_A_PHOTO = 100
 MEGABYTE = 1e6

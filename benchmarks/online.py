@@ -22,7 +22,7 @@ import numpy as np
 from aerial_blocks import aerial_block
 from threadpoolctl import threadpool_limits
 
-from orip.bundle.problem import starting_state
+from orip.bundle.starting_state import starting_state
 from orip.online.fit import residuals_of, statistics_of
 from orip.online.measuring import Measuring
 from orip.online.online_block import OnlineBlock

@@ -22,8 +22,9 @@ from peer_problem import block_of, pixel_mm
 
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.precision import Cofactors, cofactors
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.solve import iteration_settings
+from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState
 from orip.threads import limited_threads
 

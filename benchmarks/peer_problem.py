@@ -14,7 +14,7 @@ from bal import LADYBUG, bal_block
 from bal_files import BAL_FILES, block_of_file
 from wide_blocks import BLOCKS
 
-from orip.bundle.problem import starting_state
+from orip.bundle.starting_state import starting_state
 from orip.records.block import Block
 from orip.structs import replace
 

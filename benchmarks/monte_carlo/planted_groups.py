@@ -21,7 +21,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import ControlDistance, ControlElement, ControlPoint, Station
 from orip.records.definition import BundleDefinition, Precision
 from orip.records.photo import Photo
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.solving.solve import solve
 
 Kind = Literal["stations", "control", "close range", "elements"]

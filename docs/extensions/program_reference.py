@@ -19,7 +19,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 from orip.exchange.formats import FORMATS
-from orip.records.result_tests import GATE_FIGURES
+from orip.records.results.tests import GATE_FIGURES
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class IterationSettings(Struct, frozen=True):
 
 
 class IterationRecord(Struct, frozen=True):
-    """One printed line: see `orip.records.solution.IterationPass`; sigma0 is that after the iteration.
+    """One printed line: see `orip.records.results.solution.IterationPass`; sigma0 is that after the iteration.
 
     `active` is the number of observations that can be computed; `is_small` what `IterationSettings.is_small` said.
     """

@@ -24,8 +24,8 @@ from orip.api.solution import Solution
 from orip.bundle.methods import Method
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.errors import UsageError
-from orip.records import solution as records
-from orip.records.solution import IterationPass
+from orip.records.results import solution as records
+from orip.records.results.solution import IterationPass
 from orip.report.report_input import ReportInput
 from orip.solving.solve import NOBODY, solve
 from orip.solving.starting_values import gather_bundle

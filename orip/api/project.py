@@ -14,11 +14,11 @@ from orip.api.given import ControlPoints, PhotoPoints
 from orip.api.method import Sigma0, method_of
 from orip.api.solution import Solution
 from orip.errors import ProjectWarning
-from orip.records import solution as records
 from orip.records.camera import Camera
 from orip.records.names import record_key
 from orip.records.photo import Photo
-from orip.records.solution import IterationPass
+from orip.records.results import solution as records
+from orip.records.results.solution import IterationPass
 from orip.report.report_input import ReportInput
 from orip.solving.solve import NOBODY
 from orip.solving.starting_values import gather_bundle

@@ -20,11 +20,11 @@ from orip.bundle.results.normal_equations import NormalEquations, normal_equatio
 from orip.bundle.solve import SolvedBlock
 from orip.errors import InputError, ProjectWarning, UnknownNameError
 from orip.files.result.json_text import result_text
-from orip.records import solution as records
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import PointKind
 from orip.records.definition import BundleDefinition
-from orip.records.result_tests import GATE_FIGURES, Status
+from orip.records.results import solution as records
+from orip.records.results.tests import GATE_FIGURES, Status
 from orip.report.report_input import ReportInput
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from orip.bundle.verdict import headline, sigma0_test
 from orip.errors import OripError, UnknownNameError
 from orip.number_text import HUGE, MISSING
 from orip.records.observation_kinds import unit_of_observation
-from orip.records.result_tests import GroupTest
-from orip.records.solution import Blunder, IterationPass, Residuals, Solution
+from orip.records.results.solution import Blunder, IterationPass, Residuals, Solution
+from orip.records.results.tests import GroupTest
 from orip.wording import counted
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray
 from orip.bundle.results.figures import figure
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.result_tests import GateResult
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
+from orip.records.results.tests import GateResult
 
 # docs/reference/archive.md describes them for users. A change that readers of older data sets would notice takes a new
 # `SCHEMA`.

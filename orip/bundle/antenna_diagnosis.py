@@ -12,7 +12,7 @@ from orip.bundle.antennas import name_of_stretch, station_places
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT, UnknownName
 from orip.records.definition import BORESIGHT, BORESIGHT_PLACES, DRIFT, LEVER_ARM, SHIFT, TIME_OFFSET
-from orip.records.solution import Diagnosis
+from orip.records.results.solution import Diagnosis
 from orip.wording import counted, joined
 
 _STRONG = 0.95

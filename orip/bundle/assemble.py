@@ -14,7 +14,7 @@ from orip.bundle.antennas import with_orientations_of_stations
 from orip.bundle.figures import with_determined_figures
 from orip.bundle.local_frame import constants_in_frame, frame_complaints, ground_system, photos_in_frame
 from orip.bundle.points.starting import with_starting_points
-from orip.bundle.starting_rigs import with_photos_on_rigs
+from orip.bundle.rigs.starting import with_photos_on_rigs
 from orip.errors import Complaint, InputError, ProjectWarning
 from orip.interior.additional_parameters import base_of_camera
 from orip.interior.definitions import Definitions

@@ -23,7 +23,7 @@ from orip.bundle.unknowns import CONSTANT, set_names
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.observation_kinds import ADDITIONAL_PARAMETER
-from orip.records.solution import Diagnosis
+from orip.records.results.solution import Diagnosis
 from orip.structs import replace
 
 ALPHA = 0.05

@@ -25,7 +25,7 @@ from orip.progress import stage
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, Camera, first_of_lens
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Diagnosis
+from orip.records.results.solution import Diagnosis
 from orip.wording import agreeing, counted_names, first_names
 
 STRONG_CORRELATION = 0.95

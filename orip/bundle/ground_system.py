@@ -8,7 +8,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.datum import information_on_movements, movements_of_block
+from orip.bundle.datum import information_on_movements
+from orip.bundle.movements import movements_of_block
 from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.problem import BlockProblem
 from orip.bundle.results.ground import photo_cofactors, undetermined_photos
@@ -18,7 +19,7 @@ from orip.geometry.rotation import axes_rotation_from_angle_rates
 from orip.number_text import decimals_of_two_digits
 from orip.records.block import Block
 from orip.records.observation_kinds import PHOTO_POINT
-from orip.records.solution import Diagnosis
+from orip.records.results.solution import Diagnosis
 from orip.wording import agreeing, counted, counted_names, joined
 
 # An adjustment ends with some numbers whatever the observations say. Where they leave a movement of the whole block

@@ -16,8 +16,8 @@ from orip.bundle.results.solution import iteration_pass, solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_block
 from orip.bundle.verdict import TWO_PLACES, headline, sigma0_test
 from orip.records.block import Block
-from orip.records.result_tests import NOT_DETERMINED, VarianceComponent
-from orip.records.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.results.solution import Blunder, Diagnosis, IterationPass, Solution
+from orip.records.results.tests import NOT_DETERMINED, VarianceComponent
 from orip.structs import replace
 
 if TYPE_CHECKING:

@@ -17,13 +17,11 @@ from orip.adjustment.factorisation.null_space import InnerConstraints
 from orip.adjustment.sparse_rows import SparseRows
 from orip.adjustment.weights import danish_costs, greatest_danish_cost
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.antennas import station_places
 from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.rig_loop import RigLoop, rig_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
 from orip.bundle.datum import FreeDatum, free_datum
-from orip.bundle.figures import placed_figures
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations
@@ -49,11 +47,10 @@ from orip.bundle.points.left_out import (
 from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.points.other_places import other_places
 from orip.bundle.points.rival_places import control_rows, rival_places
-from orip.bundle.rigs import columns_by_rigs
-from orip.bundle.starting_rigs import starting_rigs
-from orip.bundle.state import BlockState, antenna_parameters, camera_parameters, entries_at, moving, rotation_limit
-from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns, set_names
-from orip.geometry.rotation import rotation_from_angles
+from orip.bundle.rigs.elements import columns_by_rigs
+from orip.bundle.starting_state import starting_state
+from orip.bundle.state import BlockState, entries_at, moving, rotation_limit
+from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.interior.motions import TimedPhotos, strips_of_rolling_shutters
 from orip.records.block import Block
 from orip.set_aside import ColumnByParts, set_aside
@@ -380,28 +377,3 @@ def freed(problem: BlockProblem, block: Block) -> BlockProblem:
     fixed[datum.held] = True
     layout = replace(unknowns.layout, fixed=fixed)
     return replace(problem, unknowns=replace(unknowns, layout=layout), datum=datum)
-
-
-def starting_state(block: Block) -> BlockState:
-    """Return the state that the block's preliminary values give."""
-    places = station_places(block)
-    state = BlockState(
-        cameras=camera_parameters(block),
-        additional=np.zeros((len(block.cameras), max(len(set_names(camera)) for camera in block.cameras))),
-        antennas=antenna_parameters(block),
-        shifts=np.zeros((len(places.shifts), 3)),
-        drifts=np.zeros((len(places.drifts), 3)),
-        centres=block.photo_orientation[:, :3].copy(),
-        rotations=rotation_from_angles(block.photo_orientation[:, 3:]),
-        motions=np.zeros((len(block.photos), 6)),
-        motion_corrections=np.zeros((len(block.photos), 6)),
-        readouts=np.zeros(len(block.photos)),
-        points=block.point_start.copy(),
-        theodolites=np.array([theodolite.zero_direction for theodolite in block.theodolites], dtype=np.float64),
-        figures=placed_figures(block),
-        left_out=np.zeros(len(block.point_names), dtype=bool),
-        turned_by_angles=np.array(
-            [any(kind in photo.constant for kind in ("OMEGA", "PHI", "KAPPA")) for photo in block.photos], dtype=bool
-        ),
-    )
-    return moving(state.with_rigs(starting_rigs(block)), block, strips_of_rolling_shutters(block))

@@ -8,26 +8,30 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from orip.adjustment.convergence import TerminationReason
+from orip.adjustment.equations import Equations, Linearised
 from orip.adjustment.iteration import Adjustment, adjust
 from orip.adjustment.iteration_state import IterationRecord, IterationSettings
 from orip.adjustment.precision import Cofactors, VarianceOfUnitWeight, cofactors, variance_of_unit_weight
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.problem import BlockProblem, pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState
-from orip.bundle.stop_criteria import stop_criterion
 from orip.bundle.undetermined_unknowns import (
     agrees_with_held,
     loose_calibration,
     with_calibration_held,
     with_undetermined_held,
 )
+from orip.bundle.unknowns import CONSTANT
 from orip.errors import NotSolvableError
+from orip.geometry.rotation import rotation_vectors_with_partials
 from orip.progress import stage
 from orip.records.block import Block
 from orip.records.definition import BundleDefinition
 from orip.structs import replace
 from orip.threads import limited_threads
+from orip.units import DEGREES_PER_RADIAN
 
 _CREEPING_STEPS, _NEAR = 10, 2.0
 """Damped steps in a row with corrections below a hundredth of their standard deviations (ENP)."""
@@ -240,3 +244,45 @@ def _with_precision(problem: BlockProblem, found: Adjustment[BlockState]) -> Sol
         found.state, equations, found.weight_factors, normals, found.iterations, found.reason, found.weighing, problem,
         precision, variance,
     )  # fmt: skip
+
+
+Criterion = Callable[[Linearised[BlockState], Linearised[BlockState], FloatArray], bool]
+
+
+def stop_criterion(problem: BlockProblem) -> Criterion | None:
+    """Return whether an iteration, from one state to the next, with weight factors (n,), was small enough.
+
+    None: the bundle has no criterion but ENP. These are the criteria of OLTRIS (Kersten, Baltsavias, Schwarz and Leiss
+    1992): averages over the block, in the units of the project.
+    """
+    definition, unknowns = problem.block.definition, problem.unknowns
+    angles, coordinates, vtpv = definition.stop_angles, definition.stop_coordinates, definition.stop_vtpv
+    if angles is None and coordinates is None and vtpv is None:
+        return None
+    is_unknown = unknowns.elements != CONSTANT
+    turns, moves = is_unknown[:, 3:].any(axis=1), is_unknown[:, :3].any(axis=1)
+    moving_points = (unknowns.points != CONSTANT).any(axis=1)
+
+    def is_small(before: Linearised[BlockState], after: Linearised[BlockState], weights: FloatArray) -> bool:
+        one, other = before.state, after.state
+        turned = rotation_vectors_with_partials(other.rotations[turns] @ np.swapaxes(one.rotations[turns], 1, 2))[0]
+        moved = np.concatenate(
+            [(other.centres - one.centres)[moves].ravel(), (other.points - one.points)[moving_points].ravel()]
+        )
+        then, now = _square_sum(before.equations, weights), _square_sum(after.equations, weights)
+        return (
+            (angles is None or DEGREES_PER_RADIAN * _average(turned) <= angles)
+            and (coordinates is None or _average(moved) <= coordinates)
+            and (vtpv is None or abs(now - then) <= vtpv * max(now, np.finfo(np.float64).tiny))
+        )
+
+    return is_small
+
+
+def _average(changes: FloatArray) -> float:
+    return float(np.mean(np.abs(changes))) if changes.size else 0.0
+
+
+def _square_sum(equations: Equations, weights: FloatArray) -> float:
+    taking_part = equations.active & ~equations.exact
+    return float(np.sum(weights[taking_part] * equations.residual[taking_part] ** 2))

@@ -9,7 +9,7 @@ from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.rigs import RigState, partials_of_photos
+from orip.bundle.rigs.elements import RigState, partials_of_photos
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.geometry.rotation import (
     angles_from_rotation,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from orip.adjustment.equations import Layout
 from orip.arrays import IntArray
 from orip.bundle.antennas import name_of_stretch, station_places
-from orip.bundle.rigs import RigColumns
+from orip.bundle.rigs.elements import RigColumns
 from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.interior.motions import rolling_cameras, unknown_motions
 from orip.records.block import Block

@@ -26,7 +26,7 @@ from orip.bundle.variance_groups import (
     with_errors_times,
 )
 from orip.records.block import Block
-from orip.records.result_tests import VarianceComponent
+from orip.records.results.tests import VarianceComponent
 from orip.threads import limited_threads
 
 # With the residuals v of observations divided by their a-priori errors, l, the matrix R of v = -R l is a projection.

@@ -16,7 +16,7 @@ from orip.records.block import Block
 from orip.records.control import ControlElement, ControlPoint, FigureKind, Station
 from orip.records.observation_kinds import ANGULAR_UNKNOWNS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import VarianceGroupKind
+from orip.records.results.tests import VarianceGroupKind
 from orip.structs import replace
 
 _POSITION, _ROTATION = " ".join(PHOTO_PARAMETERS[:3]), " ".join(PHOTO_PARAMETERS[3:])

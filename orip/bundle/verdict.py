@@ -12,8 +12,8 @@ from msgspec import Struct
 from orip.bundle.ground_system import CONTROL_LINE
 from orip.bundle.groups.words import CODE, group_name
 from orip.bundle.results.reliability import has_suspects
-from orip.records.result_tests import NOT_DETERMINED
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
+from orip.records.results.tests import NOT_DETERMINED
 from orip.wording import counted
 
 Level = Literal["good", "caution", "bad"]

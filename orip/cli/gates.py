@@ -11,7 +11,7 @@ import typer
 from orip.cli.options import BundleOption, Invocation, command
 from orip.cli.terminal import Terminal, warning_rows
 from orip.errors import GateError, NotSolvableError
-from orip.records.result_tests import GATE_FIGURES, GateResult
+from orip.records.results.tests import GATE_FIGURES, GateResult
 
 if TYPE_CHECKING:
     from orip.solving.differences import Comparison, Difference
@@ -38,7 +38,7 @@ def register(app: typer.Typer) -> None:
     _register_compare(app)
 
     def check_command(invocation: Invocation, expressions: Expressions = None, bundle: BundleOption = None) -> None:
-        from orip.workflow.adjust.results import CHECKED, check
+        from orip.workflow.adjust.checked_gates import CHECKED, check
         from orip.workflow.project.bundle_state import read_bundle
 
         outcome = check(read_bundle(invocation.folder, bundle, *CHECKED), expressions or ())

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from orip.bundle.verdict import Level
     from orip.records.block import Block
     from orip.records.preliminary import PreliminaryValues
-    from orip.records.solution import IterationPass
+    from orip.records.results.solution import IterationPass
     from orip.solving.solve import SolveWatcher
     from orip.workflow.adjust.solve import SolveOutcome
     from orip.workflow.project.commit import Committed

@@ -22,7 +22,7 @@ from orip.wording import counted
 if TYPE_CHECKING:
     from orip.bundle.problem import BlockProblem
     from orip.records.block import Block
-    from orip.records.solution import IterationPass
+    from orip.records.results.solution import IterationPass
     from orip.solving.solve import SolveWatcher
 
 

@@ -22,7 +22,7 @@ from orip.records.camera import Camera, Mark
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoOrientation, TemplateOrientation
 from orip.records.photo import Stage
-from orip.records.solution import InteriorSummary
+from orip.records.results.solution import InteriorSummary
 from orip.units import DEGREES_PER_RADIAN
 from orip.wording import counted, listed_names
 

@@ -14,7 +14,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.contradicting_control import slip_of_pen
 from orip.records.block import Block
 from orip.records.names import places_of_names
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
 _DOUBTED = 5.0

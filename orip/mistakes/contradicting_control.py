@@ -14,7 +14,7 @@ from orip.mistakes.doubted_observations import AdjustedRays, doubted_control, do
 from orip.mistakes.hypothesis import Hypothesis
 from orip.records.block import Block
 from orip.records.control import ControlPoint
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 # Where the coordinates that the photos see differ from those given by a sign, two digits or a decimal point, or are

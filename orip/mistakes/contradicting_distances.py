@@ -19,7 +19,7 @@ from orip.mistakes.distances_alone import (
 from orip.mistakes.other_units import LENGTH_UNITS
 from orip.records.block import Block
 from orip.records.coded_names import coded
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 DISTANCE_UNIT = "distance-unit"
 OF_DISTANCE_UNITS = "distances are in another unit than the other distances or the control"

@@ -28,7 +28,7 @@ from orip.units import DEGREES_PER_RADIAN, RADIANS_PER_DEGREE
 from orip.wording import joined
 
 if TYPE_CHECKING:
-    from orip.bundle.rigs import RigState
+    from orip.bundle.rigs.elements import RigState
     from orip.bundle.solve import SolvedBlock
 
 _SHARE = 0.15
@@ -168,7 +168,7 @@ def _other_instants(alone: SolvedBlock, given: Rigs) -> Iterator[ProjectWarning]
 def _free(alone: SolvedBlock, given: Rigs) -> tuple[RigState, FloatArray]:
     """Return exposures and mountings as the photos have them, and covariances (k, 6, 6) of these."""
     from orip.bundle.results.ground import photo_cofactors
-    from orip.bundle.starting_rigs import starting_rigs
+    from orip.bundle.rigs.starting import starting_rigs
 
     unknown = tuple(Rig(rig.name, tuple(Mounting(one.name) for one in rig.cameras)) for rig in given.rigs)
     state = alone.state

@@ -19,7 +19,7 @@ from orip.records.block import Block
 from orip.records.coded_names import coded
 from orip.records.control import ControlDistance
 from orip.records.names import places_of_names
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import joined
 

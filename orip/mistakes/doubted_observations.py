@@ -15,7 +15,7 @@ from orip.interior.image_coordinates import image_vectors
 from orip.mistakes.hypothesis import Fit
 from orip.records.block import Block
 from orip.records.coded_names import coded
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

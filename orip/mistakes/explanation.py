@@ -53,7 +53,7 @@ from orip.mistakes.stations.misread_positions import HEIGHTS, misread_stations
 from orip.mistakes.stations.two_lenses import two_lenses
 from orip.mistakes.vertical_photos import misread_vertical_photos
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 _MOST_WARNINGS = 5

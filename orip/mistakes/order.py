@@ -27,7 +27,7 @@ from orip.mistakes.other_units import angle_units, control_error_units, directio
 from orip.mistakes.photo_coordinates import mirrored_photos, reduced_pictures
 from orip.mistakes.stations.strips import moved_stations
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 _MOST_DIRECTIONS = 0.5

@@ -17,7 +17,7 @@ from orip.records.camera import Camera
 from orip.records.coded_names import coded
 from orip.records.control import ControlDirection, ControlPoint
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import DEGREES_PER_GON, DEGREES_PER_RADIAN, METRES_PER_FOOT, MILLIMETRES_PER_INCH, RADIANS_PER_DEGREE
 

@@ -16,7 +16,7 @@ from orip.records.coded_names import coded
 from orip.records.measurement import PhotoObservations
 from orip.records.names import places_of_names, record_key
 from orip.records.photo import Photo
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 

@@ -14,7 +14,7 @@ from orip.mistakes.doubted_observations import AdjustedRays, doubted_photo_point
 from orip.mistakes.hypothesis import fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.names import places_of_names
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
 # A photo point that does not fit may lie where another point should appear that is not measured in its photo. Rays that

@@ -20,7 +20,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.ground_systems import control_heights
 from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import agreeing, counted_names

@@ -27,7 +27,7 @@ from orip.multimodel.table_text import drive_table_text, read_drive_table
 from orip.records.drive_table import DriveCode, Triple
 from orip.records.ground import PLAIN, GroundSystem
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.observations.films import mounted_films
 from orip.workflow.project.bundle_state import BundleState, read_bundle
 from orip.workflow.project.commit import commit

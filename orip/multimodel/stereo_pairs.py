@@ -19,7 +19,7 @@ from orip.geometry.rotation import rotation_from_angles
 from orip.records.definition import StereoModel
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 _RATIOS = (0.3, 0.8)

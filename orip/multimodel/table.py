@@ -30,7 +30,7 @@ from orip.records.drive_table import (
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

@@ -19,7 +19,7 @@ from orip.records.block import Block
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.preliminary import PreliminaryValues
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.solving.starting_values import (
     StartedBlock,
     explained_preliminary_values,

@@ -10,7 +10,7 @@ import numpy as np
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import part_of_block
 from orip.bundle.assemble import BlockInput
-from orip.bundle.problem import starting_state
+from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.online.current_values import CurrentValues, counting_alone, with_cameras_held
 from orip.online.first_photos import FirstValues, PhotoCorrections

@@ -22,7 +22,7 @@ from orip.online.online_block import OnlineBlock
 from orip.online.requests import Background, Operation
 from orip.records.measurement import EditRecord, PhotoObservations, TextPlace, no_observations
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.workflow.adjust.gathering import block_input_so_far
 from orip.workflow.observations.films import mounted_films

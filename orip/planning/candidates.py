@@ -13,8 +13,8 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.kinds.photo_point import observe_photo_points
-from orip.bundle.problem import starting_state
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT, number_unknowns
 from orip.geometry.rotation import angles_from_rotation
 from orip.planning.forecast import with_rays

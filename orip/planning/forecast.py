@@ -21,10 +21,11 @@ from orip.bundle.assemble import theodolite_sets
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.kinds.photo_point import observe_photo_points
 from orip.bundle.local_frame import constants_in_frame, ground_system, photos_in_frame
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock
+from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import number_unknowns
 from orip.errors import InputError, NotSolvableError
 from orip.geometry.rotation import rotation_from_angles
@@ -35,7 +36,7 @@ from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, Station
 from orip.records.definition import Antenna, BundleDefinition
 from orip.records.photo import Photo
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.structs import replace
 from orip.threads import limited_threads
 from orip.units import DEGREES_PER_RADIAN

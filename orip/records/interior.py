@@ -9,7 +9,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.records.measurement import MeasuredMarks, TransformationKind
 from orip.records.photo import Stage
-from orip.records.solution import InteriorSummary
+from orip.records.results.solution import InteriorSummary
 
 
 class MarkAdjustment(Struct, frozen=True):

@@ -13,7 +13,7 @@ from orip.interior.distortion import curve_from_polynomial
 from orip.interior.mounting import frame_corners
 from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PLACES, Camera
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput

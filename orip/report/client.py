@@ -14,7 +14,7 @@ from orip.errors import InputError
 from orip.geometry.rotation import rotation_from_angles
 from orip.number_text import root_mean_square
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, CameraSheet, camera_sheets, frame_reach
 from orip.report.control_points import compared_table, distance_table
 from orip.report.drawings.block_plan import block_plan

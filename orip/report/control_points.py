@@ -14,8 +14,8 @@ from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
 from orip.records.definition import BundleDefinition, StereoModel
 from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE
-from orip.records.result_tests import GroupTest
-from orip.records.solution import Residuals, Solution
+from orip.records.results.solution import Residuals, Solution
+from orip.records.results.tests import GroupTest
 from orip.report.report_input import ReportInput
 from orip.report.table import (
     MISSING,

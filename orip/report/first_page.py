@@ -15,9 +15,9 @@ from orip.bundle.verdict import GlobalTest, Level, Untested, headline, sigma0_fi
 from orip.records.coded_names import coded
 from orip.records.observation_kinds import CONSTANT_DISTANCE, CONSTANT_ELEMENT, DIFFERENCE, DISTANCE, ELEMENT
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GATE_FIGURES
-from orip.records.solution import Solution
-from orip.records.solution_stations import ATTITUDE_KINDS, POSITION_KINDS
+from orip.records.results.solution import Solution
+from orip.records.results.stations import ATTITUDE_KINDS, POSITION_KINDS
+from orip.records.results.tests import GATE_FIGURES
 from orip.report.photos import rms_of_photos
 from orip.report.report_input import ReportInput, photo_scale
 from orip.report.table import PageColumn, PageTable, counted, fixed, length_unit, significant

@@ -16,7 +16,7 @@ from markupsafe import Markup
 
 from orip.bundle.verdict import GlobalTest, sigma0_test
 from orip.errors import ProjectWarning, by_kind
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.calibration import STRONG, camera_sheets
 from orip.report.control_points import compared_table, distance_table, group_table, model_grid
 from orip.report.drawings.block_plan import MOST_OVERLAP, block_plan

@@ -11,9 +11,9 @@ from orip.arrays import FloatArray
 from orip.number_text import decimals_for
 from orip.records.coded_names import coded
 from orip.records.observation_kinds import MOTION_PARAMETERS, PHOTO_POINT, unit_of_unknown
+from orip.records.results.solution import RigEstimate, Solution
+from orip.records.results.stations import StationResiduals, station_residuals
 from orip.records.rig import MOUNTING_PARAMETERS, OFFSET
-from orip.records.solution import RigEstimate, Solution
-from orip.records.solution_stations import StationResiduals, station_residuals
 from orip.report.drawings.labels import Bars, histogram
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput, pixel_of_photo

@@ -14,7 +14,7 @@ from orip.records.coded_names import CodedNames, coded
 from orip.records.names import places_of_names
 from orip.records.observation_kinds import point_of_measurement, unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import AntennaEstimate, Correlation, Estimates, Solution
+from orip.records.results.solution import AntennaEstimate, Correlation, Estimates, Solution
 from orip.report.drawings.svg import ChartFrame, Curve, line_chart
 from orip.report.report_input import ReportInput
 from orip.report.table import (

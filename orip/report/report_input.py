@@ -19,8 +19,8 @@ from orip.records.definition import BundleDefinition, ReportDetails
 from orip.records.names import record_key
 from orip.records.observation_kinds import PHOTO_POINT
 from orip.records.photo import Photo, Template
-from orip.records.result_tests import GateResult
-from orip.records.solution import Residuals, Solution
+from orip.records.results.solution import Residuals, Solution
+from orip.records.results.tests import GateResult
 from orip.units import DEGREES_PER_RADIAN
 
 

@@ -12,8 +12,8 @@ from msgspec import Struct
 from orip.bundle.groups.words import probability_in_words
 from orip.bundle.verdict import MISTAKE, Level, Untested, group_findings, headline, sigma0_finding, sigma0_test
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.result_tests import GateResult
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
+from orip.records.results.tests import GateResult
 from orip.report.calibration import significance, significance_limit
 from orip.report.first_page import check_point_finding
 from orip.report.precision import Spread, spreads

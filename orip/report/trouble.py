@@ -17,7 +17,7 @@ from orip.records.observation_kinds import (
     OBSERVATION_KINDS,
     unit_of_observation,
 )
-from orip.records.solution import Blunder, Residuals, Solution
+from orip.records.results.solution import Blunder, Residuals, Solution
 from orip.report.report_input import ReportInput, pixel_of_photo
 from orip.report.table import NO_LINKS, SINGULAR, PageColumn, PageTable, counted, decimals_of_most, fixed, significant
 from orip.wording import first_names

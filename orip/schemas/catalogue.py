@@ -7,7 +7,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from orip.schemas import instruments, measuring, planning, preliminary, project, restitution, result
+from orip.schemas import checks, instruments, measuring, planning, preliminary, project, restitution, result
 from orip.schemas import project as archive
 
 SchemaName = Literal[
@@ -57,8 +57,8 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "archive-simulate": DocumentType(archive.ArchiveSimulate, ("archive simulate",)),
     "archive-status": DocumentType(archive.ArchiveStatus, ("archive status",)),
     "camera-plot": DocumentType(project.CameraPlot, ("camera plot",)),
-    "check": DocumentType(result.Check, ("check",)),
-    "compare": DocumentType(result.Compare, ("compare",)),
+    "check": DocumentType(checks.Check, ("check",)),
+    "compare": DocumentType(checks.Compare, ("compare",)),
     "control-edit": DocumentType(
         project.ControlEdit,
         (*_each(_CONTROL, "add insert edit kill"), *_each(_CONTROL[:-1], "disregard include"), f"{_CONTROL[0]} reject"),
@@ -109,7 +109,7 @@ DOCUMENTS: Mapping[SchemaName, DocumentType] = {
     "record-edit": DocumentType(project.RecordEdit, _each(_RECORDS, "add copy edit rename delete")),
     "records": DocumentType(project.Records, _each(_RECORDS, "list")),
     "relative": DocumentType(preliminary.Relative, ("prelim relative",)),
-    "report": DocumentType(result.Report, ("report",)),
+    "report": DocumentType(checks.Report, ("report",)),
     "restitute-compute": DocumentType(restitution.RestituteCompute, ("restitute compute",)),
     "restitute-export": DocumentType(restitution.RestituteExport, ("restitute export",)),
     "restitute-show": DocumentType(restitution.RestituteShow, ("restitute show",)),

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from orip.records.result_tests import Figure, FigureGroup, ResultFigures
+from orip.records.results.tests import Figure, FigureGroup, ResultFigures
 from orip.units import DEGREES_PER_RADIAN
 
 _FULL_CIRCLE = 360.0

@@ -20,7 +20,7 @@ from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
 from orip.mistakes.stations.two_lenses import OF_TWO_LENSES, TWO_LENSES
 from orip.mistakes.vertical_photos import SHORT_TEXTS_OF_VERTICAL_PHOTOS
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.solving.consequences import REPLACED, groups_that_follow
 from orip.structs import replace
 

@@ -21,7 +21,7 @@ from orip.prelim.chain import preliminary_values_from_all_rays
 from orip.prelim.similarity.absolute_orientation import NO_CONTROL
 from orip.records.block import Block
 from orip.records.preliminary import PreliminaryValues
-from orip.records.solution import IterationPass, Solution
+from orip.records.results.solution import IterationPass, Solution
 from orip.solving.better_minimum import doubt_about_given, is_better
 from orip.solving.consequences import REPLACED, follows, without_consequences
 from orip.solving.first_sentence import FIRST_CAUSES, judged

@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.antennas import without_photos
 from orip.bundle.assemble import BlockInput, gather, with_starting_values
-from orip.bundle.starting_rigs import oriented_by_rigs
+from orip.bundle.rigs.starting import oriented_by_rigs
 from orip.errors import Complaint, InputError, NotSolvableError, ProjectWarning
 from orip.mistakes.checks import block_warnings, measurement_warnings, raise_if_impossible
 from orip.mistakes.ground_systems import contradicting_ground_systems

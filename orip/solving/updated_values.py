@@ -12,7 +12,7 @@ from orip.records.camera import CAMERA_PARAMETERS, RADIAL_PARAMETERS, Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.structs import replace
 
 _ANGLES = slice(PHOTO_PARAMETERS.index("OMEGA"), PHOTO_PARAMETERS.index("KAPPA") + 1)

@@ -19,8 +19,8 @@ from orip.archive.results import read_shard
 from orip.archive.run_files import ArchivePlan, ResultsFolder, name_digest, read_head, write_finished, write_plan
 from orip.archive.tables import SCHEMA, TABLES, AdjustedBundle, ProjectOutcome, Row, rows_of_bundles, rows_of_error
 from orip.errors import InputError
-from orip.records.result_tests import Gate, GateResult
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
+from orip.records.results.tests import Gate, GateResult
 from orip.structs import replace
 
 pd = pytest.importorskip("pandas")

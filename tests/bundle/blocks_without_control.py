@@ -8,7 +8,7 @@ from bundle.solving import noisy, with_photo_points, with_rays
 from support.synthetic_block import SyntheticBlock
 
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 MADE = aerial_block("no control", 6)

@@ -12,7 +12,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, solve_block
 from orip.records.block import Block, IndexedPhotoPoints, TheodoliteSet
 from orip.records.control import ControlDirection, ControlPoint
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 OFF = {"max_iterations": 30, "start_down_weight": 30}

@@ -10,9 +10,10 @@ from orip.adjustment.factorisation.band import BandMatrix
 from orip.adjustment.factorisation.band_cholesky import BandFactor
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 from orip.structs import replace
 
 MAX_LOST = 12.0

@@ -10,7 +10,8 @@ import pytest
 from cli.command_line import orip
 
 from orip.bundle import solve
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.solving.starting_values import explained_preliminary_values, gather_bundle, started_block
 from orip.workflow.adjust.gathering import block_input
 from orip.workflow.adjust.solve import ADJUSTED_FROM

@@ -15,7 +15,8 @@ from support.wrong_calls import call, functions_of, overlapping, recorded, writt
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle.compiled import photo_loop
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.records.block import Block
 from orip.structs import replace
 

@@ -19,8 +19,9 @@ from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import cofactors
 from orip.bundle import problem
 from orip.bundle.compiled import photo_loop
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 from orip.records.block import Block, IndexedPhotoPoints
 from orip.records.camera import CAMERA_PARAMETERS, AdditionalSet, Sensor
 from orip.records.control import ControlDistance

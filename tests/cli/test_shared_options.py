@@ -152,7 +152,7 @@ def test_status_imports_nothing_that_computes(project: Path) -> None:
     found = modules_after(statements, project)
     assert "orip.workflow.status" in found
     computing = {"orip.bundle", "orip.prelim", "orip.mistakes", "orip.interior.replay", "orip.interior.orientation"}
-    assert not {*SLOW, *computing, "numpy", "orip.records.solution"} & found
+    assert not {*SLOW, *computing, "numpy", "orip.records.results.solution"} & found
 
 
 @pytest.mark.parametrize("words", [["status"], ["measure"], ["compare", "result.json", "result.json"]])

@@ -14,7 +14,7 @@ from cli.command_line import orip
 from documentation.pages import REPOSITORY
 from exchange.colmap_samples import genuine
 
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.project.bundle_state import read_bundle
 
 PIXEL_MM = 36.0 / 2832.0

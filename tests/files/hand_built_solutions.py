@@ -14,7 +14,7 @@ from orip.files.result.residuals import residuals_csv_pieces
 from orip.records.control import PointKind
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import MeasuredMarks, PhotoObservations
-from orip.records.solution import (
+from orip.records.results.solution import (
     Blunder,
     CheckPoint,
     Correlation,

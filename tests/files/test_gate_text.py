@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orip.files.text.decimal_numbers import parse_gate
-from orip.records.result_tests import OPERATORS, Gate
+from orip.records.results.tests import OPERATORS, Gate
 
 
 @pytest.mark.parametrize(

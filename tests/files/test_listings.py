@@ -35,7 +35,7 @@ from orip.files.listings.errors import interior_listing
 from orip.files.result.json_text import result_text
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.measurement import no_observations
-from orip.records.solution import CheckPoint, Solution
+from orip.records.results.solution import CheckPoint, Solution
 from orip.structs import replace
 
 

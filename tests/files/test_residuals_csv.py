@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 
 from orip.files.result import residuals as module
 from orip.number_text import shortest_texts
-from orip.records.solution import Residuals
+from orip.records.results.solution import Residuals
 
 
 def rows_of(text: str) -> list[list[str]]:

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from orip.files.identification import run_of_result
 from orip.files.result import json_text as module
 from orip.files.result.json_text import result_document, result_text
-from orip.records import solution as records
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GroupTest
-from orip.records.solution import Correlation, InteriorSummary, Solution
+from orip.records.results import solution as records
+from orip.records.results.solution import Correlation, InteriorSummary, Solution
+from orip.records.results.tests import GroupTest
 from orip.structs import replace
 
 TOP = [

@@ -11,7 +11,7 @@ from interior.template_project import MOUNTED, MOUNTED_AGAIN, Operator, photo_po
 
 from orip.files.stores.contents import observations, solutions
 from orip.files.stores.transaction import reading
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 POINTING = 0.002
 """mm."""

@@ -18,7 +18,7 @@ from orip.multimodel.stereo_pairs import stereo_pairs
 from orip.multimodel.stereo_project import open_stereo
 from orip.multimodel.table import object_ground
 from orip.multimodel.table_step import DriveTableOutcome, load_drive_table
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 
 def driven_table(folder) -> tuple[Solution, DriveTableOutcome]:

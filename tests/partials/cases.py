@@ -21,9 +21,9 @@ from support.synthetic_block import DISTORTED, synthetic_block
 
 from orip.bundle.kinds.all_kinds import KINDS
 from orip.bundle.kinds.observation import Observations, coordinates_with_partials, partials_by_unknowns
-from orip.bundle.problem import starting_state
 from orip.bundle.results.ground import rotation_partials
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, PlacedFigures
 from orip.bundle.unknowns import CONSTANT, Unknowns, number_unknowns
 from orip.geometry.equidistant import equidistant_with_partials

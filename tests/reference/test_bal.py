@@ -15,8 +15,9 @@ from reference.published_data import data_set
 from scipy.spatial.transform import Rotation
 
 from orip.bundle.compiled import loop_pattern
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from workflow.commands import report
 from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 SAMPLES = ("zurich_city_hall", "dcs260_calibration", "small_frame_block")
 TEXTS = (".toml", ".MEA", ".PNT", ".PRE", ".LEN")

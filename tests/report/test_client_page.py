@@ -18,7 +18,7 @@ from workflow.quiet import run_quietly
 
 from orip.errors import InputError
 from orip.records.definition import ReportDetails
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.report.client import MOST_ROWS, certificate_page, client_page, client_verdict
 from orip.report.drawings.residual_vectors import FEWEST_PHOTOS, MOST_PHOTOS, outstanding
 from orip.report.page import report_page

@@ -12,7 +12,7 @@ from orip.records.camera import Camera
 from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
 from orip.records.photo import Photo
-from orip.records.result_tests import GroupTest, VarianceComponent
+from orip.records.results.tests import GroupTest, VarianceComponent
 from orip.report.control_points import group_table
 from orip.report.drawings.block_plan import block_plan
 from orip.report.drawings.block_view import doubted_photos

@@ -13,7 +13,7 @@ from orip.files.project.reader import parse_project
 from orip.records.camera import Camera, Sensor
 from orip.records.definition import BundleDefinition, ReportDetails
 from orip.records.photo import Photo
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.block_plan import footprints, photos_over
 from orip.report.drawings.block_view import Vertical, side_of_block, vertical
 from orip.report.page import report_page

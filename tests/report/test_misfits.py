@@ -15,7 +15,7 @@ from orip.records.camera import Camera, Sensor
 from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
 from orip.records.photo import Photo
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.report_input import ReportInput
 from orip.report.summary import summary
 from orip.report.trouble import named_observation, suspect_table, suspects, weak_spots

@@ -20,8 +20,8 @@ from orip.files.text.decimal_numbers import parse_gate
 from orip.records.camera import Camera
 from orip.records.definition import BundleDefinition, StereoModel
 from orip.records.photo import Photo
-from orip.records.result_tests import GateResult
-from orip.records.solution import Blunder, Estimates, Residuals, Solution
+from orip.records.results.solution import Blunder, Estimates, Residuals, Solution
+from orip.records.results.tests import GateResult
 from orip.report.drawings.residual_vectors import FEWEST_PHOTOS
 from orip.report.page import MOST_BYTES, report_page
 from orip.report.report_input import ReportInput

@@ -14,8 +14,8 @@ from scipy import stats
 from orip.bundle.groups.words import CODE
 from orip.bundle.results.reliability import suspect_rows, suspicious_w
 from orip.files.listings.errors import error_listing_lines
-from orip.records.result_tests import Gate, GateResult
-from orip.records.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
+from orip.records.results.solution import Blunder, Diagnosis, Estimates, Residuals, SingularUnknown, Solution
+from orip.records.results.tests import Gate, GateResult
 from orip.report.summary import MOST_LINES, SummaryLine, summary
 from orip.report.table import significant
 from orip.report.trouble import suspects

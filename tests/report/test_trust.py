@@ -14,8 +14,8 @@ from orip.bundle.groups.words import CODE
 from orip.bundle.verdict import GlobalTest, Untested, global_test, sigma0_finding
 from orip.files.text.decimal_numbers import parse_gate
 from orip.records.definition import BundleDefinition
-from orip.records.result_tests import GateResult
-from orip.records.solution import Blunder, Diagnosis, Solution
+from orip.records.results.solution import Blunder, Diagnosis, Solution
+from orip.records.results.tests import GateResult
 from orip.report.first_page import verdict
 from orip.report.report_input import ReportInput
 from orip.structs import replace

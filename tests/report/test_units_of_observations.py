@@ -12,7 +12,7 @@ from orip.files.listings.bundle_residuals import component_columns
 from orip.files.listings.errors import error_listing_lines
 from orip.records.definition import BundleDefinition
 from orip.records.observation_kinds import OBSERVATION_KINDS
-from orip.records.solution import Blunder, Solution
+from orip.records.results.solution import Blunder, Solution
 from orip.report.report_input import ReportInput
 from orip.report.table import PageTable
 from orip.report.trouble import blunder_table, suspect_table, suspects

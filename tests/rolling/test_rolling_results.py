@@ -18,7 +18,7 @@ from orip.records.block import Block
 from orip.records.camera import READOUT
 from orip.records.control import ControlElement
 from orip.records.definition import Antenna
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.photos import motion_table
 from orip.structs import replace
 from rolling.rolling_flights import PIXEL, SWINGING, C, Flown, flown

@@ -12,7 +12,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import contents, replace_in
 
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 
 @pytest.fixture

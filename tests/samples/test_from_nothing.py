@@ -14,7 +14,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 
 SAMPLES = {
     "zurich_city_hall": ("orip.toml", "ZURICH.PNT", "ZURICH.MEA", "MAIN.PRE"),

@@ -23,7 +23,7 @@ from workflow.small_projects import REPOSITORY
 from orip.bundle.methods import Method
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.camera import CAMERA_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 SAMPLE = REPOSITORY / "sample_projects" / "small_frame_block"
 GENERATED = ("DAY1.MEA", "DAY2.MEA", "CLIFF.PNT", "CLIFF.LEN", "truth.json")

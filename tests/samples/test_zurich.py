@@ -19,7 +19,7 @@ from workflow.quiet import run_quietly
 from workflow.small_projects import REPOSITORY
 
 from orip.geometry.rotation import rotation_from_angles
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 
 HERE = Path(__file__).parent
 AGREEMENT = 0.05

@@ -17,7 +17,7 @@ from workflow.small_projects import replace_in
 
 from orip.bundle.methods import Method
 from orip.bundle.snooping.search import SnoopingSettings
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 SIX = {"201", "202", "211", "212", "311", "312"}
 A_PRIORI_MM = 0.0064

@@ -17,7 +17,8 @@ from samples.test_zurich import printed
 from support.sample_projects import sample
 
 import orip
-from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.problem import BlockProblem, pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState, entries_at
 from orip.structs import replace
 

@@ -14,7 +14,7 @@ from workflow.quiet import run_quietly
 from orip.annexes import STEREO_MODELS, annex
 from orip.files.log.stereo_writing import StereoFile
 from orip.multimodel.stereo_processor import StereoProcessor
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.screen.plates import plates_of
 from orip.screen.stereo_screen import STEREO_FILE, StereoScreen
 from orip.web.page_server import WatchServer

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 ZURICH_MODELS = [
     ("A", "st1", "st2", 1, 1),

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from support.synthetic_block import DISTORTED, synthetic_block
 
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.structs import replace
 
 SCENES = ("strip", "convergent", "terrestrial")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orip.records.result_tests import Figure, FigureGroup, Quantity, ResultFigures
+from orip.records.results.tests import Figure, FigureGroup, Quantity, ResultFigures
 from orip.solving.differences import Tolerance, compare_figures
 
 

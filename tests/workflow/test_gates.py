@@ -11,8 +11,8 @@ from workflow.small_projects import first_project, replace_in
 
 from orip.bundle.results.figures import figure
 from orip.errors import UsageError
-from orip.records.result_tests import GATE_FIGURES, Gate, GateResult
-from orip.records.solution import CheckPoint, Correlation, SingularUnknown, Solution
+from orip.records.results.solution import CheckPoint, Correlation, SingularUnknown, Solution
+from orip.records.results.tests import GATE_FIGURES, Gate, GateResult
 from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution
 

@@ -27,7 +27,7 @@ from orip.files.stores.transaction import reading, writing
 from orip.interior.distortion import corrected_with_partials
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.ground import PLAIN
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.structs import replace
 from orip.workflow.observations.edits import EDITED_FROM
 from orip.workflow.observations.edits import edit_observations as edited

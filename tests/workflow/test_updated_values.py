@@ -12,7 +12,7 @@ from workflow.small_projects import first_project
 from orip.records.camera import CAMERA_PARAMETERS, Camera
 from orip.records.control import PreliminaryPoint
 from orip.records.photo import PHOTO_PARAMETERS, Photo
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,

@@ -21,7 +21,7 @@ from orip.adjustment.factorisation.substitution import contracted, expanded
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.bundle.compiled.photo_loop import Contributions, PhotoPointLoop, photo_loop
 from orip.bundle.kinds.photo_point import PhotoPointObservations
-from orip.bundle.rigs import ELEMENTS, RigColumns
+from orip.bundle.rigs.elements import ELEMENTS, RigColumns
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.structs import replace

@@ -37,7 +37,7 @@ from orip.bundle.groups.observation_groups import (
 )
 from orip.bundle.solve import SolvedBlock
 from orip.records.observation_kinds import PHOTO_POINT
-from orip.records.result_tests import GroupTest
+from orip.records.results.tests import GroupTest
 from orip.structs import replace
 
 TestName = Literal["mean", "scatter", "point", "down-weighted"]

@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.adjustment.residual_sums import ResidualSums
 from orip.bundle.groups.figures import GroundGroups, is_testable
 from orip.records.observation_kinds import ANGULAR_UNKNOWNS
-from orip.records.result_tests import CommonExtent
+from orip.records.results.tests import CommonExtent
 
 SINGLE_CONTROL = 0.1
 """Part of an error probability that a single control point has: that it does not fit is found by the test of every

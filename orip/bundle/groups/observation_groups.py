@@ -31,7 +31,7 @@ from orip.records.observation_kinds import (
     PLANE,
     STATION,
 )
-from orip.records.result_tests import CommonExtent, GroupKind
+from orip.records.results.tests import CommonExtent, GroupKind
 from orip.threads import limited_threads
 
 _KINDS: dict[str, GroupKind] = {
@@ -52,7 +52,7 @@ _KINDS: dict[str, GroupKind] = {
 
 
 class ObservationGroup(Struct, frozen=True):
-    """Observations of one kind and component; see `orip.records.result_tests.GroupTest`.
+    """Observations of one kind and component; see `orip.records.results.tests.GroupTest`.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from orip.adjustment.residual_sums import ResidualSums
 from orip.arrays import BoolArray, FloatArray
 from orip.bundle.groups.figures import GroundGroups, common_errors, is_testable
 from orip.bundle.groups.hypotheses import SINGLE_CONTROL, Cause, Together, hypotheses
-from orip.records.result_tests import CommonError
+from orip.records.results.tests import CommonError
 from orip.structs import replace
 
 _ALIKE = 6.0

@@ -29,7 +29,7 @@ from orip.bundle.groups.hypotheses import Cause, number_of_shifts
 from orip.bundle.groups.observation_groups import observation_groups
 from orip.bundle.groups.shifts import CommonShift, common_shifts
 from orip.bundle.solve import SolvedBlock
-from orip.records.result_tests import CommonCause, Contradiction, ContradictionKind, GroupTest
+from orip.records.results.tests import CommonCause, Contradiction, ContradictionKind, GroupTest
 from orip.structs import replace
 
 FAMILY = 0.01

@@ -23,8 +23,8 @@ from orip.records.observation_kinds import (
     STATION,
     ObservationKind,
 )
-from orip.records.result_tests import FIGURE_GROUPS, CommonCause, Contradiction, GroupTest
-from orip.records.solution import Diagnosis
+from orip.records.results.solution import Diagnosis
+from orip.records.results.tests import FIGURE_GROUPS, CommonCause, Contradiction, GroupTest
 from orip.units import METRES_PER_GROUND_UNIT
 from orip.wording import joined
 

@@ -11,7 +11,7 @@ import numpy as np
 from orip.arrays import FloatArray
 from orip.geometry.frames import terrestrial_from_rotation, terrestrial_rates
 from orip.geometry.rotation import axes_rotation_from_angle_rates, rotation_from_angles
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 

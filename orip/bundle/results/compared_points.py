@@ -15,7 +15,7 @@ from orip.number_text import root_mean_square
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
 from orip.records.observation_kinds import CONTROL_POINT, PHOTO_POINT, point_of_measurement
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 ComparedKind = Literal["control", "check"]
 

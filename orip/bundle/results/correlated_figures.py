@@ -19,7 +19,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.correlated_rows import CorrelatedRows
 from orip.bundle.results.reliability import NON_CENTRALITY
 from orip.bundle.solve import SolvedBlock
-from orip.records.solution import CorrelatedReliability
+from orip.records.results.solution import CorrelatedReliability
 
 _TESTABLE = 1e-6
 

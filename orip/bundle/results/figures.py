@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from orip.arrays import FloatArray
 from orip.records.coded_names import coded
 from orip.records.observation_kinds import CONTROL_POINT
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 
 def figure(solution: Solution, name: str) -> float:
-    """Return a figure of a solution; see `orip.records.result_tests.GATE_FIGURES` for what the names mean.
+    """Return a figure of a solution; see `orip.records.results.tests.GATE_FIGURES` for what the names mean.
 
     NaN where the solution has no such figure, for instance no check points; infinite where the standard deviations
     concerned include that of an unknown that nothing determines.

@@ -12,8 +12,8 @@ from orip.bundle.solve import SolvedBlock
 from orip.bundle.unknowns import CONSTANT
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import ExposureEstimate, MountingEstimate
 from orip.records.rig import MOUNTING_PARAMETERS
-from orip.records.solution import ExposureEstimate, MountingEstimate
 from orip.units import DEGREES_PER_RADIAN
 
 _UNIT = np.array([1.0, 1.0, 1.0, *3 * [DEGREES_PER_RADIAN]])

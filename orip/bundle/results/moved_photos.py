@@ -9,7 +9,7 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.results.ground import deviations
 from orip.bundle.solve import SolvedBlock
 from orip.interior.motions import rolling_cameras
-from orip.records.solution import PhotoMotion
+from orip.records.results.solution import PhotoMotion
 from orip.structs import replace
 from orip.units import DEGREES_PER_RADIAN
 

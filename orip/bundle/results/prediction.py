@@ -13,7 +13,7 @@ from orip.interior.image_coordinates import ImageEquation
 from orip.records.camera import READOUT, Camera
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.units import RADIANS_PER_DEGREE
 
 

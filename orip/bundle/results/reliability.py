@@ -10,7 +10,7 @@ from orip.adjustment.precision import residual_cofactor
 from orip.arrays import BoolArray, IntArray, parts
 from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.solve import SolvedBlock
-from orip.records.solution import Reliability, Residuals, Solution
+from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.set_aside import set_aside
 from orip.threads import by_threads
 

@@ -24,7 +24,7 @@ from orip.geometry.essential import RelativePoses, relative_poses_with_partials
 from orip.geometry.rotation import angle_rates_from_axes_rotation, angles_from_rotation
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.solution import RigEstimate
+from orip.records.results.solution import RigEstimate
 from orip.units import DEGREES_PER_RADIAN
 
 FEWEST_INSTANTS = 3

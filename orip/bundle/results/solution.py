@@ -33,8 +33,7 @@ from orip.records.control import PointKind
 from orip.records.definition import ANTENNA_PARAMETERS, BORESIGHT, DRIFT, SHIFT
 from orip.records.names import places_of_names, record_key
 from orip.records.observation_kinds import photos_per_point
-from orip.records.result_tests import Status
-from orip.records.solution import (
+from orip.records.results.solution import (
     AdditionalEstimate,
     AntennaEstimate,
     CheckPoint,
@@ -48,6 +47,7 @@ from orip.records.solution import (
     Solution,
     ZeroDirection,
 )
+from orip.records.results.tests import Status
 from orip.set_aside import set_aside
 from orip.threads import by_threads
 from orip.units import DEGREES_PER_RADIAN

@@ -38,8 +38,8 @@ from orip.records.observation_kinds import (
     STATION,
     unit_of_observation,
 )
-from orip.records.result_tests import FIGURE_GROUPS
-from orip.records.solution import Blunder, Diagnosis
+from orip.records.results.solution import Blunder, Diagnosis
+from orip.records.results.tests import FIGURE_GROUPS
 from orip.structs import replace
 from orip.wording import first_names
 

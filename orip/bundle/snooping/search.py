@@ -19,7 +19,7 @@ from orip.adjustment.outlier_tests import LEAST_SIGMA0, OutlierTest
 from orip.adjustment.residual_sums import JointEffects, factored_rows, joint_effects
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import IntArray
-from orip.bundle.problem import BlockProblem, pose_problem, starting_state
+from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.snooping.correlated import correlated_groups, in_directions, with_their_groups
 from orip.bundle.snooping.findings import Finding, blunders_of
 from orip.bundle.snooping.hypotheses import Screening, effects_of, hypotheses_of
@@ -34,10 +34,11 @@ from orip.bundle.snooping.selection import (
     to_take_back,
 )
 from orip.bundle.solve import SolvedBlock, iteration_settings, solve_problem, without_observations
+from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState
 from orip.progress import stage
 from orip.records.block import Block
-from orip.records.solution import Blunder
+from orip.records.results.solution import Blunder
 from orip.structs import replace
 
 FAMILY_ALPHA = 0.05

@@ -16,7 +16,7 @@ from orip.exchange.project.block import ExchangeSettings, ImportedBlock, importe
 from orip.exchange.project.temporary import write_whole_folder
 from orip.exchange.project.texts import ImportedTexts, ImportSource, imported_texts
 from orip.exchange.sources.names import SOURCE_FILE, place_from
-from orip.files.control.text import read_control
+from orip.files.control.reader import read_control
 from orip.files.log.text import read_measurements
 from orip.files.project.file_names import IGNORE_FILE, IGNORED
 from orip.files.project.reader import parse_project

@@ -23,7 +23,7 @@ from orip.records.coded_names import coded
 from orip.records.exchanged import ExchangedCamera, ExchangedPhoto, ExchangedPoints, ExchangedProject, ExchangedRays
 from orip.records.names import record_key
 from orip.records.observation_kinds import PHOTO_POINT
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.units import RADIANS_PER_DEGREE
 from orip.wording import agreeing, counted, counted_names

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from functools import partial
-from pathlib import Path
-from typing import Any, Generic, TypeVar, get_args
+from typing import Generic, TypeVar, get_args
 
 from orip.errors import Complaint, ProjectWarning
 from orip.files.control.correlations import read_correlations
-from orip.files.control.covariances_text import parse_covariances, with_own_correlations
-from orip.files.control.differences_text import parse_differences
-from orip.files.control.stations_text import parse_stations_and_reference
 from orip.files.text.decimal_numbers import parse_number
-from orip.files.text.lines import FieldReader, field_lines, read_lines
+from orip.files.text.lines import FieldReader, field_lines
 from orip.files.text.shown import Parsed, shown_token
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.control import (
@@ -22,7 +17,6 @@ from orip.records.control import (
     GROUND_ERRORS,
     PHOTO_ERRORS,
     TIME_ERRORS,
-    Control,
     ControlDirection,
     ControlDistance,
     ControlElement,
@@ -89,7 +83,6 @@ _NUMBERS = 6
 """Of a control point: three coordinates and their errors."""
 
 Record = TypeVar("Record")
-Content = TypeVar("Content")
 
 
 class _RecordList(Generic[Record]):
@@ -376,39 +369,3 @@ def _read_figure_point(reader: FieldReader, found: _RecordList[FigurePoint | Giv
     record = None if kind is None else FigurePoint(figure, kind, point, error, reader.number)
     title = f"point '{reader.shown_text(2)}' of figure '{reader.shown_text(0)}'"
     found.add((figure, point), title, record, reader)
-
-
-def read_control_file(
-    parse: Callable[[Parsed[list[str]], str], Parsed[Content]], folder: Path, name: str
-) -> Parsed[Content]:
-    """Read a file with the function that parses its kind; a file that is absent has no records."""
-    return parse(read_lines(folder / name, name, may_be_absent=True), name)
-
-
-def read_control(folder: Path, base: str) -> Parsed[Control]:
-    """Read the control files of a project; those that are absent are empty.
-
-    Parameters
-    ----------
-    folder : Path
-        The project folder.
-    base : str
-        File name without extension, the project's `control_files`.
-    """
-    points = read_control_file(parse_points, folder, f"{base}.PNT")
-    elements = read_control_file(parse_elements, folder, f"{base}.ELE")
-    distances = read_control_file(parse_distances, folder, f"{base}.LEN")
-    directions = read_control_file(parse_directions, folder, f"{base}.DIR")
-    stations = read_control_file(parse_stations_and_reference, folder, f"{base}.STA")
-    figures = read_control_file(parse_figures, folder, f"{base}.CON")
-    differences = read_control_file(parse_differences, folder, f"{base}.REL")
-    correlations = read_control_file(partial(parse_covariances, points=points.value), folder, f"{base}.COV")
-    texts: tuple[Parsed[Any], ...] = (
-        points, elements, distances, directions, figures, stations, differences, correlations
-    )  # fmt: skip
-    own, between = with_own_correlations(points.value, correlations.value)
-    given = (own, elements.value, distances.value, directions.value, *stations.value, differences.value, between)
-    on_figures = tuple(line for line in figures.value if isinstance(line, FigurePoint))
-    lines = tuple(line for line in figures.value if isinstance(line, GivenDirection))
-    complaints = tuple(complaint for text in texts for complaint in text.complaints)
-    return Parsed(Control(*given, on_figures, lines), complaints, points.warnings)

@@ -32,9 +32,9 @@ from orip.number_text import decimals_for, fixed, one_fixed, root_mean_square
 from orip.records.coded_names import coded
 from orip.records.epochs import SECONDS_PER_WEEK
 from orip.records.measurement import PhotoObservations
-from orip.records.result_tests import FIGURE_GROUPS
-from orip.records.solution import MOST_AS_TEXT, Reliability, Solution
-from orip.records.solution_stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
+from orip.records.results.solution import MOST_AS_TEXT, Reliability, Solution
+from orip.records.results.stations import ATTITUDE_KINDS, POSITION_KINDS, StationResiduals, station_residuals
+from orip.records.results.tests import FIGURE_GROUPS
 
 STATION_KINDS = (*POSITION_KINDS, *ATTITUDE_KINDS)
 """Kinds of observation that are listed here."""

@@ -12,7 +12,13 @@ from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_
 from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS, READOUT
 from orip.records.observation_kinds import MOTION_PARAMETERS, unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import AdditionalEstimate, AntennaEstimate, ExposureEstimate, MountingEstimate, Solution
+from orip.records.results.solution import (
+    AdditionalEstimate,
+    AntennaEstimate,
+    ExposureEstimate,
+    MountingEstimate,
+    Solution,
+)
 
 AXES_MARK = "*"
 

@@ -16,7 +16,7 @@ from orip.records.coded_names import coded
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
 from orip.records.observation_kinds import measurement_name, observed_before, unit_of_observation
-from orip.records.solution import Reliability, Residuals, Solution
+from orip.records.results.solution import Reliability, Residuals, Solution
 from orip.wording import counted
 
 LARGEST = 10

@@ -13,7 +13,7 @@ from orip.number_text import fixed, measure
 from orip.records.interior import MarkAdjustment
 from orip.records.measurement import TransformationKind
 from orip.records.observation_kinds import unit_of_observation
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 
 TITLE_OF_ERRORS = "BUNDLE ADJUSTMENT: WARNINGS AND ERRORS"
 

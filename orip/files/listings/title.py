@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from orip.files.identification import RUN_LABEL
 from orip.files.text.table import PAGE_WIDTH, one_line, paragraph
-from orip.records.result_tests import Status
+from orip.records.results.tests import Status
 from orip.version import __version__
 
 if TYPE_CHECKING:
-    from orip.records.solution import Solution
+    from orip.records.results.solution import Solution
 
 STATUS_REMARK: dict[Status, str] = {
     "converged": "",

@@ -10,7 +10,7 @@ import msgspec
 
 from orip.errors import InputError
 from orip.files.text.lines import sound_text
-from orip.records.solution_stations import BeforeUpdate, Kept, RecordBefore, TextBefore
+from orip.records.results.stations import BeforeUpdate, Kept, RecordBefore, TextBefore
 
 SCHEMA = "orip.before_update/1"
 _WHAT = ("cameras", "photos", "points")

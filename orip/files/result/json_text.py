@@ -17,9 +17,9 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.figures import FigureEstimate
 from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GroupTest, VarianceComponent
-from orip.records.solution import Estimates, InteriorSummary, Residuals, Solution
-from orip.records.solution_stations import station_residuals
+from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
+from orip.records.results.stations import station_residuals
+from orip.records.results.tests import GroupTest, VarianceComponent
 
 RESIDUALS_FILE = "residuals.csv"
 

@@ -19,8 +19,8 @@ from orip.files.text.lines import sound_text
 from orip.files.text.shown import printable, shown_token
 from orip.number_text import shortest_texts
 from orip.records.names import record_key
-from orip.records.result_tests import Figure, FigureGroup, Quantity, ResultFigures
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
+from orip.records.results.tests import Figure, FigureGroup, Quantity, ResultFigures
 
 # They are written some thousands at a time, without building a document of them.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orip.arrays import FloatArray
 from orip.number_text import shortest_texts
 from orip.records.coded_names import CodedNames, coded
-from orip.records.solution import Reliability, Residuals
+from orip.records.results.solution import Reliability, Residuals
 
 HEADER = (
     "kind,photo,point,component,observed,residual,a_priori,standard_residual,weight_factor,redundancy_number,w,"

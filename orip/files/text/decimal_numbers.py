@@ -9,7 +9,7 @@ from typing import cast
 
 from orip.files.text.regular_file import beginning
 from orip.files.text.shown import shown_token
-from orip.records.result_tests import OPERATORS, Gate, GateOperator
+from orip.records.results.tests import OPERATORS, Gate, GateOperator
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
 _DECIMAL_COMMA = re.compile(r"([+-]?)([0-9]*),([0-9]+(?:[eEdD][+-]?[0-9]+)?)")

@@ -13,7 +13,7 @@ from orip.errors import ProjectWarning
 from orip.mistakes.contradicting_control import slip_of_pen
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.wording import counted_names
 
 _DOUBTED, _ERRORS = 0.5, 5.0

@@ -27,7 +27,7 @@ from orip.mistakes.hypothesis import DECIDED, Hypothesis, Readjuster, fit_of_adj
 from orip.records.block import Block
 from orip.records.control import NOT_GIVEN
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 _POSITIONS, _PLACES = ("station", "element"), PHOTO_PARAMETERS[:3]

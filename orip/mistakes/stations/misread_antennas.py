@@ -18,7 +18,7 @@ from orip.mistakes.hypothesis import Hypothesis, Readjuster, explains, finding, 
 from orip.mistakes.stations.doubted_camera import are_doubted, is_better
 from orip.records.block import Block
 from orip.records.definition import ANTENNA_PARAMETERS, TIME_OFFSET, Antenna
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 ANTENNA, LATE = "lever-arm", "time-offset"

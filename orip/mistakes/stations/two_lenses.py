@@ -13,7 +13,7 @@ from orip.mistakes.camera_values import with_unknown
 from orip.mistakes.hypothesis import Fit, Readjuster, fit_of_adjustment, is_good
 from orip.records.block import Block
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted_names
 

@@ -14,7 +14,7 @@ from orip.arrays import FloatArray, IntArray
 from orip.bundle.results.compared_points import COMPARED_KINDS, ComparedKind, compared_points
 from orip.records.coded_names import coded
 from orip.records.names import places_of_names
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.report.drawings.block_view import BlockSide, doubted_photos, frame_rays, side_of_block, vertical
 from orip.report.drawings.ellipses import drawn_points, standard_ellipses
 from orip.report.drawings.labels import MapPlane, labels, map_plane

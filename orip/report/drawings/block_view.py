@@ -15,7 +15,7 @@ from orip.interior.mounting import frame_corners
 from orip.records.camera import Camera
 from orip.records.coded_names import coded
 from orip.records.names import record_key
-from orip.records.result_tests import GroupTest
+from orip.records.results.tests import GroupTest
 from orip.report.drawings.ellipses import drawn_points
 from orip.report.drawings.residual_vectors import measured_reach
 from orip.report.report_input import ReportInput

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
 from orip.records.coded_names import coded
-from orip.records.solution import Estimates, Solution
+from orip.records.results.solution import Estimates, Solution
 from orip.report.drawings.labels import WIDTH, MapPlane, labels, labels_of, map_plane
 from orip.report.drawings.svg import drawing, number, numbers, round_step, text
 

@@ -9,7 +9,7 @@ from msgspec import Struct
 from orip.errors import Complaint, InputError, UsageError
 from orip.files.result.reader import read_result
 from orip.records.names import record_key
-from orip.records.result_tests import ResultFigures
+from orip.records.results.tests import ResultFigures
 from orip.solving.differences import Comparison, Tolerance, compare_figures
 from orip.workflow.project.folder import PROJECT_FILE, open_project
 

@@ -12,8 +12,8 @@ from orip.files.project.toml_lines import TomlLines
 from orip.files.text.decimal_numbers import GATE_FORM, parse_gate
 from orip.files.text.lines import read_lines
 from orip.files.text.shown import shown_token
-from orip.records.result_tests import GATE_FIGURES, Gate, GateResult
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
+from orip.records.results.tests import GATE_FIGURES, Gate, GateResult
 from orip.wording import joined
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.texts import raise_complaints

@@ -16,8 +16,8 @@ from orip.annexes import PICTURES_OF_REPORT, annex
 from orip.errors import OripError, UsageError
 from orip.files.text.atomic import replace_bytes, reporting_failure
 from orip.progress import stage
-from orip.records.result_tests import GateResult
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
+from orip.records.results.tests import GateResult
 from orip.report.client import certificate_page, client_page
 from orip.report.page import report_page
 from orip.report.report_input import PictureSource, ReportInput

@@ -17,7 +17,7 @@ from orip.bundle.results.covariance import Figures, camera_figures, covariance, 
 from orip.bundle.results.reliability import reliability_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import SolvedBlock
-from orip.errors import InputError, ProjectWarning, UsageError
+from orip.errors import InputError, UsageError
 from orip.files.listings.bundle_estimates import (
     camera_lines,
     figure_lines,
@@ -41,16 +41,12 @@ from orip.records.coded_names import coded
 from orip.records.names import record_key
 from orip.records.observation_kinds import unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GateResult, Status
-from orip.records.solution import Estimates, Reliability, Residuals, Solution
+from orip.records.results.solution import Estimates, Reliability, Residuals, Solution
 from orip.structs import replace
-from orip.workflow.adjust.gates import check_solution, project_gates
-from orip.workflow.adjust.solve import ADJUSTED_FROM, run_of_solution, solve_with_equations
+from orip.workflow.adjust.solve import run_of_solution, solve_with_equations
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.outputs import first_bytes, require_replaceable
-from orip.workflow.project.state import Part
-from orip.workflow.steps import solve_step
 
 What = Literal["cameras", "photos", "points", "theodolites", "figures", "residuals"]
 
@@ -344,65 +340,3 @@ def _method(bundle: BundleState, stored: Solution) -> Method:
         "or it was adjusted with --alpha; run 'orip solve', and then this command"
     )
     raise InputError.single(message)
-
-
-CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
-"""What `check` needs of the stores."""
-
-
-class CheckOutcome(Struct, frozen=True):
-    """What the gates say of the last adjustment of a bundle.
-
-    Parameters
-    ----------
-    bundle, run : str
-    status : Status
-    results : tuple of GateResult
-        Those of orip.toml first, each gate once.
-    warnings : tuple of ProjectWarning
-    """
-
-    bundle: str
-    run: str
-    status: Status
-    results: tuple[GateResult, ...]
-    warnings: tuple[ProjectWarning, ...]
-
-    @property
-    def solved(self) -> bool:
-        """Tell whether the adjustment came to an end by itself."""
-        return self.status in {"converged", "doubtful"}
-
-    @property
-    def failed(self) -> int:
-        """Return how many gates failed."""
-        return sum(not result.passed for result in self.results)
-
-
-def check(bundle: BundleState, expressions: Sequence[str]) -> CheckOutcome:
-    """Check gates against the last solution of a bundle.
-
-    Parameters
-    ----------
-    bundle : BundleState
-        With `CHECKED`.
-    expressions : sequence of str
-        ``name operator number``; those of orip.toml are checked too.
-
-    Raises
-    ------
-    InputError
-        If the bundle has not been adjusted, or a gate of orip.toml is malformed.
-    UsageError
-        If an expression is malformed, or there is no gate at all.
-    """
-    gates = project_gates(bundle.project, expressions)
-    if not gates:
-        message = "there is no gate to check; give one, such as 'sigma0<=1.5', or write [check] gates in orip.toml"
-        raise UsageError(message)
-    solution, step = bundle.adjusted, solve_step(bundle)
-    warnings: tuple[ProjectWarning, ...] = ()
-    if step.state == "out of date":
-        text = f"the last adjustment is out of date: {step.text}"
-        warnings = (ProjectWarning("out-of-date", f"bundle {bundle.name}", text),)
-    return CheckOutcome(bundle.name, solution.run, solution.status, check_solution(solution, gates), warnings)

@@ -15,8 +15,8 @@ from orip.records.coded_names import coded
 from orip.records.ground import GroundSystem
 from orip.records.names import record_key
 from orip.records.preliminary import PreliminaryValues
-from orip.records.result_tests import Gate, GateResult
-from orip.records.solution import InteriorSummary, Solution
+from orip.records.results.solution import InteriorSummary, Solution
+from orip.records.results.tests import Gate, GateResult
 from orip.solving.solve import NOBODY, PLAIN, Pose, SolveWatcher, solve_bundle
 from orip.structs import replace
 from orip.workflow.adjust.gates import check_solution, project_gates

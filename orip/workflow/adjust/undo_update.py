@@ -15,7 +15,7 @@ from orip.files.stores.contents.definitions import NamedRecord, StoredRecord
 from orip.files.stores.digest import record_digest
 from orip.files.text.regular_file import text_digest
 from orip.records.names import record_key
-from orip.records.solution_stations import BeforeUpdate, RecordBefore, TextBefore
+from orip.records.results.stations import BeforeUpdate, RecordBefore, TextBefore
 from orip.structs import replace
 from orip.workflow.project.commit import Change
 from orip.workflow.project.folder import ProjectFolder

@@ -16,8 +16,8 @@ from orip.records.camera import CAMERA_PARAMETERS, OWN_PARAMETERS, lens_key
 from orip.records.definition import ANTENNA_KEYS, ANTENNA_PARAMETERS
 from orip.records.names import record_key
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Estimates, Solution
-from orip.records.solution_stations import BeforeUpdate, RecordBefore
+from orip.records.results.solution import Estimates, Solution
+from orip.records.results.stations import BeforeUpdate, RecordBefore
 from orip.solving.updated_values import (
     ChangedValue,
     EstimatedParameter,

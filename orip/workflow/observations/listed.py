@@ -20,7 +20,7 @@ from orip.records.interior import ListedObservation, Pair, StereoPartner
 from orip.records.measurement import Measured, PhotoObservations
 from orip.records.names import near_names, record_key
 from orip.records.observation_kinds import measurement_name, observed_before
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.state import Part
 from orip.workflow.project.texts import raise_complaints

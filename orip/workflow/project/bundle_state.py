@@ -23,7 +23,7 @@ from orip.workflow.project.texts import Digests
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
     from orip.records.control import Control
-    from orip.records.solution import Solution
+    from orip.records.results.solution import Solution
 
 
 class BundleState(Struct, frozen=True, dict=True):

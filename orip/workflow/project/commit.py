@@ -19,7 +19,7 @@ from orip.files.text.atomic import replace_bytes, reporting_failure, require_no_
 from orip.files.text.own_files import locked, remove_file
 from orip.files.text.regular_file import regular_bytes
 from orip.progress import stage
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.workflow.project.definitions import measured_stores, write_definitions, write_measured
 from orip.workflow.project.folder import PROJECT_FILE, ProjectFolder
 from orip.workflow.project.outputs import (

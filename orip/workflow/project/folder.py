@@ -20,7 +20,7 @@ from orip.records.names import record_key
 from orip.structs import replace
 
 if TYPE_CHECKING:
-    from orip.records.solution import Solution
+    from orip.records.results.solution import Solution
 
 PROJECT_FILE = "orip.toml"
 

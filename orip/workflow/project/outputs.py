@@ -31,7 +31,7 @@ from orip.workflow.project.texts import is_measurement_file
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
-    from orip.records.solution import Reliability, Solution
+    from orip.records.results.solution import Reliability, Solution
 
 
 class TextOutput(Struct, frozen=True):

@@ -38,7 +38,7 @@ from orip.workflow.project.texts import Digests, ProjectTexts, open_checked_proj
 
 if TYPE_CHECKING:
     from orip.interior.in_force import Interior
-    from orip.records.solution import Solution
+    from orip.records.results.solution import Solution
 
 Part = Literal["definitions", "marks", "observations", "digests", "replay", "heads", "solutions"]
 """What of the stores is read:

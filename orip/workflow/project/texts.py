@@ -17,8 +17,9 @@ from msgspec import Struct
 
 from orip.errors import Complaint, InputError, NoProjectError
 from orip.files.control.preliminary_text import read_preliminary
+from orip.files.control.reader import read_control
 from orip.files.control.stations_text import read_stations
-from orip.files.control.text import CONTROL_EXTENSIONS, read_control
+from orip.files.control.text import CONTROL_EXTENSIONS
 from orip.files.project.file_names import is_pattern
 from orip.files.text.regular_file import file_digest, natural_key
 from orip.files.text.shown import Parsed

@@ -26,7 +26,7 @@ from orip.records.measurement import (
     TicksRecord,
 )
 from orip.records.names import record_key
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 from orip.wording import counted
 from orip.workflow.project.definitions import StoredDefinitions

@@ -19,10 +19,11 @@ from orip.adjustment.normals import solve_normals
 from orip.archive.blocking.divided_problem import pose_divided
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import iteration_settings, solve_problem
+from orip.bundle.starting_state import starting_state
 from orip.structs import replace
 
 MADE = (calibrated, free, with_stations, with_distances, with_blunders, undetermined)

@@ -23,7 +23,7 @@ from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.control import Control, ControlDirection, ControlDistance, ControlElement, DistanceCode
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 pytestmark = pytest.mark.slow

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
-from orip.bundle.datum import movements_of_block
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.movements import movements_of_block
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT
 from orip.records.block import Block
 from orip.structs import replace

@@ -18,7 +18,7 @@ from orip.bundle.groups.verdict import FAMILY, GroupVerdict, limits_of_tests
 from orip.bundle.groups.words import group_diagnosis, group_name
 from orip.bundle.methods import Method, adjust_block
 from orip.records.block import Block
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 STATIONS_OFF = {"X0": 0.04 / 0.02, "Y0": -0.03 / 0.02, "Z0": 0.25 / 0.03}

@@ -15,7 +15,7 @@ from orip.records.camera import Camera
 from orip.records.control import ControlElement, ControlPoint
 from orip.records.definition import BundleDefinition, Precision
 from orip.records.photo import Photo
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 SHIFT = np.array([0.04, -0.03, 0.25])

@@ -13,7 +13,7 @@ from orip.bundle.methods import Method, adjust_block
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.records.control import NOT_GIVEN
 from orip.records.definition import Antenna
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.structs import replace
 
 SHIFT = np.array([0.4, -0.3, 0.5])

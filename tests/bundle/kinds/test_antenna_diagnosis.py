@@ -9,7 +9,7 @@ from bundle.stations_of_block import MADE, stations, with_stations
 
 from orip.records.control import NOT_GIVEN
 from orip.records.definition import Antenna
-from orip.records.solution import Diagnosis, Solution
+from orip.records.results.solution import Diagnosis, Solution
 from orip.structs import replace
 
 

@@ -9,7 +9,8 @@ from support.synthetic_block import synthetic_block
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.weights import danish_costs, danish_weights
 from orip.bundle.points.consensus import PointRays, points_by_photos_alone, with_steady_weights
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.structs import replace
 
 LIMIT = 5.0

@@ -7,7 +7,8 @@ import pytest
 from bundle.aerial_block import aerial_block
 
 from orip.bundle.points.consensus import with_points_moved
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.structs import replace
 
 CENTRES = np.array([[0.0, 0.0, 100.0], [60.0, 0.0, 100.0], [0.0, 40.0, 100.0]])

@@ -7,9 +7,10 @@ import pytest
 from support.synthetic_block import synthetic_block
 
 from orip.bundle.methods import adjust_block
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
+from orip.bundle.starting_state import starting_state
 from orip.bundle.verdict import TWO_PLACES
-from orip.records.solution import Solution
+from orip.records.results.solution import Solution
 from orip.solving.solve import PLAIN
 from orip.structs import replace
 

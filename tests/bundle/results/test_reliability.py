@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from orip.bundle.results.reliability import NON_CENTRALITY, reliability
-from orip.records.solution import Residuals
+from orip.records.results.solution import Residuals
 
 
 def residuals(number, factor, a_priori):

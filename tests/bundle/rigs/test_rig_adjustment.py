@@ -7,11 +7,12 @@ from support.rig_blocks import C, rig_block, single
 
 from orip.bundle.diagnosis import diagnose
 from orip.bundle.kinds.observation import partials_by_unknowns
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.results.covariance import covariance, photo_figures
 from orip.bundle.results.ground import photo_cofactors
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import Rigs
 from orip.structs import replace

@@ -20,7 +20,7 @@ from orip.bundle.variance_components import (
 )
 from orip.bundle.variance_groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
-from orip.records.result_tests import VarianceComponent
+from orip.records.results.tests import VarianceComponent
 from orip.structs import replace
 
 PHOTO = VarianceGroup("photo", "CAM", "xy")

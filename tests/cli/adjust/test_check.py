@@ -8,7 +8,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import contents, first_project, replace_in, two_bundles
 
-from orip.records.result_tests import GATE_FIGURES
+from orip.records.results.tests import GATE_FIGURES
 
 pytestmark = pytest.mark.usefixtures("adjusted")
 

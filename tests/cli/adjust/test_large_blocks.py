@@ -10,7 +10,7 @@ import pytest
 from cli.command_line import orip
 from workflow.small_projects import first_project
 
-from orip.records import solution
+from orip.records.results import solution
 
 
 @pytest.fixture

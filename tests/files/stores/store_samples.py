@@ -22,8 +22,7 @@ from orip.records.measurement import (
 )
 from orip.records.names import name_fault, record_key
 from orip.records.photo import PHOTO_PARAMETERS, Photo, Scan, Template, Temtick
-from orip.records.result_tests import GroupKind, GroupTest
-from orip.records.solution import (
+from orip.records.results.solution import (
     Blunder,
     CheckPoint,
     Correlation,
@@ -36,6 +35,7 @@ from orip.records.solution import (
     SingularUnknown,
     Solution,
 )
+from orip.records.results.tests import GroupKind, GroupTest
 
 NAN, INF = float("nan"), float("inf")
 

@@ -23,7 +23,7 @@ from orip.files.stores.identity import DUMP_VERSION
 from orip.files.stores.transaction import reading, writing
 from orip.records.camera import Camera, Mark
 from orip.records.photo import Temtick
-from orip.records.solution import Residuals
+from orip.records.results.solution import Residuals
 
 KINDS = ["C.CAM", "T.TIK", "Z.PHO", "Z.TEM", "Z.EXT", "MAIN.EXO"]
 

@@ -22,9 +22,10 @@ from orip.archive.cluster.divided_block import DividedBlocks
 from orip.archive.cluster.sub_block_files import FOLDER, StoredSubBlock, marker_of, store_sub_blocks
 from orip.bundle.compiled.photo_loop import is_compiled
 from orip.bundle.methods import Method, adjust_block
-from orip.bundle.problem import pose_problem, starting_state
+from orip.bundle.problem import pose_problem
 from orip.bundle.snooping.search import SnoopingSettings
 from orip.bundle.solve import solve_block
+from orip.bundle.starting_state import starting_state
 from orip.errors import OripError
 from orip.structs import replace
 

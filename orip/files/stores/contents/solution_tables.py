@@ -13,7 +13,7 @@ from orip.records.camera import CAMERA_PARAMETERS, Projection
 from orip.records.control import FigureKind, PointKind
 from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GroupKind, Status, VarianceGroupKind
+from orip.records.results.tests import GroupKind, Status, VarianceGroupKind
 
 POINT_COORDINATES = ("X", "Y", "Z")
 

@@ -29,8 +29,7 @@ from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.coded_names import CodedNames, repeated
 from orip.records.figures import FigureEstimate
 from orip.records.photo import PHOTO_PARAMETERS
-from orip.records.result_tests import GroupTest, VarianceComponent
-from orip.records.solution import (
+from orip.records.results.solution import (
     AdditionalEstimate,
     AntennaEstimate,
     Blunder,
@@ -52,6 +51,7 @@ from orip.records.solution import (
     Solution,
     ZeroDirection,
 )
+from orip.records.results.tests import GroupTest, VarianceComponent
 
 ITEMS: dict[str, type[Any]] = {
     "iterations": IterationPass,

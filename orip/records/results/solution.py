@@ -11,7 +11,7 @@ from msgspec import Struct, field
 from orip.arrays import FloatArray, IntArray
 from orip.records.camera import Projection
 from orip.records.figures import FigureEstimate
-from orip.records.result_tests import GroupTest, Status, VarianceComponent
+from orip.records.results.tests import GroupTest, Status, VarianceComponent
 
 
 class IterationPass(Struct, frozen=True):

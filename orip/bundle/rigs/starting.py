@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from orip.arrays import BoolArray, FloatArray, IntArray
-from orip.bundle.rigs import RigState
+from orip.bundle.rigs.elements import RigState
 from orip.geometry.rig import exposures_of_photos
 from orip.geometry.rotation import (
     angles_from_rotation,

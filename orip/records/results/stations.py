@@ -10,7 +10,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.records.coded_names import coded
 from orip.records.observation_kinds import ATTITUDE, CONSTANT_ATTITUDE, CONSTANT_STATION, STATION
-from orip.records.solution import Exposure, Solution
+from orip.records.results.solution import Exposure, Solution
 
 POSITION_KINDS = (STATION.name, CONSTANT_STATION.name)
 ATTITUDE_KINDS = (ATTITUDE.name, CONSTANT_ATTITUDE.name)

@@ -1,0 +1,1 @@
+"""Photos of rigs: their elements from exposures and mountings, and the starting values of these."""
