@@ -43,7 +43,9 @@ from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_tex
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
+from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
+from orip.mistakes.seen_control import misread_control_points
 from orip.mistakes.stations.contradicting_positions import contradicting_positions
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
 from orip.mistakes.stations.misread_angles import misread_angles
@@ -96,7 +98,8 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    if found := _of_all_stations(solution, solved, readjuster):
+    found = misread_control_points(solution, solved, readjuster) or _of_all_stations(solution, solved, readjuster)
+    if found:
         return found
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
@@ -113,7 +116,7 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    if found := lens_of_doubted_camera(solution, solved, readjuster):
+    if found := precision_too_small(solved, readjuster) or lens_of_doubted_camera(solution, solved, readjuster):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 

@@ -18,6 +18,8 @@ from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.photo_precision import PRECISION
+from orip.mistakes.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
@@ -69,6 +71,10 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
+    # control that is somewhere else takes all photos with it
+    Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),
+    # weights that are a hundred times too large bend the block
+    Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),

@@ -14,6 +14,8 @@ from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.photo_precision import OF_PRECISION, PRECISION
+from orip.mistakes.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
 from orip.mistakes.stations.misread_positions import SHORT_TEXTS_OF_STATIONS
@@ -30,8 +32,9 @@ FIRST_CAUSES = {
 
 WRONG = {
     **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS,
-    HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
+    **SHORT_TEXTS_OF_CONTROL, HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
     COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
+    PRECISION: OF_PRECISION,
 }  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 
