@@ -12,7 +12,7 @@ from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.names import name_warnings, photos_under_two_names
-from orip.mistakes.other_units import millimetres_per_unit
+from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, misnamed_marks, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
@@ -331,4 +331,11 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
-    return (*photos_under_two_names(block), *names, *observations_without_weight(block), *missing_strips(block))
+    errors = control_errors_too_small(block)
+    return (
+        *photos_under_two_names(block),
+        *names,
+        *errors,
+        *observations_without_weight(block),
+        *missing_strips(block),
+    )

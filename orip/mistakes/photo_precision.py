@@ -19,9 +19,10 @@ PRECISION = "measurement-precision"
 OF_PRECISION = "the photo points are measured less precisely than is said"
 """What the status says."""
 
-_TOO_BAD, _LARGEST, _ROUGHEST = 4.0, 200.0, 3.0
-"""Standard error of unit weight from which an a-priori error is a mistake, the factor up to which others are tried, and
-the pixels to which anyone measures."""
+_SUSPECTED, _TOO_BAD, _LARGEST, _ROUGHEST = 1.5, 4.0, 200.0, 3.0
+"""Standard error of unit weight of most residuals of a block that is bent by its weights, and that of one that is not,
+from which an a-priori error is a mistake; the factor up to which others are tried, and the pixels to which anyone
+measures."""
 
 _GENEROUS = 2.0
 """Factor by which the error is first taken larger than the residuals."""
@@ -46,7 +47,7 @@ def precision_too_small(solved: SolvedBlock, readjuster: Readjuster) -> list[Pro
     block = readjuster.block
     precision, points = block.definition.measurement_precision, block.photo_points
     largest = solved.variance.sigma0_all
-    if not largest > _TOO_BAD or not readjuster.is_worthwhile:
+    if not largest > _TOO_BAD or fit_of_adjustment(solved).scale < _SUSPECTED or not readjuster.is_worthwhile:
         return []
     # errors that are far too large bend nothing, and show how large they are
     factor = min(_GENEROUS * largest, _LARGEST)
