@@ -12,7 +12,7 @@ from orip.interior.in_force import Interior
 from orip.interior.mounting import frame_corners
 from orip.mistakes.camera_values import is_possible_view
 from orip.mistakes.names import name_warnings, photos_under_two_names
-from orip.mistakes.other_units import millimetres_per_unit
+from orip.mistakes.other_units import control_errors_too_small, millimetres_per_unit
 from orip.mistakes.outside_frame import TURNED_SENSOR, misnamed_marks, points_outside_frames
 from orip.mistakes.photo_coordinates import coordinates_in_other_units, find_reduced_pictures
 from orip.records.block import Block
@@ -328,9 +328,16 @@ def block_warnings(block: Block, control: Control) -> tuple[ProjectWarning, ...]
     """
     # measurements are checked without these
     from orip.bundle.figures import left_out_figures
-    from orip.mistakes.free_network import observations_without_weight
+    from orip.mistakes.control.free_network import observations_without_weight
     from orip.mistakes.stations.strips import missing_strips
 
     names = name_warnings(block, control, block.preliminary)
     names += left_out_figures(control.figure_points, frozenset(block.point_names))
-    return (*photos_under_two_names(block), *names, *observations_without_weight(block), *missing_strips(block))
+    errors = control_errors_too_small(block)
+    return (
+        *photos_under_two_names(block),
+        *names,
+        *errors,
+        *observations_without_weight(block),
+        *missing_strips(block),
+    )

@@ -14,7 +14,7 @@ from orip.bundle.points.starting import given_coordinates
 from orip.bundle.solve import SolvedBlock
 from orip.geometry.rotation import rotation_from_angles
 from orip.interior.image_coordinates import image_vectors
-from orip.mistakes.free_network import free_network
+from orip.mistakes.control.free_network import free_network
 from orip.mistakes.hypothesis import Hypothesis, finding
 from orip.records.block import Block
 from orip.records.camera import Camera

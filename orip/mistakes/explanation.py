@@ -17,10 +17,11 @@ from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.camera_values import far_from_given, rolling_shutters
-from orip.mistakes.check_points import contradicting_check_points, control_in_another_height_system
-from orip.mistakes.contradicting_control import contradicting_control, without_control
-from orip.mistakes.contradicting_distances import contradicting_distances
 from orip.mistakes.contradicting_rigs import contradicting_rigs
+from orip.mistakes.control.check_points import contradicting_check_points, control_in_another_height_system
+from orip.mistakes.control.contradicting_control import contradicting_control, without_control
+from orip.mistakes.control.contradicting_distances import contradicting_distances
+from orip.mistakes.control.seen_control import misread_control_points
 from orip.mistakes.given_orientations import (
     compared_with_adjusted,
     misgiven,
@@ -44,6 +45,7 @@ from orip.mistakes.misread_photos import MIRRORED, mirror_readings, mirrored_tex
 from orip.mistakes.order import hypotheses_of_failure, hypotheses_of_misfit
 from orip.mistakes.other_units import angles_in_another_unit, errors_too_large
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, mirrored_alone, mirrored_photos, mirrored_plane
+from orip.mistakes.photo_precision import precision_too_small
 from orip.mistakes.point_numbers import misnamed_points, points_under_two_numbers
 from orip.mistakes.stations.contradicting_positions import contradicting_positions
 from orip.mistakes.stations.doubted_camera import camera_instead_of_stations, lens_of_doubted_camera
@@ -98,7 +100,8 @@ def explain_misfit(
         Its adjustment without the given orientations; None: there was none yet.
     """
     given = fit_of_adjustment(solved)
-    if found := contradicting_rigs(solved, given, readjuster) or _of_all_stations(solution, solved, readjuster):
+    found = contradicting_rigs(solved, given, readjuster) or misread_control_points(solution, solved, readjuster)
+    if found := found or _of_all_stations(solution, solved, readjuster):
         return found[:_MOST_WARNINGS]
     if solved.weighing.of_tracks and fits_without_wrong_matches(given):
         return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
@@ -115,7 +118,7 @@ def explain_misfit(
             return found
     if elsewhere is not None:
         return _shown_elsewhere(elsewhere, readjuster)
-    if found := lens_of_doubted_camera(solution, solved, readjuster):
+    if found := precision_too_small(solved, readjuster) or lens_of_doubted_camera(solution, solved, readjuster):
         return found
     return _shown_by_itself(solution, solved, given, readjuster)[:_MOST_WARNINGS]
 

@@ -47,12 +47,36 @@ _MIRROR_IMAGE = (
 )
 
 
-def misread_control(reading: ControlReading | None) -> tuple[str, ...]:
-    """Return the sentence about control that fits if read differently; none if there is no such reading."""
+_MIRRORED_PHOTOS = (
+    "as a mirror image: the photos are mirrored, as X and Y of the control are easting and northing by their size. "
+    "Pixel rows seem to count upwards (write rows - row), or columns from the right (write columns - column), or film "
+    "was scanned from its back"
+)
+
+
+def are_east_and_north(block: Block) -> bool:
+    """Tell whether X and Y of the control are easting and northing by their size: six digits, and seven."""
+    known = [point.coordinates[:2] for point in block.control_points if None not in point.coordinates[:2]]
+    if not known:
+        return False
+    x, y = np.median(np.array(known, dtype=np.float64), axis=0).tolist()
+    return bool(0.0 < x < _ZONE <= y < 10.0 * _ZONE)
+
+
+def misread_control(reading: ControlReading | None, *, east_and_north: bool = False) -> tuple[str, ...]:
+    """Return the sentence about control that fits if read differently; none if there is no such reading.
+
+    Parameters
+    ----------
+    reading : ControlReading or None
+    east_and_north : bool
+        By their size X and Y are not exchanged.
+    """
     if reading is None:
         return ()
     if reading.reading == "mirror image":
-        return (_fits(reading) + _reflection(reading),)
+        is_of_photos = east_and_north and not reading.changes and reading.side > 0.0
+        return (_fits(reading) + (_MIRRORED_PHOTOS if is_of_photos else _reflection(reading)),)
     if reading.reading == "unit of Z":
         unit, others = LENGTH_UNITS[reading.z_factor]
         text = f"when Z is multiplied by {reading.z_factor:.5g}: Z seems to be in {unit}, X and Y in {others}"

@@ -11,7 +11,8 @@ from orip.mistakes.camera_values import (
     other_principal_distance,
     principal_point_sign,
 )
-from orip.mistakes.contradicting_control import released_control
+from orip.mistakes.control.contradicting_control import released_control
+from orip.mistakes.control.free_network import control_of_free_network
 from orip.mistakes.doubted_observations import (
     down_weighted_share,
     is_in_the_picture,
@@ -19,7 +20,6 @@ from orip.mistakes.doubted_observations import (
     points_by_misfit,
 )
 from orip.mistakes.exchanged_photos import another_flight, exchanged_photos, other_cameras
-from orip.mistakes.free_network import control_of_free_network
 from orip.mistakes.ground_systems import control_axes, control_units, mirrored_control
 from orip.mistakes.hypothesis import Fit, Hypothesis, Readjuster, is_good
 from orip.mistakes.misread_photos import misread_photos

@@ -12,6 +12,7 @@ from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_from_angles
 from orip.mistakes.hypothesis import Hypothesis, finding
+from orip.mistakes.photo_precision import likely_precision, smallest_pixel, written_precision
 from orip.records.block import Block
 from orip.records.camera import Camera
 from orip.records.coded_names import coded
@@ -55,12 +56,6 @@ def millimetres_per_unit(camera: Camera) -> dict[str, float]:
     return sizes
 
 
-def smallest_pixel(block: Block) -> float | None:
-    """Return the width (mm) of the smallest pixel of a block's cameras; None where none has a sensor."""
-    widths = [camera.sensor.width / camera.sensor.columns for camera in block.cameras if camera.sensor is not None]
-    return min(widths, default=None)
-
-
 # Errors that are too small show as a large sigma0, which has many causes. Errors that are too large show as residuals
 # that are small throughout, which has only this one.
 
@@ -89,13 +84,13 @@ def _photos(block: Block, solution: Solution) -> Iterator[ProjectWarning]:
     if factor is None:
         return
     precision = block.definition.measurement_precision
-    written = f"'{precision.value:g}px'" if precision.unit == "px" else f"{precision.value:g} mm"
-    pixels = meant = ""
+    written = written_precision(precision.value, precision.unit)
+    pixels, meant = "", f": write {likely_precision(precision.value, factor, precision.unit)}"
     if precision.unit == "mm":
         pixel = smallest_pixel(block)
         if pixel is not None:
             pixels = f" ({precision.value / pixel:.3g} pixels)"
-            meant = f", or write '{precision.value:g}px' if pixels are meant"
+            meant += f", or write '{precision.value:g}px' if pixels are meant"
         elif _explains(_MILLI, factor):
             meant = f", or write {precision.value * _MILLI:g} (mm) if {precision.value:g} µm are meant"
     text = (
@@ -242,6 +237,27 @@ def measurement_precision_units(block: Block) -> Iterator[Hypothesis]:
         )
         changed = replace(block, photo_points=replace(points, error=points.error * factor))
         yield Hypothesis(changed, finding("error-unit", "orip.toml", text))
+
+
+_BEST_SURVEY = 1e-7
+"""Part of the extent of control that no survey is as good as: a tenth of a millimetre in a kilometre."""
+
+
+def control_errors_too_small(block: Block) -> Iterator[ProjectWarning]:
+    """Yield a warning where control is given errors, not zero, that no survey has."""
+    known = [point for point in block.control_points if point.kind == "control"]
+    coordinates = np.array([point.coordinates for point in known], dtype=np.float64).reshape(-1, 3)
+    errors = np.array([point.errors for point in known], dtype=np.float64).reshape(-1, 3)
+    if len(known) < _FEWEST_OBSERVATIONS or not (np.isfinite(coordinates).all() and (errors > 0.0).all()):
+        return
+    extent, usual = float(np.ptp(coordinates, axis=0).max()), float(np.median(errors))
+    if usual < _BEST_SURVEY * extent:
+        text = (
+            f"the a-priori errors of control points, {usual:.2g} {block.ground_unit} over {extent:.3g} "
+            f"{block.ground_unit}, are smaller than those of any survey: they hold the block to their errors; write "
+            f"them in {block.ground_unit}, the unit of the coordinates, for example {usual / _MILLI:.2g}"
+        )
+        yield ProjectWarning("error-unit", "control file", text)
 
 
 def control_error_units(block: Block) -> Iterator[Hypothesis]:

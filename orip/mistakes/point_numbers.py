@@ -243,7 +243,7 @@ _MOST_POINTS = 5_000
 
 
 def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlock) -> list[ProjectWarning]:
-    """Return a warning for each pair of tie points that are probably one point.
+    """Return a warning for each pair of points, not both of control, that are probably one point.
 
     Points whose rays have errors of their own come from matching, which loses a point in one photo and finds it again
     in another: that takes nothing from what it has measured, and nobody gave the numbers.
@@ -257,13 +257,15 @@ def points_under_two_numbers(block: Block, solution: Solution, solved: SolvedBlo
     """
     if len(block.point_names) > _MOST_POINTS or not is_good(fit_of_adjustment(solved)):
         return []
-    tie, *variances = _tie_points(solved)
-    shown = _shown(solved, tie)
-    pairs = _in_one_place(solved.state.points[tie], variances, _apart(shown))
+    known, *variances = _determined_points(solved)
+    shown = _shown(solved, known)
+    pairs = _in_one_place(solved.state.points[known], variances, _apart(shown))
     pairs = pairs[~(shown[pairs[:, 0]] & shown[pairs[:, 1]]).any(axis=1)] if len(pairs) else pairs
     rays, place = AdjustedRays(block, solution), block.point_index()
-    named = [sorted(solved.block.point_names[row] for row in tie[pair]) for pair in pairs]
-    named += _of_single_rays(solved, rays, [solved.block.point_names[row] for row in tie])
+    names, control = solved.block.point_names, {point.name for point in solved.block.control_points}
+    named = [sorted(names[row] for row in known[pair]) for pair in pairs]
+    named = [pair for pair in named if not control.issuperset(pair)]
+    named += _of_single_rays(solved, rays, [names[row] for row in known if names[row] not in control])
     warnings = []
     for first, second in named:
         rows = np.flatnonzero(np.isin(block.photo_points.point, [place[first], place[second]]))
@@ -319,15 +321,13 @@ def _is_among(position: FloatArray, places: FloatArray) -> bool:
     return bool(((position > places.min(axis=0) - margin) & (position < places.max(axis=0) + margin)).all())
 
 
-def _tie_points(solved: SolvedBlock) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return the indices (t,) of determined points without control, and variances (t, 3) of their coordinates.
+def _determined_points(solved: SolvedBlock) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the indices (t,) of determined points, and variances (t, 3) of their coordinates.
 
     The second ones are relative to neighbouring points: what moves the whole block moves points together.
     """
-    control = {point.name for point in solved.block.control_points}
     columns, reduced = solved.problem.unknowns.points, solved.problem.layout.reduced
-    free = (columns >= reduced).all(axis=1)
-    free &= np.array([name not in control for name in solved.block.point_names], dtype=bool)
+    free: BoolArray = np.array((columns >= reduced).all(axis=1))
     free[free] = ~solved.normals.removed[columns[free]].any(axis=1)
     rows = np.flatnonzero(free)
     place = (columns[rows, 0] - reduced) // 3

@@ -74,7 +74,7 @@ def place_parts(ties: Ties, turns: FloatArray, rounds: int) -> Placement | None:
         None where control and common points do not determine the parts together.
     """
     count = len(turns)
-    if not count:
+    if not (count and len(ties.place)):
         return None
     placed = Similarities(np.ones(count), _with_common_azimuths(ties, turns), np.zeros((count, 3)))
     for _ in range(rounds):

@@ -12,13 +12,15 @@ from msgspec import Struct
 
 from orip.errors import ProjectWarning
 from orip.mistakes.camera_values import CAMERA_SIGNS, OTHER_LENS
-from orip.mistakes.check_points import HEIGHT_SYSTEM
-from orip.mistakes.contradicting_distances import DISTANCE_UNIT
-from orip.mistakes.distances_alone import CODE as DISTANCE
+from orip.mistakes.control.check_points import HEIGHT_SYSTEM
+from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT
+from orip.mistakes.control.distances_alone import CODE as DISTANCE
+from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.misread_photos import MIRRORED
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.photo_precision import PRECISION
 from orip.mistakes.stations.contradicting_positions import CODE as POSITION
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
@@ -71,6 +73,10 @@ CONSEQUENCES: tuple[Consequence, ...] = (
     Consequence(OF_STATIONS, warnings=(REPLACED, *_OF_START), groups=_GROUND),
     Consequence((POSITION,), warnings=(REPLACED,)),
     Consequence((POSITION,), warnings=(GIVEN,), of_same_photo=True),
+    # control that is somewhere else takes all photos with it
+    Consequence(SHORT_TEXTS_OF_CONTROL, warnings=(REPLACED, *_OF_START), groups=(*_GROUND, "check point", "camera")),
+    # weights that are a hundred times too large bend the block
+    Consequence((PRECISION,), warnings=None, groups=(*_GROUND, "check point", "camera", "photo")),
     # a camera displaces photos along their axes, and these the control
     Consequence((OTHER_LENS, *CAMERA_SIGNS), groups=_GROUND),
     Consequence((DISTANCE_UNIT,), groups=("distance", "exposure station", "control point")),

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from orip.bundle.groups.words import CODE as CONTRADICTION
 from orip.bundle.verdict import MISTAKE
 from orip.errors import UNREAD_FILE, ProjectWarning
-from orip.mistakes.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
-from orip.mistakes.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
-from orip.mistakes.free_network import FREE_DATUM
+from orip.mistakes.control.check_points import HEIGHT_SYSTEM, OF_HEIGHT_SYSTEMS
+from orip.mistakes.control.contradicting_distances import DISTANCE_UNIT, OF_DISTANCE_UNITS
+from orip.mistakes.control.free_network import FREE_DATUM
+from orip.mistakes.control.seen_control import SHORT_TEXTS_OF_CONTROL
 from orip.mistakes.ground_systems import GROUND_SYSTEM, IN_DEGREES, SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import EXPLAINING_WARNINGS
 from orip.mistakes.names import OTHER_SPELLING
 from orip.mistakes.photo_coordinates import COORDINATE_UNIT, RESOLUTION
+from orip.mistakes.photo_precision import OF_PRECISION, PRECISION
 from orip.mistakes.stations.misread_angles import CODE as ANGLES
 from orip.mistakes.stations.misread_angles import OF_ANGLES
 from orip.mistakes.stations.misread_antennas import SHORT_TEXTS_OF_ANTENNAS
@@ -31,9 +33,10 @@ FIRST_CAUSES = {
 
 WRONG = {
     **SHORT_TEXTS_OF_VERTICAL_PHOTOS, **SHORT_TEXTS_OF_SYSTEMS, **SHORT_TEXTS_OF_STATIONS,
-    **SHORT_TEXTS_OF_ANTENNAS,
+    **SHORT_TEXTS_OF_ANTENNAS, **SHORT_TEXTS_OF_CONTROL,
     HEIGHT_SYSTEM: OF_HEIGHT_SYSTEMS, TWO_LENSES: OF_TWO_LENSES, ANGLES: OF_ANGLES,
     COORDINATE_UNIT: "the photo coordinates are in another unit", DISTANCE_UNIT: OF_DISTANCE_UNITS,
+    PRECISION: OF_PRECISION,
 }  # fmt: skip
 """What the status says of a block that fits, and is wrong nevertheless, by the code of the warning."""
 

@@ -134,11 +134,12 @@ def _left_out(photo: PhotoStart) -> ProjectWarning:
 def explained_preliminary_values(block: Block) -> PreliminaryValues:
     """Run the chain, and add to its findings what was probably mistaken in control that does not fit."""
     # they take their time to import, and many adjustments start at known values
-    from orip.mistakes.ground_systems import misread_control
+    from orip.mistakes.ground_systems import are_east_and_north, misread_control
     from orip.prelim.chain import preliminary_values
 
     values = preliminary_values(block)
-    return replace(values, findings=(*misread_control(values.reading), *values.findings))
+    said = misread_control(values.reading, east_and_north=are_east_and_north(block))
+    return replace(values, findings=(*said, *values.findings))
 
 
 def soon_found_values(block: Block) -> PreliminaryValues:

@@ -227,7 +227,7 @@ POINT = r"(?:control point|exposure station) (?P<name>\S+): "
 
 def _rows(project: Project, found: re.Match[str]) -> Rows:
     """Return the rows that a line is about."""
-    subject = re.sub(r"^(warning|error): ", "", found.string).split(":")[0]
+    subject = re.split("[:;]", re.sub(r"^(warning|error): ", "", found.string))[0]
     return project.positions if re.search("station|position|photo", subject) else project.control
 
 

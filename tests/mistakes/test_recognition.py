@@ -16,7 +16,7 @@ from orip.errors import InputError, ProjectWarning
 from orip.interior.definitions import Definitions
 from orip.interior.orientation import orient_photo
 from orip.mistakes.checks import camera_warnings, raise_if_impossible
-from orip.mistakes.contradicting_control import control_warnings, slip_of_pen
+from orip.mistakes.control.contradicting_control import control_warnings, slip_of_pen
 from orip.mistakes.names import photos_under_two_names
 from orip.mistakes.outside_frame import misnamed_marks, points_outside_frames
 from orip.records.block import Block

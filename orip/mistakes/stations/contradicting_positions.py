@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
-from orip.mistakes.contradicting_control import slip_of_pen
+from orip.mistakes.control.contradicting_control import slip_of_pen
 from orip.records.coded_names import coded
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Solution

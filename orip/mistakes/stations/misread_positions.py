@@ -10,7 +10,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray, IntArray
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
-from orip.mistakes.check_points import OF_HEIGHT_SYSTEMS
+from orip.mistakes.control.check_points import OF_HEIGHT_SYSTEMS
 from orip.mistakes.ground_systems import SHORT_TEXTS_OF_SYSTEMS
 from orip.mistakes.hypothesis import fit_of_adjustment
 from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS

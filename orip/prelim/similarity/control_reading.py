@@ -43,6 +43,10 @@ _MET = 0.1
 _TOO_FEW = 5
 """Number of points up to which a robust fit may accept any three of them and reject the others."""
 
+_OF_ONE, _FEWEST_OF_ONE, _TOO_FEW_TO_HIDE = 0.1, 5, 10
+"""Part of the misfit that remains without the one point that is wrong: no unit is, then. Fewer points always fit
+without one of them, and more fit in spite of one."""
+
 _ENOUGH = 60
 """Most control points that are compared: a wrong reading concerns nearly all of them."""
 
@@ -232,7 +236,18 @@ def _other_unit(common: CommonPoints, given: _Fit) -> ControlReading | None:
     own = fit.misfit / fit.similarity.scale
     if fit.misfit >= _BETTER * given.misfit or own >= _BETTER_THAN_FLAT * _flat_misfit(common):
         return None
+    if _misfit_without_one(common) < _OF_ONE * given.misfit:
+        return None
     return ControlReading("unit of Z", len(common.source), fit.misfit, given.misfit, z_factor=factor)
+
+
+def _misfit_without_one(common: CommonPoints) -> float:
+    """Return the least misfit as given that leaving out one point leaves; infinite of points too few to show it."""
+    count = len(common.source)
+    if not _FEWEST_OF_ONE <= count <= _TOO_FEW_TO_HIDE:
+        return float("inf")
+    fits = (_fit(common.of(np.delete(np.arange(count), row))) for row in range(count))
+    return min((fit.misfit for fit in fits if fit is not None), default=float("inf"))
 
 
 def _from_below(block: PartialBlock, common: CommonPoints, given: _Fit) -> ControlReading | None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from orip.arrays import IntArray
 from orip.errors import ProjectWarning
-from orip.mistakes.contradicting_control import slip_of_pen
-from orip.mistakes.distances_alone import (
+from orip.mistakes.control.contradicting_control import slip_of_pen
+from orip.mistakes.control.distances_alone import (
     CODE,
     TOLERANCE,
     distances_against_each_other,

@@ -13,7 +13,7 @@ from orip.bundle.antennas import without_unmeasured_points
 from orip.bundle.solve import SolvedBlock
 from orip.errors import ProjectWarning
 from orip.geometry.similarity import fit_similarity
-from orip.mistakes.contradicting_control import released_control
+from orip.mistakes.control.contradicting_control import released_control
 from orip.mistakes.ground_systems import mirrored_control, misread_control, with_multiplied_control
 from orip.mistakes.hypothesis import Hypothesis, Readjuster, finding, fit_of_adjustment, is_good
 from orip.prelim.ground import known_centres, known_points
@@ -28,20 +28,30 @@ from orip.wording import counted
 FREE_DATUM = "free-datum"
 
 _FEWEST = 3
-"""Projection centres that give a block its place, its turn and its scale."""
+"""Points or projection centres that give a block its place, its turn and its scale."""
 
 
 def observations_without_weight(block: Block) -> Iterator[ProjectWarning]:
-    """Yield a warning if exposure stations or projection centres are given errors that a free network ignores."""
+    """Yield a warning if control, exposure stations or projection centres have errors that a free network ignores.
+
+    Who names the points of the datum knows what the others are for.
+    """
     if not block.is_free_network:
         return
+    control = sum(
+        point.kind == "control" and None not in (*point.coordinates, *point.errors) for point in block.control_points
+    )
     stations = sum(station.has_position and min(station.position_error) >= 0.0 for station in block.stations)
     centres = {
         element.name
         for element in block.elements
         if element.group == "PHOTO" and element.kind in PHOTO_PARAMETERS[:3] and element.error >= 0.0
     }
-    for count, what in ((stations, "exposure station"), (len(centres), "observed projection centre")):
+    for count, what in (
+        (0 if block.definition.datum_points else control, "control point"),
+        (stations, "exposure station"),
+        (len(centres), "observed projection centre"),
+    ):
         if count >= _FEWEST:
             text = (
                 f'datum = "free" takes all weight from the {counted(count, what)}: they are compared only. Leave datum '

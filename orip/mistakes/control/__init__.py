@@ -1,0 +1,1 @@
+"""Control points, check points and distances that were probably mistaken."""

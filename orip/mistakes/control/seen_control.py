@@ -1,0 +1,347 @@
+"""Control compared with where the photos see it: which change of one thing makes all of it fit.
+
+The photos are adjusted without control, as a free network or held by observed positions. Its points and those given
+differ by a similarity, or by a shift, and by their errors, of which the covariances are known. So each hypothesis costs
+no more than the solution of a few equations, and all are compared with each other: what changes least and fits wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from msgspec import Struct
+
+from orip.arrays import BoolArray, FloatArray, along_diagonal
+from orip.bundle.results.covariance import covariance, point_figures
+from orip.bundle.solve import SolvedBlock
+from orip.bundle.verdict import group_findings
+from orip.errors import ProjectWarning
+from orip.geometry.rotation import angles_from_rotation
+from orip.geometry.similarity import fit_similarity, several, similarity_with_partials
+from orip.mistakes.control.contradicting_control import control_warnings, without_control
+from orip.mistakes.control.free_network import free_network
+from orip.mistakes.doubted_observations import doubted_control, doubted_photo_points
+from orip.mistakes.hypothesis import DECIDED, Readjuster, fit_of_adjustment, is_good
+from orip.mistakes.other_units import FEET_AND_METRES, LENGTH_UNITS
+from orip.records.block import Block
+from orip.records.ground import PlainGround
+from orip.records.photo import PHOTO_PARAMETERS
+from orip.records.results.solution import Solution
+from orip.structs import replace
+from orip.wording import counted_names
+
+EXCHANGED_CONTROL, CONTROL_HEIGHTS = "exchanged-control", "control-heights"
+
+SHORT_TEXTS_OF_CONTROL = {
+    EXCHANGED_CONTROL: "two control points are exchanged",
+    CONTROL_HEIGHTS: "Z of the control fits only if it is read otherwise",
+}
+"""What the status says of the block, by the code of the warning."""
+
+_FEWEST, _MOST = 4, 24
+"""Least number of points that show which of them is wrong, and the most of which pairs are tried."""
+
+_LOOKS_UP = -0.5
+"""Mean cosine from which photos look up at the control: what is said of it then is said elsewhere."""
+
+_OF_ONE, _OF_ALL = 5.0, 10.0
+"""What a change costs: a coordinate that is left out or two names that are exchanged, and other heights of all points.
+A choice among so many makes the sum of squares smaller by chance."""
+
+_CHANCE, _OPTIMISTIC = 4.0, 2.0
+"""Standard deviations by which a sum of squares is larger than chance gives at most, and how many times larger, as
+errors are often given a little too small."""
+
+_ROUNDS, _NEAR_START = 4, 0.5
+"""Rounds of the adjustment of a similarity, and the change of scale up to which its start was near."""
+
+_MARK = 1.0
+"""A-priori error, without its sign, that marks a check point and says nothing else."""
+
+
+class _Seen(Struct, frozen=True):
+    """Points as given and as the photos see them.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of n points.
+    given, errors : arrays (n, 3)
+        NaN where not given.
+    found : array (n, 3)
+        In the network.
+    spread : array (3n, 3n)
+        Its covariances.
+    rotations : array (p, 3, 3)
+        Of the photos in the network.
+    is_placed : bool
+        The network has the scale and the axes of observed positions, and differs by a shift alone.
+    """
+
+    names: tuple[str, ...]
+    given: FloatArray
+    errors: FloatArray
+    found: FloatArray
+    spread: FloatArray
+    rotations: FloatArray
+    is_placed: bool
+
+
+class _Change(NamedTuple):
+    """Something that may have been mistaken: the coordinates (n, 3) as meant, which of them (n, 3) are left out."""
+
+    meant: FloatArray
+    left_out: BoolArray
+    price: float
+    points: tuple[int, ...]
+    factor: float
+
+
+class _Fitted(NamedTuple):
+    """A change, its half sum of squares, whether it fits, and the points (n, 3) in the ground system with their sd."""
+
+    change: _Change
+    cost: float
+    fits: bool
+    placed: FloatArray
+    sd: FloatArray
+
+    @property
+    def score(self) -> float:
+        """Return the half sum of squares and the price of the change."""
+        return self.cost + self.change.price
+
+
+def misread_control_points(solution: Solution, solved: SolvedBlock, readjuster: Readjuster) -> list[ProjectWarning]:
+    """Return which two control points are exchanged, which one is wrong, or how all heights are; often nothing.
+
+    Parameters
+    ----------
+    solution : Solution
+    solved : SolvedBlock
+        The adjustment that it comes from.
+    readjuster : Readjuster
+    """
+    block = readjuster.block
+    if not (readjuster.is_worthwhile and _can_be_compared(block) and _is_doubted(solution, solved, block)):
+        return []
+    seen = _seen(readjuster, solved)
+    if seen is None:
+        return []
+    as_given = _fitted(seen, _as_given(seen))
+    if as_given is not None and as_given.fits:
+        return []
+    cost = np.inf if as_given is None else as_given.cost
+    tried = [found for change in _changes(seen) if (found := _fitted(seen, change)) is not None]
+    tried = [found for found in tried if found.fits and cost - found.score > DECIDED]
+    if not tried:
+        return []
+    best = min(tried, key=lambda found: found.score)
+    others = [found for found in tried if found is not best and found.score < best.score + DECIDED]
+    return _said(block, seen, best, others)
+
+
+def _can_be_compared(block: Block) -> bool:
+    is_control = any(point.kind == "control" for point in block.control_points)
+    free = not block.is_free_network and not any(photo.constant for photo in block.photos)
+    return is_control and free and isinstance(block.ground, PlainGround)
+
+
+def _is_doubted(solution: Solution, solved: SolvedBlock, block: Block) -> bool:
+    """Tell whether control may be wrong: of a sound block nothing is adjusted again."""
+    if solution.status not in ("converged", "doubtful") or doubted_control(solution) or group_findings(solution):
+        return True
+    if solved.state.rotations[:, 2, 2].mean() < _LOOKS_UP:
+        return True
+    names = {block.point_names[row] for row in block.photo_points.point[doubted_photo_points(block, solution)].tolist()}
+    return any(point.name in names for point in block.control_points)
+
+
+# ------------------------------------------------------------------------------------------------------- what is seen
+
+
+def _seen(readjuster: Readjuster, solved: SolvedBlock) -> _Seen | None:
+    """Return control and check points as the photos see them; None where the photos do not fit without them."""
+    block = readjuster.block
+    placed = without_control(block, [point.name for point in block.control_points])
+    networks = [(placed, True)] if _has_positions(block) else []
+    orientation = np.hstack([solved.state.centres, angles_from_rotation(solved.state.rotations)])
+    free = free_network(block)
+    if solved.block.photos == block.photos and np.isfinite(orientation).all():
+        networks.append((replace(free, photo_orientation=orientation), False))
+    networks.append((free, False))
+    for network, is_placed in networks:
+        adjusted = readjuster.adjust_roughly(network)
+        if adjusted is not None and is_good(fit_of_adjustment(adjusted)):
+            return _in_network(block, adjusted, is_placed)
+    return None
+
+
+def _has_positions(block: Block) -> bool:
+    of_elements = any(element.group == "PHOTO" and element.kind in PHOTO_PARAMETERS[:3] for element in block.elements)
+    return of_elements or any(station.has_position for station in block.stations)
+
+
+def _in_network(block: Block, adjusted: SolvedBlock, is_placed: bool) -> _Seen | None:
+    place = adjusted.block.point_index()
+    points = [
+        point
+        for point in block.control_points
+        if point.name in place and point.kind in ("control", "check") and None not in point.coordinates[:2]
+    ]
+    if not _FEWEST <= len(points) <= _MOST:
+        return None
+    figures = [point_figures(adjusted, place[point.name]) for point in points]
+    spread = covariance(adjusted, figures, figures)
+    if not np.isfinite(spread).all():
+        return None
+    given, errors = (
+        np.array([getattr(point, which) for point in points], dtype=np.float64) for which in ("coordinates", "errors")
+    )
+    # 1 marks a check point and says nothing of its survey
+    usual = float(np.nanmedian(np.where(errors >= 0.0, errors, np.nan)))
+    errors = np.where(errors == -_MARK, usual, np.abs(errors))
+    found = adjusted.block.ground.to_project(adjusted.state.points[[place[point.name] for point in points]])
+    names = tuple(point.name for point in points)
+    return _Seen(names, given, errors, found, spread, adjusted.state.rotations, is_placed)
+
+
+def _fitted(seen: _Seen, change: _Change) -> _Fitted | None:
+    """Fit the network to the control as it may have been meant; None where that is not determined."""
+    used = np.isfinite(change.meant) & np.isfinite(seen.errors) & ~change.left_out
+    full = used.all(axis=1)
+    if np.count_nonzero(full) < _FEWEST - 1:
+        return None
+    middle, centre = np.mean(change.meant[full], axis=0), np.mean(seen.found[full], axis=0)
+    source, target = seen.found - centre, change.meant - middle
+    try:
+        similarity = fit_similarity(source[full], target[full])
+    except ValueError:
+        return None
+    if seen.is_placed:
+        similarity = replace(similarity, scale=1.0, rotation=np.eye(3), shift=np.zeros(3))
+    if change.price and (similarity.rotation @ seen.rotations)[:, 2, 2].mean() < _LOOKS_UP:
+        return None
+    at, rows = several([similarity]), used.ravel()
+    for _ in range(_ROUNDS):
+        value, by_unknowns = (of[0] for of in similarity_with_partials(at, source))
+        partials = by_unknowns.reshape(-1, 7)
+        partials = partials[:, 1:4] if seen.is_placed else partials
+        turn = along_diagonal(*(at.scale[0] * at.rotation[0] for _ in seen.names))
+        own = turn @ seen.spread @ turn.T
+        if not np.isfinite(own).all() or not np.isfinite(value).all():
+            return None
+        weight = np.linalg.pinv((own + np.diag(np.nan_to_num(seen.errors.ravel()) ** 2))[np.ix_(rows, rows)])
+        off = (target - value).ravel()[rows]
+        normals = np.linalg.pinv(partials[rows].T @ weight @ partials[rows])
+        step = normals @ partials[rows].T @ weight @ off
+        if not seen.is_placed and abs(step[0]) > _NEAR_START:
+            return None  # nothing of the kind fits
+        off = off - partials[rows] @ step
+        moved = np.zeros((1, 7))
+        moved[0, 1:4] = step if seen.is_placed else step[1:4]
+        if not seen.is_placed:
+            moved[0, [0, 4, 5, 6]] = step[[0, 4, 5, 6]]
+        at = at.moved(moved)
+    # what the others say of a coordinate that is left out: its residual is predicted from theirs
+    gain = own[:, rows] @ weight
+    predicted = at.apply(source)[0].ravel() + gain @ off
+    through = partials - gain @ partials[rows]
+    variances = np.diag(own - gain @ own[rows] + through @ normals @ through.T)
+    cost = 0.5 * float(off @ weight @ off)
+    redundancy = int(np.count_nonzero(rows)) - partials.shape[1]
+    limit = _OPTIMISTIC * 0.5 * (redundancy + _CHANCE * np.sqrt(2.0 * max(redundancy, 0)))
+    sd = np.sqrt(np.maximum(variances, 0.0)).reshape(-1, 3)
+    return _Fitted(change, cost, redundancy > 0 and cost < limit, predicted.reshape(-1, 3) + middle, sd)
+
+
+# ---------------------------------------------------------------------------------------------------------- hypotheses
+
+
+def _as_given(seen: _Seen) -> _Change:
+    return _Change(seen.given, np.zeros(seen.given.shape, dtype=bool), 0.0, (), 1.0)
+
+
+def _changes(seen: _Seen) -> Iterator[_Change]:
+    """Yield what may have been mistaken: names of two, axes or coordinates of one, heights of all."""
+    given = _as_given(seen)
+    rows = range(len(seen.names))
+    for pair in combinations(rows, 2):
+        order = np.arange(len(rows))
+        order[list(pair)] = pair[::-1]
+        yield given._replace(meant=seen.given[order], price=_OF_ONE, points=pair)
+    for row in rows:
+        meant = seen.given.copy()
+        meant[row] = meant[row, [1, 0, 2]]
+        yield given._replace(meant=meant, price=_OF_ONE, points=(row,))
+        for axes in ([2], [0], [1], [0, 1], [0, 1, 2]):
+            left_out = given.left_out.copy()
+            left_out[row, axes] = True
+            yield given._replace(left_out=left_out, price=_OF_ONE * len(axes), points=(row,))
+    for factor in (-1.0, *FEET_AND_METRES):
+        yield given._replace(meant=seen.given * [1.0, 1.0, factor], price=_OF_ALL, factor=factor)
+
+
+# -------------------------------------------------------------------------------------------------------------- texts
+
+
+def _said(block: Block, seen: _Seen, best: _Fitted, others: list[_Fitted]) -> list[ProjectWarning]:
+    """Return the warning of the change that explains most; of single points that explain as much, of all of them."""
+    kinds = {point.name: point.kind for point in block.control_points}
+    change = best.change
+    if not change.points:
+        return [_of_heights(change.factor)]
+    if not any(kinds[seen.names[row]] == "control" for found in (best, *others) for row in found.change.points):
+        return []  # check points have warnings of their own
+    if len(change.points) == 2:
+        return [_of_exchange(block, *sorted(seen.names[row] for row in change.points))]
+    (row,) = change.points
+    alike = {row: best}
+    for other in others:
+        if len(other.change.points) == 1:
+            alike.setdefault(other.change.points[0], other)
+    if len(alike) > 1:
+        return [_of_one_of(block, seen, alike)]
+    # coordinates that are not left out are where they are given
+    left_out = change.left_out[row]
+    position = np.where(left_out, best.placed[row], seen.given[row]) if left_out.any() else best.placed[row]
+    return control_warnings(block, {seen.names[row]: (position, best.sd[row])})
+
+
+def _of_heights(factor: float) -> ProjectWarning:
+    if factor < 0.0:
+        text = "Z fits with the opposite sign (depths in place of heights): reverse the sign of Z"
+    else:
+        unit, other = LENGTH_UNITS[factor]
+        text = (
+            f"Z fits when it is multiplied by {factor:.5g}: Z seems to be in {unit}, X and Y in {other}; use one unit"
+        )
+    return ProjectWarning(CONTROL_HEIGHTS, "control points", text)
+
+
+def _of_exchange(block: Block, one: str, other: str) -> ProjectWarning:
+    check = [point.name for point in block.control_points if point.name in (one, other) and point.kind == "check"]
+    which = f" ({check[0]} is a check point)" if check else ""
+    text = "fit when they are exchanged; exchange their names in the control file, or in the photos"
+    return ProjectWarning(EXCHANGED_CONTROL, "", f"control points {one} and {other} {text}{which}")
+
+
+def _of_one_of(block: Block, seen: _Seen, alike: Mapping[int, _Fitted]) -> ProjectWarning:
+    """Return that one of several points is wrong, with what each would be off by."""
+    off = []
+    for row, found in alike.items():
+        axes = np.flatnonzero(found.change.left_out[row]).tolist() or [0, 1]
+        parts = [
+            f"{'XYZ'[axis]} {seen.given[row, axis] - found.placed[row, axis]:+.3f} ± {found.sd[row, axis]:.2g}"
+            for axis in axes
+        ]
+        off.append(f"{seen.names[row]} by {', '.join(parts)} {block.ground_unit}")
+    text = (
+        f"one of them is wrong, and all others fit without it, whichever it is: either {' or '.join(off)}; check "
+        "them, or measure one more point that tells which"
+    )
+    names = [seen.names[row] for row in alike]
+    return ProjectWarning("contradicting-control", counted_names("control point", names), text)
