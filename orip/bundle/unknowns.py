@@ -24,9 +24,8 @@ from orip.interior.additional_parameters import PARAMETER_SETS
 from orip.interior.motions import rolling_cameras, unknown_motions
 from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS, LENS_PLACES, OWN_PARAMETERS, Camera, first_of_lens
-from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, SHIFT
+from orip.records.definition import ANTENNA_PARAMETERS, DRIFT, MOTION_PARAMETERS, SHIFT
 from orip.records.figures import FIGURE_PARAMETERS, UNKNOWNS_OF_FIGURE, figures_in
-from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.rig import MOUNTING_PARAMETERS, MountedCamera, RigPlaces
 from orip.structs import replace

@@ -22,9 +22,8 @@ from orip.errors import ProjectWarning
 from orip.geometry.rotation import angles_between, rotation_about_axes, rotation_vectors_with_partials
 from orip.records.block import Block
 from orip.records.camera import READOUT
-from orip.records.definition import DRIFT
+from orip.records.definition import DRIFT, RATES
 from orip.records.names import record_key
-from orip.records.observation_kinds import RATES
 from orip.wording import counted, first_names
 
 _LONGEST_PAUSE = 2.5

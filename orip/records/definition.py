@@ -35,6 +35,12 @@ SHIFT: Final = ("SX", "SY", "SZ")
 DRIFT: Final = ("VX", "VY", "VZ")
 """Parameters of a strip or session."""
 
+RATES: Final = ("WX", "WY", "WZ")
+"""Angular rates of photos about the ground axes, degrees a second."""
+
+MOTION_PARAMETERS: Final = (*DRIFT, *RATES)
+"""Motion of a photo of a rolling shutter: velocity (ground unit a second) and angular rate."""
+
 ANTENNA_UNITS: Final[Mapping[str, str]] = MappingProxyType(
     dict.fromkeys((*LEVER_ARM, *SHIFT), "{ground}")
     | dict.fromkeys(BORESIGHT, "degrees")

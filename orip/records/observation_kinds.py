@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.arrays import BoolArray, IntArray
 from orip.records.camera import CAMERA_UNITS
 from orip.records.coded_names import coded
-from orip.records.definition import ANTENNA_UNITS, DRIFT
+from orip.records.definition import ANTENNA_UNITS, RATES
 from orip.records.figures import FIGURE_LENGTHS, FIGURE_TILTS
 from orip.records.measurement import PhotoObservations
 from orip.records.names import record_key
@@ -31,13 +31,6 @@ GROUND_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[:3], *OFFSET, "X", "Y", "Z
 
 ANGULAR_UNKNOWNS: Final = frozenset({*PHOTO_PARAMETERS[3:], "R", *FIGURE_TILTS})
 """Unknowns in degrees: rotations of photos, zero directions of theodolite sets and tilts of figures."""
-
-
-RATES: Final = ("WX", "WY", "WZ")
-"""Angular rates of photos about the ground axes, degrees a second."""
-
-MOTION_PARAMETERS: Final = (*DRIFT, *RATES)
-"""Motion of a photo of a rolling shutter: velocity (ground unit a second) and angular rate."""
 
 
 class ObservationKind(Struct, frozen=True):

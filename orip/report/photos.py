@@ -10,7 +10,8 @@ from markupsafe import Markup
 from orip.arrays import FloatArray
 from orip.number_text import decimals_for
 from orip.records.coded_names import coded
-from orip.records.observation_kinds import MOTION_PARAMETERS, PHOTO_POINT, unit_of_unknown
+from orip.records.definition import MOTION_PARAMETERS
+from orip.records.observation_kinds import PHOTO_POINT, unit_of_unknown
 from orip.records.results.solution import RigEstimate, Solution
 from orip.records.results.stations import StationResiduals, station_residuals
 from orip.records.rig import MOUNTING_PARAMETERS, OFFSET

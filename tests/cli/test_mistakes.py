@@ -43,7 +43,10 @@ def test_no_folder_and_no_project(tmp_path: Path, command: str) -> None:
         (("--color", "purple", "status"), "'purple' is not one of 'auto', 'always', 'never'"),
         (("init", "--prefer", "both"), "'both' is not one of 'text', 'store'; see 'orip init --help'"),
         (("results",), "Missing argument 'WHAT'"),
-        (("results", "sausages"), "'sausages' is not one of 'cameras', 'photos', 'points', 'theodolites', 'residuals'"),
+        (
+            ("results", "sausages"),
+            "'sausages' is not one of 'cameras', 'photos', 'points', 'theodolites', 'figures'",
+        ),
         (("solve", "NIX"), "there is no bundle 'NIX'; the project's bundles are: MAIN"),
         (("dump", "orip.toml"), "is not a record store: stores end in .CAM"),
     ],

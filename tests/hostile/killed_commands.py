@@ -21,6 +21,7 @@ _CONTROL = {
     "distances": ("D9 from=3 to=4 code=XYZ distance=136.7 a=0.05", "D1", "distance=166.7", "D2"),
     "directions": ("S2 station=1 target=4 direction=51.5 a=0.02", "'S1 1 3'", "a=0.02", "'S1 1 4'"),
     "stations": ("third X=1190 Y=2075 Z=330 aX=5 aY=5 aZ=5", "left", "X=1070.5", "right"),
+    "figures": ("LAKE kind=HEIGHT point=4 a=5", "'LAKE HEIGHT 1'", "a=4", "'LAKE HEIGHT 3'"),
     "differences": (
         "left second=third dX=120 dY=0 dZ=0 aX=5 aY=5 aZ=5",
         "'left right'",

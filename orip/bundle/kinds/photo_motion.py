@@ -9,7 +9,8 @@ from orip.bundle.kinds.observation import KindEquations, Linearisation, Observat
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.records.block import Block
-from orip.records.observation_kinds import MOTION, MOTION_PARAMETERS
+from orip.records.definition import MOTION_PARAMETERS
+from orip.records.observation_kinds import MOTION
 from orip.units import DEGREES_PER_RADIAN
 
 _SHORTEST = 1e-5

@@ -10,7 +10,8 @@ from orip.arrays import FloatArray
 from orip.files.text.table import Column, FixedCells, deviation_cells, each_table_line, paragraph, table_lines
 from orip.number_text import decimals_for, decimals_of, deviations, fixed, root_mean_square, scientific
 from orip.records.camera import CAMERA_PARAMETERS, CAMERA_UNITS, READOUT
-from orip.records.observation_kinds import MOTION_PARAMETERS, unit_of_unknown
+from orip.records.definition import MOTION_PARAMETERS
+from orip.records.observation_kinds import unit_of_unknown
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import (
     AdditionalEstimate,

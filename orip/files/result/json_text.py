@@ -14,8 +14,8 @@ import numpy as np
 from orip.files.identification import SCHEMA
 from orip.files.result.reader import INDENT, SINGULAR, Column, Points, compact, point_columns
 from orip.records.camera import CAMERA_PARAMETERS
+from orip.records.definition import MOTION_PARAMETERS
 from orip.records.figures import FigureEstimate
-from orip.records.observation_kinds import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.solution import Estimates, InteriorSummary, Residuals, Solution
 from orip.records.results.stations import station_residuals

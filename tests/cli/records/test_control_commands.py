@@ -71,7 +71,7 @@ def test_list(project: Path) -> None:
     assert document["file"] == "FIRST.PNT"
     assert document["records"][1] == {
         "name": "2", "X": 1178.95, "Y": 2012.7, "Z": 98.65, "aX": 0.02, "aY": 0.02, "aZ": 0.03,
-        "rejected": False, "line": 4,
+        "rXY": None, "rXZ": None, "rYZ": None, "rejected": False, "line": 4,
     }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from orip.files.stores.store import Row, Store
 from orip.files.stores.table import StoreColumn, StoreTable, figure, flag, integer, list_table, record_name, text
 from orip.records.camera import CAMERA_PARAMETERS, Projection
 from orip.records.control import FigureKind, PointKind
-from orip.records.observation_kinds import MOTION_PARAMETERS
+from orip.records.definition import MOTION_PARAMETERS
 from orip.records.photo import PHOTO_PARAMETERS
 from orip.records.results.tests import GroupKind, Status, VarianceGroupKind
 
