@@ -250,7 +250,9 @@ def control_errors_too_small(block: Block) -> Iterator[ProjectWarning]:
     errors = np.array([point.errors for point in known], dtype=np.float64).reshape(-1, 3)
     if len(known) < _FEWEST_OBSERVATIONS or not (np.isfinite(coordinates).all() and (errors > 0.0).all()):
         return
-    extent, usual = float(np.ptp(coordinates, axis=0).max()), float(np.median(errors))
+    # the middle half: one wrong point, or one with X and Y exchanged, is no extent
+    low, high = np.quantile(coordinates, (0.25, 0.75), axis=0)
+    extent, usual = 2.0 * float((high - low).max()), float(np.median(errors))
     if usual < _BEST_SURVEY * extent:
         text = (
             f"the a-priori errors of control points, {usual:.2g} {block.ground_unit} over {extent:.3g} "
