@@ -77,12 +77,15 @@ class Transfer(NamedTuple):
         Partials by the coordinates of the other image, of a surface square to the model's z axis.
     along : array (2,)
         Direction of the epipolar line.
+    error : float
+        How far off the line the orientation leaves it: the models have no y-parallax of their own.
     """
 
     photo: str
     expected: FloatArray
     affine: FloatArray
     along: FloatArray
+    error: float = 0.0
 
 
 class StereoPhoto(Struct, frozen=True):

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.kinds.photo_point import observe_photo_points
+from orip.bundle.kinds.photo_point import POINT_PARTIALS, observe_photo_points
 from orip.bundle.solve import SolvedBlock
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT, number_unknowns
@@ -24,6 +24,9 @@ from orip.records.block import Block
 from orip.records.camera import CAMERA_PARAMETERS
 from orip.records.photo import Photo
 from orip.structs import replace
+
+_ELEMENTS = slice(len(CAMERA_PARAMETERS), POINT_PARTIALS.start)
+"""Of a photo, among the partials of photo points."""
 
 _LEAST_RAYS = 3
 """A point that fewer photos show is hard to find again, and no place for anything."""
@@ -189,7 +192,7 @@ def photo_candidates(network: Network, camera: int, most: int) -> tuple[list[Can
     of_camera = np.concatenate([unknowns.cameras[camera], unknowns.additional[camera]])
     place = np.searchsorted(network.columns, of_camera)
     known = np.flatnonzero(np.isin(of_camera, network.columns))
-    by_camera = np.hstack([partials[:, :12], partials[:, 21:]])[:, known]
+    by_camera = np.hstack([partials[:, : _ELEMENTS.start], partials[:, POINT_PARTIALS.stop :]])[:, known]
     found, kept = [], []
     for photo in range(len(orientation)):
         shown = np.flatnonzero(rays.photo == photo)
@@ -200,9 +203,9 @@ def photo_candidates(network: Network, camera: int, most: int) -> tuple[list[Can
         by_points = np.zeros((len(rows), 3 * len(shown)))
         for number in range(len(shown)):
             by_points[2 * number : 2 * number + 2, 3 * number : 3 * number + 3] = partials[
-                rows[2 * number : 2 * number + 2], 18:21
+                rows[2 * number : 2 * number + 2], POINT_PARTIALS
             ]
-        left = np.linalg.qr(partials[rows, 12:18], mode="complete")[0][:, 6:]
+        left = np.linalg.qr(partials[rows, _ELEMENTS], mode="complete")[0][:, 6:]
         columns = np.concatenate([place[known], network.of_points[rays.point[shown]].ravel()])
         design = left.T @ np.hstack([by_camera[rows], by_points])
         found.append(Candidate(sub.photos[photo].name, columns, design, np.ones(len(design))))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orip.files.control.reader import read_control, read_control_file
 from orip.files.control.text import (
     parse_directions,
     parse_distances,
@@ -16,8 +17,6 @@ from orip.files.control.text import (
     parse_figures,
     parse_points,
     points_text,
-    read_control,
-    read_control_file,
 )
 from orip.files.text.shown import Parsed
 

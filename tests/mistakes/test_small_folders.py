@@ -98,8 +98,8 @@ SAID: dict[str, tuple[Callable[[], Folder], int | None, tuple[str, ...]]] = {
         flat_field,
         0,
         (
-            "warning: control point 6_6: its coordinates contradict the photos",
-            "off by Z -0.1 ",
+            "one of them is wrong, and all others fit without it",
+            "6_6 by Z -0.100 ",
         ),
     ),
     "measured again, replaced": (lambda: measured_again("replace"), 0, ("of photo P2 was measured before, 5 mm",)),

@@ -23,7 +23,7 @@ TURNED = (100.0, 0.6, -0.81, 120.0, 0.79, 0.61)
 def test_images_of_a_block_that_was_made_with_other_formulas(scene, form):
     truth = synthetic_block(scene, "drive", distortion=DISTORTED, distortion_at=form)
     points, (camera,) = truth.block.photo_points, truth.cameras
-    model = camera_model(DriveCamera("CAM", tuple(camera.tolist()), (0.0, 0.0), form))
+    model = camera_model(DriveCamera("CAM", tuple(camera[:-1].tolist()), (0.0, 0.0), form))
     for row, orientation in enumerate(truth.orientations):
         rotation = tuple(rotation_from_angles(orientation[3:]).ravel().tolist())
         photo = DrivePhoto("P", "CAM", None, "UPPER", tuple(orientation[:3].tolist()), rotation, TURNED)

@@ -38,6 +38,12 @@ OBSERVATIONS = {
     ("difference", "OMEGA"): "degrees",
     ("antenna", "VX"): "foot/s",
     ("mounting", "OX"): "foot",
+    ("line", "side"): "foot",
+    ("plane", "distance"): "foot",
+    ("cylinder", "distance"): "foot",
+    ("height", "Z"): "foot",
+    ("given direction", "across"): "degrees",
+    ("motion", "WX"): "degrees/s",
 }
 """Unit by kind and component, in a project in feet."""
 

@@ -252,7 +252,7 @@ def test_what_people_mistake_is_said(tmp_path, flown, truth):
         ({}, ("--noise", "good"), "write one of mems, tactical, navigation"),
         ({}, ("--lever-arm", "1,2"), "write three numbers"),
         ({}, ("--time", "local"), "write one of gps, week, unix-gps, unix-utc"),
-        ({}, ("-o", "flight.pos"), "is there and is no trajectory"),
+        ({}, ("-o", "flight.pos"), "is a file that is read; name another"),
     ]:
         written(tmp_path, truth, imu, fixes, **change)
         said = orip(tmp_path, "imu", "imu.csv.gz", "flight.pos", *words)

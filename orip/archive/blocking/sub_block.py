@@ -65,7 +65,7 @@ class SubBlock(NamedTuple):
     coordinates: FloatArray
     front: int
     sets: tuple[tuple[int, AdditionalSet, float], ...]
-    row: FloatArray | None
+    row: FloatArray | None = None
 
 
 class SubBlockSource(Protocol):

@@ -331,7 +331,9 @@ def with_correlations(solved: SolvedBlock, rows: IntArray, errors: FloatArray) -
 
 def _in_units(kind: Observations, at: IntArray, errors: FloatArray) -> FloatArray:
     """Return the errors (n, g) of a kind's observations in their units; zeros of those that no row is of."""
-    return np.where(at[:, None] >= 0, errors[at], 0.0) * kind.rows.error[:, None]
+    found, there = np.zeros((len(at), errors.shape[1])), np.flatnonzero(at >= 0)
+    found[there] = errors[at[there]] * kind.rows.error[there, None]
+    return found
 
 
 def _tells_drift(time: FloatArray) -> bool:
