@@ -58,7 +58,9 @@ def test_the_sentence_has_size_and_sign_of_a_wrong_principal_distance() -> None:
 
 
 def test_a_scale_bar_that_is_off_is_named_in_the_status() -> None:
-    assert "distance BAR1 is off by" in outcome(("close range", Error("distance", "XYZ", "BAR1"), 1)).verdict
+    assert (
+        "see the warning about distance BAR1" in outcome(("close range", Error("distance", "XYZ", "BAR1"), 1)).verdict
+    )
 
 
 @pytest.mark.long

@@ -391,7 +391,7 @@ def predicted_against_residuals(folder: Path) -> float:
 
 def _corrected(xy, parameters):
     """Return ideal coordinates (n, 2) of measured ones by the 11 parameters of a camera."""
-    return np.stack(corrected_with_partials(parameters[3:], *(xy - parameters[1:3]).T)[:2], axis=1)
+    return np.stack(corrected_with_partials(parameters[3:READOUT], *(xy - parameters[1:3]).T)[:2], axis=1)
 
 
 @pytest.mark.parametrize("argument", ["ideal", "measured"])
