@@ -25,7 +25,7 @@ from orip.files.stores.contents import observations, solutions
 from orip.files.stores.dump import dump
 from orip.files.stores.transaction import reading, writing
 from orip.interior.distortion import corrected_with_partials
-from orip.records.camera import CAMERA_PARAMETERS, Camera
+from orip.records.camera import CAMERA_PARAMETERS, READOUT, Camera
 from orip.records.ground import PLAIN
 from orip.records.results.solution import Estimates, Solution
 from orip.structs import replace
