@@ -19,19 +19,14 @@ from orip.bundle.kinds.observation import (
     Observations,
     Rows,
     error_of_constant_lengths,
-    photo_error_on_ground,
+    refuse_too_precise,
 )
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import Unknowns
-from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.control import ControlDistance, DistanceCode
 from orip.records.ground import GroundSystem, ProjectCoordinates
 from orip.records.observation_kinds import CONSTANT_DISTANCE, DISTANCE, ObservationKind
-
-_LEAST_PART = 1e-4
-"""Least a-priori error of a distance, as a part of a photo error on the ground. Its weight is then 10^8 times that of a
-photo point, which leaves 8 of 16 digits of the normal equations for everything else."""
 
 AXES: dict[DistanceCode, tuple[int, ...]] = {
     "X": (0,),
@@ -90,23 +85,9 @@ def observe_distances(block: Block, unknowns: Unknowns) -> DistanceObservations:
 
 
 def refuse_too_precise_distances(block: Block) -> None:
-    """Refuse distances that are so precise that their normal equations would leave the others too few digits.
-
-    Raises
-    ------
-    InputError
-        For the most precise one.
-    """
-    weighted = [distance for distance in block.distances if distance.error > 0.0]
-    if not weighted:
-        return
-    first, least = min(weighted, key=lambda distance: distance.error), _LEAST_PART * photo_error_on_ground(block)
-    if first.error < least:
-        message = (
-            f"distance {first.name} has an a-priori error of {first.error:.2g}, less than a ten-thousandth of a "
-            f"photo error on the ground; write one above {least:.2g}, or 0 for a distance that is exactly known"
-        )
-        raise InputError.single(message)
+    """Refuse distances that are too precise; see `refuse_too_precise`."""
+    observed = [(f"distance {distance.name}", distance.error) for distance in block.distances]
+    refuse_too_precise(block, observed, ", or 0 for a distance that is exactly known")
 
 
 def observe_constant_distances(block: Block, unknowns: Unknowns) -> ConstantDistanceObservations:

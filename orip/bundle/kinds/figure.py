@@ -18,19 +18,15 @@ from orip.bundle.kinds.observation import (
     Rows,
     columns_of_coordinates,
     coordinates_with_partials,
-    photo_error_on_ground,
+    refuse_too_precise,
 )
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
-from orip.errors import InputError
 from orip.records.block import Block
-from orip.records.control import FigureKind, FigurePoint
+from orip.records.control import FigureKind
 from orip.records.figures import FIGURE_PARAMETERS, figures_in
 from orip.records.ground import GroundSystem
 from orip.records.observation_kinds import CYLINDER, HEIGHT, LINE, PLANE, ObservationKind
-
-_LEAST_PART = 1e-4
-"""Least a-priori error, as a part of a photo error on the ground; as that of distances."""
 
 _MOST_TIED = 500
 """Points on figures up to which they stay in the reduced system: with 3 500 points in 200 photos that takes a tenth of
@@ -157,27 +153,8 @@ def _observe(
 
 
 def refuse_too_precise_points(block: Block) -> None:
-    """Refuse points on figures that are so precise that their normal equations would leave the others too few digits.
-
-    Raises
-    ------
-    InputError
-        For the most precise one.
-    """
-    weighted = [point for point in block.figure_points if point.error > 0.0]
-    if not weighted:
-        return
-    first, least = min(weighted, key=_error_of), _LEAST_PART * photo_error_on_ground(block)
-    if first.error < least:
-        message = (
-            f"point {first.point} of figure {first.figure} has an a-priori error of {first.error:.2g}, less than a "
-            f"ten-thousandth of a photo error on the ground; write one above {least:.2g}"
-        )
-        raise InputError.single(message)
-
-
-def _error_of(point: FigurePoint) -> float:
-    return point.error
+    """Refuse points on figures that are too precise; see `refuse_too_precise`."""
+    refuse_too_precise(block, [(f"point {one.point} of figure {one.figure}", one.error) for one in block.figure_points])
 
 
 def tied_by_figures(block: Block) -> frozenset[int]:

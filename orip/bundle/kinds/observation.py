@@ -15,6 +15,7 @@ from orip.bundle.correlated_rows import CorrelatedRows
 from orip.bundle.rigs.elements import Chained, chained
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
+from orip.errors import InputError
 from orip.records.block import Block
 from orip.records.ground import GroundSystem
 from orip.records.observation_kinds import ObservationKind
@@ -212,6 +213,38 @@ def photo_error_on_ground(block: Block) -> float:
     distance = np.linalg.norm(block.point_start[points.point] - block.photo_orientation[points.photo, :3], axis=1)
     principal = np.array([camera.parameters[0] for camera in block.cameras])[block.photo_camera[points.photo]]
     return float(np.mean(points.error) * np.mean(distance / principal))
+
+
+_LEAST_PART = 1e-4
+"""Of a photo error on the ground, that the error of an observed length may be."""
+
+
+def refuse_too_precise(block: Block, observed: Sequence[tuple[str, float]], otherwise: str = "") -> None:
+    """Refuse lengths that are so precise that their normal equations would leave the others too few digits.
+
+    Parameters
+    ----------
+    block : Block
+    observed : sequence of (str, float)
+        What each is called, and its a-priori error; those of 0 and below have no such equations.
+    otherwise : str
+        What else can be written.
+
+    Raises
+    ------
+    InputError
+        For the most precise one.
+    """
+    weighted = [(error, name) for name, error in observed if error > 0.0]
+    if not weighted:
+        return
+    (error, name), least = min(weighted), _LEAST_PART * photo_error_on_ground(block)
+    if error < least:
+        message = (
+            f"{name} has an a-priori error of {error:.2g}, less than a ten-thousandth of a photo error on the ground; "
+            f"write one above {least:.2g}{otherwise}"
+        )
+        raise InputError.single(message)
 
 
 def error_of_constant_lengths(block: Block) -> float:
