@@ -15,6 +15,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import ProjectWarning
 from orip.geometry.stereo import PARALLEL, meeting
+from orip.images.matching.one_point import Transfer
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.movement import automatic, change_model, drive_object, drive_plate, guide, move, next_model
 from orip.multimodel.oriented_block import ModelLoop, OrientedBlock
@@ -63,29 +64,6 @@ class StereoReading(NamedTuple):
     photos: tuple[Position, Position]
     logs: tuple[Position, Position]
     places: tuple[Position, Position]
-
-
-class Transfer(NamedTuple):
-    """Where a photo is expected to show what is at a place of another one.
-
-    Attributes
-    ----------
-    photo : str
-    expected : array (2,)
-        Log coordinates.
-    affine : array (2, 2)
-        Partials by the coordinates of the other image, of a surface square to the model's z axis.
-    along : array (2,)
-        Direction of the epipolar line.
-    error : float
-        How far off the line the orientation leaves it: the models have no y-parallax of their own.
-    """
-
-    photo: str
-    expected: FloatArray
-    affine: FloatArray
-    along: FloatArray
-    error: float = 0.0
 
 
 class StereoPhoto(Struct, frozen=True):

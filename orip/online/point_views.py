@@ -12,6 +12,7 @@ from orip.arrays import BoolArray, FloatArray
 from orip.geometry.plane import PlaneTransformation
 from orip.geometry.projection import PROJECTIONS, projected_with_partials
 from orip.geometry.rotation import rotation_from_angles
+from orip.images.matching.one_point import Transfer
 from orip.interior.image_coordinates import ImageEquation
 from orip.interior.mounting import frame_corners
 from orip.online.advice import given_places, predicted_covariances
@@ -115,29 +116,6 @@ class View(Struct, frozen=True):
     covariance: FloatArray | None
     measured: FloatArray | None
     scale: float
-
-
-class Transfer(Struct, frozen=True):
-    """Where another photo shows what is at a place of a photo.
-
-    Parameters
-    ----------
-    photo : str
-    expected : array (2,)
-        As in a measurement file.
-    affine : array (2, 2)
-        From the one photo to the other there.
-    along : array (2,)
-        Unit vector of the epipolar line.
-    error : float
-        A-priori error of photo coordinates, in the same units: as far off the line can what was measured leave it.
-    """
-
-    photo: str
-    expected: FloatArray
-    affine: FloatArray
-    along: FloatArray
-    error: float
 
 
 class SeenBlock(Struct, frozen=True):

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from orip.errors import OripError
+from orip.images.matching.one_point import Transfer
 from orip.images.tiles import TILE, TileName, TileStore, level_count
 from orip.screen.plates import Plate
 from orip.screen.proposals import propose
@@ -54,7 +55,7 @@ class MeasuringSession(Protocol):
     def views(self, point: str) -> tuple[list[Any], list[float | None] | None]:
         """Return where the photos show a point, and its coordinates less those that control gives."""
 
-    def transferred(self, photo: str, xy: tuple[float, float], point: str) -> list[Any]:
+    def transferred(self, photo: str, xy: tuple[float, float], point: str) -> list[Transfer]:
         """Return where the other photos show what is at a place of a photo."""
 
     def ray(self, photo: str, xy: tuple[float, float], point: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from msgspec import Struct
 from orip.arrays import FloatArray
 from orip.errors import InputError
 from orip.images.matching.least_squares import Fate
-from orip.images.matching.one_point import Expected, find_point
+from orip.images.matching.one_point import Expected, Transfer, find_point
 from orip.images.tiles import TileStore
 from orip.screen.plates import Plate
 
@@ -64,7 +64,7 @@ class Proposal(Struct, frozen=True):
 
 
 def propose(
-    store: TileStore, plates: Mapping[str, Plate], photo: str, pixel: tuple[float, float], transfers: Sequence[Any]
+    store: TileStore, plates: Mapping[str, Plate], photo: str, pixel: tuple[float, float], transfers: Sequence[Transfer]
 ) -> tuple[list[Proposal], list[str]]:
     """Match a place of a photo in others.
 
@@ -77,8 +77,7 @@ def propose(
     pixel : tuple
         Where it shows the point.
     transfers : sequence
-        Where the others are expected to show it, with `photo`, `expected`, `affine`, `along` and `error` as a session
-        has them.
+        Where the others are expected to show it.
 
     Returns
     -------

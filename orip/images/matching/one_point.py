@@ -45,6 +45,29 @@ class Expected(Struct, frozen=True):
     affine: NDArray[np.float64]
 
 
+class Transfer(Struct, frozen=True):
+    """Where another photo is expected to show what is at a place of a photo; coordinates as in a measurement file.
+
+    Parameters
+    ----------
+    photo : str
+        The other one.
+    expected : ndarray (2,)
+    affine : ndarray (2, 2)
+        From the one photo to the other there.
+    along : ndarray (2,)
+        Unit vector of the epipolar line.
+    error : float
+        How far off the line the orientations may leave it: an a-priori error of photo coordinates.
+    """
+
+    photo: str
+    expected: NDArray[np.float64]
+    affine: NDArray[np.float64]
+    along: NDArray[np.float64]
+    error: float = 0.0
+
+
 class FoundPoint(Struct, frozen=True):
     """The point in another photo.
 
