@@ -10,8 +10,8 @@ from monte_carlo.grouped_blocks import grouped_block
 from monte_carlo.stations_study import block_with_stations
 
 from orip.bundle.solve import iteration_settings
-from orip.bundle.variance_components import estimate_errors
-from orip.bundle.variance_groups import VarianceGroup, with_errors_times
+from orip.bundle.variance.components import estimate_errors
+from orip.bundle.variance.groups import VarianceGroup, with_errors_times
 from orip.records.block import Block
 from orip.records.definition import BORESIGHT, Antenna
 from orip.structs import replace

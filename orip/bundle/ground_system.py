@@ -8,8 +8,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.datum import information_on_movements
-from orip.bundle.movements import movements_of_block
+from orip.bundle.datum.free_datum import information_on_movements
+from orip.bundle.datum.movements import movements_of_block
 from orip.bundle.points.on_figures import with_points_on_figures
 from orip.bundle.problem import BlockProblem
 from orip.bundle.results.ground import photo_cofactors, undetermined_photos

@@ -104,7 +104,7 @@ def adjust_block(
         advice += pruning_diagnosis(pruned.removed)
     components: tuple[VarianceComponent, ...] = ()
     if method.variance_components and not stop_asked():
-        from orip.bundle.variance_components import estimate_errors
+        from orip.bundle.variance.components import estimate_errors
 
         settings = iteration_settings(block.definition)
         if method.snooping is not None:

@@ -21,7 +21,7 @@ from orip.bundle.compiled.loop_pattern import blocks_of_points
 from orip.bundle.compiled.photo_loop import PhotoPointLoop, is_compiled, photo_loop
 from orip.bundle.compiled.rig_loop import RigLoop, rig_loop
 from orip.bundle.compiled.streamed_rows import PointLoop, StreamedRows, touched_groups
-from orip.bundle.datum import FreeDatum, free_datum
+from orip.bundle.datum.free_datum import FreeDatum, free_datum
 from orip.bundle.kinds.all_kinds import KINDS, require_enough_digits
 from orip.bundle.kinds.observation import Observations, partials_by_unknowns
 from orip.bundle.kinds.photo_point import PhotoPointObservations

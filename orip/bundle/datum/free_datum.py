@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from orip.adjustment.equations import Equations
 from orip.adjustment.factorisation.null_space import InnerConstraints, PointMovements
 from orip.arrays import FloatArray, IntArray
-from orip.bundle.movements import Movements, movements_of_block
+from orip.bundle.datum.movements import Movements, movements_of_block
 from orip.bundle.state import BlockState
 from orip.bundle.unknowns import CONSTANT, Unknowns
 from orip.errors import InputError

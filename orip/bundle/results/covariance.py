@@ -2,7 +2,7 @@
 
 The stored cofactors are those of unknowns with observations in common. Any other block of the inverse is solved for
 with the factor of the normal equations when it is asked for: Q E = N^-1 E, with unit vectors E. In a free network it is
-S Q S^T E, with the S-transformation of its datum (see `orip.bundle.datum`).
+S Q S^T E, with the S-transformation of its datum (see `orip.bundle.datum.free_datum`).
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from orip.bundle.kinds.photo_point import PhotoPointObservations
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.solve import SolvedBlock, solve_problem, without_observations
 from orip.bundle.unknowns import CONSTANT
-from orip.bundle.variance_groups import (
+from orip.bundle.variance.groups import (
     GroupRows,
     VarianceGroup,
     variance_groups,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 from msgspec import Struct
 
@@ -14,9 +13,6 @@ from orip.workflow.adjust.solve import ADJUSTED_FROM
 from orip.workflow.project.bundle_state import BundleState
 from orip.workflow.project.state import Part
 from orip.workflow.steps import solve_step
-
-What = Literal["cameras", "photos", "points", "theodolites", "figures", "residuals"]
-
 
 CHECKED: tuple[Part, ...] = (*ADJUSTED_FROM, "heads", "solutions")
 """What `check` needs of the stores."""

@@ -13,7 +13,7 @@ from orip.adjustment.normals import solve_normals
 from orip.adjustment.precision import Cofactors, cofactors
 from orip.adjustment.sparse_rows import SparseRows
 from orip.arrays import BoolArray, FloatArray
-from orip.bundle.movements import movements_of_block
+from orip.bundle.datum.movements import movements_of_block
 from orip.bundle.problem import BlockProblem, pose_problem
 from orip.bundle.starting_state import starting_state
 from orip.bundle.state import BlockState

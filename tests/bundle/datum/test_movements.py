@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from aerial_blocks import aerial_block
 
-from orip.bundle.movements import movements_of_block
+from orip.bundle.datum.movements import movements_of_block
 from orip.bundle.problem import pose_problem
 from orip.bundle.starting_state import starting_state
 from orip.bundle.unknowns import CONSTANT

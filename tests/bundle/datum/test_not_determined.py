@@ -13,9 +13,9 @@ from bundle.solving import OFF, redefined, solution, solved
 from cli.command_line import Said, orip
 from support.synthetic_block import synthetic_block
 
-from orip.bundle.datum import information_on_movements
+from orip.bundle.datum.free_datum import information_on_movements
+from orip.bundle.datum.movements import movements_of_block
 from orip.bundle.ground_system import not_determined
-from orip.bundle.movements import movements_of_block
 from orip.records.block import Block
 from orip.records.control import ControlPoint
 from orip.structs import replace

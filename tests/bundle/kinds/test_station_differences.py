@@ -16,7 +16,7 @@ from orip.bundle.results.solution import solution_of
 from orip.bundle.snooping.findings import snooping_diagnosis, without_blunders
 from orip.bundle.snooping.search import SnoopingSettings, snoop
 from orip.bundle.solve import iteration_settings
-from orip.bundle.variance_components import estimate_errors
+from orip.bundle.variance.components import estimate_errors
 from orip.records.control import StationDifference
 from orip.records.definition import BORESIGHT, Antenna
 from orip.structs import replace

@@ -12,13 +12,13 @@ from monte_carlo.grouped_blocks import grouped_block
 from orip.bundle import variance_components as estimation
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings
-from orip.bundle.variance_components import (
+from orip.bundle.variance.components import (
     EstimatedErrors,
     VarianceEquations,
     estimate_errors,
     variance_equations,
 )
-from orip.bundle.variance_groups import VarianceGroup, variance_groups, with_errors_times
+from orip.bundle.variance.groups import VarianceGroup, variance_groups, with_errors_times
 from orip.records.block import Block
 from orip.records.results.tests import VarianceComponent
 from orip.structs import replace
