@@ -40,8 +40,6 @@ from orip.workflow.project.texts import EDITS_FILE
 # is on the plates. Until the table is loaded again, the plate processor drives to where points were before.
 
 
-_DOWNLOAD = "run 'orip measure' and 'orip drive download'"
-
 _REPLY_S = 2.0
 """`orip status` waits no longer for a plate processor."""
 

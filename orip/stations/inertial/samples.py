@@ -6,6 +6,7 @@ import numpy as np
 from msgspec import Struct
 
 from orip.arrays import FloatArray
+from orip.geometry.frames import EARTH_RATE
 
 
 class ImuSamples(Struct, frozen=True):
@@ -113,7 +114,6 @@ class LocalGravity(Struct, frozen=True):
         return np.asarray(size * down / np.linalg.norm(down))
 
 
-EARTH_RATE = 7.292115e-5
 EARTH_RADIUS = 6.371e6
 
 
