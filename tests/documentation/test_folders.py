@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import tomllib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from documentation.pages import REPOSITORY
 
 PACKAGE = REPOSITORY / "orip"
 TESTS = REPOSITORY / "tests"
+STUDIES = REPOSITORY / "benchmarks" / "monte_carlo"
 FOLDERS = sorted(path.parent for path in PACKAGE.rglob("__init__.py"))
 
 MOST_MODULES = 22
@@ -41,6 +43,12 @@ def test_a_folder_of_tests_can_be_surveyed() -> None:
     folders = {path.parent for path in TESTS.rglob("*.py")}
     crowded = [folder.relative_to(TESTS) for folder in folders if len(modules(folder)) > MOST_TESTS]
     assert not crowded
+
+
+def test_modules_of_tests_have_names_of_their_own() -> None:
+    """Two of one name are an error only where both are collected: it would come up in the whole suite alone."""
+    names = Counter(path.name for folder in (TESTS, STUDIES) for path in folder.rglob("test_*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_the_rules_of_imports_can_be_surveyed() -> None:
