@@ -52,7 +52,7 @@ def bal_block(path: Path) -> Block:
     return Block(
         definition=BundleDefinition("BAL", Precision(1.0), max_iterations=_ITERATIONS, start_down_weight=_ITERATIONS),
         cameras=tuple(
-            Camera(f"C{row}", (f, 0.0, 0.0, 0.0, k1 / f**2, k2 / f**4, *[0.0] * 6), unknown=("C", "A3", "A5"))
+            Camera(f"C{row}", (f, 0.0, 0.0, 0.0, k1 / f**2, k2 / f**4, *[0.0] * 7), unknown=("C", "A3", "A5"))
             for row, (f, k1, k2) in enumerate(cameras[:, 6:].tolist())
         ),
         photos=tuple(Photo(f"P{row}", f"C{row}", constant=held) for row, held in enumerate(_held(centres))),

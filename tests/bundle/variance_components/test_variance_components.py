@@ -9,9 +9,9 @@ import pytest
 from bundle.solving import solved
 from monte_carlo.grouped_blocks import grouped_block
 
-from orip.bundle import variance_components as estimation
 from orip.bundle.results.solution import solution_of
 from orip.bundle.solve import SolvedBlock, iteration_settings
+from orip.bundle.variance import components as estimation
 from orip.bundle.variance.components import (
     EstimatedErrors,
     VarianceEquations,
