@@ -12,7 +12,7 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import MOST_ROUNDS, LinearAdjustment, weights_of_lower_cost
+from orip.adjustment.weight_changes import MOST_ROUNDS, LinearAdjustment, may_lose_weight, weights_of_lower_cost
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
@@ -157,7 +157,8 @@ def exchanges_to_try(
     """
     rows = _rows_to_exchange(equations, weights, layout, limit, among)
     cofactor = factored_rows(equations, weights, normals, layout, rows).cofactor()
-    related = _related(cofactor, weights[rows]) | (np.abs(equations.residual[rows]) > limit / 2.0)
+    doubtful = may_lose_weight(equations.residual[rows], weights[rows] * np.diag(cofactor), limit)
+    related = _related(cofactor, weights[rows]) | doubtful
     rows, cofactor = rows[related], cofactor[np.ix_(related, related)]
     # the residuals after one more correction with the same normal equations
     weighted = np.where(equations.active, weights, 0.0) * equations.residual

@@ -162,7 +162,8 @@ class _Ways(Struct, frozen=True):
         That is the weight of the residual that an observation has with this weight, 0 if there is none.
         """
         weights = np.where(self.weight < 1.0, 1.0, self.weight)
-        in_use = (self.weight >= 1.0) & (np.abs(self.residual) > limit / 2.0) & (1.0 - self.leverage > _TESTABLE)
+        in_use = (self.weight >= 1.0) & (1.0 - self.leverage > _TESTABLE)
+        in_use &= may_lose_weight(self.residual, self.leverage, limit)
         places = np.nonzero(in_use)
         size, leverage = np.abs(self.residual[places]), self.leverage[places]
         weight = np.zeros(len(size))
@@ -171,6 +172,14 @@ class _Ways(Struct, frozen=True):
             weight = np.where(moved > limit, np.exp(-moved / limit), 0.0)
         weights[places] = weight
         return weights
+
+
+def may_lose_weight(residual: FloatArray, leverage: FloatArray, limit: float) -> BoolArray:
+    """Return for which observations of full weight the cost may fall without them.
+
+    Where an observation alone determines something, nearly, its residual is small however wrong it is.
+    """
+    return np.asarray(np.abs(residual) > limit * np.minimum(0.5, 1.0 - leverage))
 
 
 class _End(NamedTuple):

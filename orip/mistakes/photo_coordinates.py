@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from orip.arrays import FloatArray, IntArray
 from orip.errors import ProjectWarning
@@ -313,22 +314,24 @@ def mirrored_alone(block: Block, solution: Solution) -> list[ProjectWarning]:
     place = places_of_names(solution.points.names)
     ground = solution.points.values[[place[name] for name in block.point_names]]
     points, count = block.photo_points, len(block.photos)
-    seen = np.zeros((count, len(ground)), dtype=bool)
-    seen[points.photo[points.in_use], points.point[points.in_use]] = True
-    seen &= np.isfinite(ground).all(axis=1)
+    is_known = np.asarray(np.isfinite(ground).all(axis=1))
+    rows = points.in_use & is_known[points.point]
+    seen = csr_array((np.ones(np.count_nonzero(rows)), (points.photo[rows], points.point[rows])), (count, len(ground)))
     names = []
     for photo in np.flatnonzero(np.isfinite(given).all(axis=1)).tolist():
-        plane = _plane(ground[seen[photo]], _NEARLY_FLAT)
+        own = seen.indices[seen.indptr[photo] : seen.indptr[photo + 1]]
+        plane = _plane(ground[own], _NEARLY_FLAT)
         if plane is None:
             continue
         centroid, normal = plane
-        least = _BESIDE * float(np.std((ground[seen[photo]] - centroid) @ normal))
+        least = _BESIDE * float(np.std((ground[own] - centroid) @ normal))
         beside = (found - centroid) @ normal
         side = np.where(np.abs(beside) > least, np.sign(beside), 0.0)
-        others = (seen & seen[photo]).sum(axis=1) >= max(_FEWEST_OF_ONE, _SHARED * np.count_nonzero(seen[photo]))
+        if (given[photo] - centroid) @ normal * side[photo] >= -least:
+            continue
+        others = seen @ seen[[photo]].toarray()[0] >= max(_FEWEST_OF_ONE, _SHARED * len(own))
         others[photo] = False
-        was = (given[photo] - centroid) @ normal * side[photo]
-        if others.any() and (side[others] * side[photo] < 0.0).all() and was < -least:
+        if others.any() and (side[others] * side[photo] < 0.0).all():
             names.append(block.photos[photo].name)
     text = (
         "the adjustment puts it on the other side of the plane of its points than given, and than all photos that show "
