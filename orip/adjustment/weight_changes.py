@@ -18,7 +18,7 @@ from msgspec import Struct
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 
-_LEAST_GAIN, _DOUBT = 0.002, 0.01
+_LEAST_GAIN, _DOUBT = 0.0005, 0.01
 """Part of the square of the limit by which the cost has to fall; changes after which it is higher by no more than the
 second are doubtful: residuals of dozens of a-priori errors are not linear, and only an adjustment tells."""
 

@@ -205,7 +205,7 @@ def _is_nearer(place: OtherPlace, equations: Equations, limit: float) -> bool:
         float(danish_costs(np.abs(residual), limit).sum())
         for residual in (equations.residual[place.rows], place.residual)
     )
-    return there < here - _LESS * limit**2
+    return there < here + _LESS * limit**2
 
 
 def _places_of_points(
