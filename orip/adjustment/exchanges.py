@@ -12,7 +12,8 @@ from msgspec import Struct
 from orip.adjustment.equations import Equations, Layout, OtherPlace
 from orip.adjustment.normals import SolvedNormals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import MOST_ROUNDS, LinearAdjustment, may_lose_weight, weights_of_lower_cost
+from orip.adjustment.weight_changes import LinearAdjustment, may_lose_weight
+from orip.adjustment.weight_search import MOST_ROUNDS, weights_of_lower_cost
 from orip.adjustment.weights import danish_costs
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
@@ -20,7 +21,7 @@ from orip.structs import replace
 # A gross error pulls its neighbours along, and where the iterations begin decides which of them is the first to lose
 # weight. The solution is a local minimum of the robust cost then: none of its observations fits with full weight, and
 # yet the cost is lower with another one down-weighted in its place. Here such exchanges are tried without an adjustment
-# (`weight_changes`), and then with the linearisation of the solution.
+# (`weight_search`), and then with the linearisation of the solution.
 
 _MOST_ROWS, _MOST_REDUCED = 1000, 60
 """Up to 1000 observations are all tried, beyond that only those of doubtful points. No exchange is tried once more than

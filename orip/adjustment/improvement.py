@@ -28,7 +28,7 @@ from orip.adjustment.exchanges import (
 from orip.adjustment.iteration_state import Candidate, IterationSettings, IterationState, Tried
 from orip.adjustment.normals import SolvedNormals, solve_normals
 from orip.adjustment.sparse_rows import SparseRows
-from orip.adjustment.weight_changes import MOST_ROUNDS
+from orip.adjustment.weight_search import MOST_ROUNDS
 from orip.arrays import BoolArray, FloatArray, IntArray
 from orip.structs import replace
 

@@ -17,12 +17,14 @@ from adjustment.factorisation.linear_systems import (
     settings,
 )
 
-from orip.adjustment import weight_changes
+from orip.adjustment import weight_search
 from orip.adjustment.exchanges import exchanges_to_try, lost_by_themselves, wrong_by_themselves, wrong_one_by_one
+from orip.adjustment.first_changes import taken_back_together
 from orip.adjustment.improvement import rounds_after
 from orip.adjustment.normals import solve_normals
 from orip.adjustment.residual_sums import factored_rows
-from orip.adjustment.weight_changes import LinearAdjustment, _begun, _taken_back_together, weights_of_lower_cost
+from orip.adjustment.weight_changes import LinearAdjustment, begun
+from orip.adjustment.weight_search import weights_of_lower_cost
 from orip.structs import replace
 
 COUNT, LIMIT = 12, 5.0
@@ -222,7 +224,7 @@ def test_observations_that_are_taken_back_together_have_the_residuals_of_an_adju
     random = np.random.default_rng(3)
     start = many_wrong(random)
     lots = [np.array(lot) for lot in ([20, 31], [16, 18, 44, 25], [40, 41], [17, 19, 21], [15, 16])]
-    (found,) = _taken_back_together(_begun(start, 1), lots)
+    (found,) = taken_back_together(begun(start, 1), lots)
     for lot, residual, weight, square_sum in zip(lots, found.residual, found.weight, found.square_sum, strict=True):
         weights = start.weight.copy()
         weights[lot] = 1.0
@@ -235,13 +237,13 @@ def test_observations_that_are_taken_back_together_have_the_residuals_of_an_adju
 def test_the_search_ends_early_where_one_better_solution_after_the_other_was_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    start, searches, look = many_wrong(np.random.default_rng(5)), [], weight_changes._ends
+    start, searches, look = many_wrong(np.random.default_rng(5)), [], weight_search._ends
 
-    def counted(now: LinearAdjustment, limit: float) -> list[weight_changes._End]:
+    def counted(now: LinearAdjustment, limit: float) -> list[weight_search._End]:
         searches.append(now)
         return look(now, limit)
 
-    monkeypatch.setattr(weight_changes, "_ends", counted)
+    monkeypatch.setattr(weight_search, "_ends", counted)
     numbers = []
     for attempts in (0, 2, 5, 11):
         searches.clear()
