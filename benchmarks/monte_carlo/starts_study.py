@@ -19,7 +19,9 @@ from orip.structs import replace
 STARTS = (0.0, 0.0015, 0.0075)
 """Errors of the starting values, as a part of the distance to the object, and in radians."""
 
-MOST_ITERATIONS = 30
+MOST_ITERATIONS = 60
+"""As where nothing is said."""
+
 _SAME_COST = 1e-4
 
 FEW_RAYS, _FEW = "few rays", 3
