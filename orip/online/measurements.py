@@ -180,7 +180,7 @@ class Measurements:
                 "during the session, and give it to 'orip solve'"
             )
             raise InputError.single(message)
-        self._inputs = replace(inputs, control=replace(inputs.control, stations=_steady_stations(inputs)))
+        self._inputs = replace(inputs, control=replace(inputs.control, stations=_steady_stations(inputs)), terrains=())
         # what is known of points and photos does not depend on which one counts
         self._testable, self._held = (
             _ControlByName(_testable(self._inputs)),

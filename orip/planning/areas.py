@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from orip.arrays import FloatArray
-from orip.errors import InputError, UsageError
+from orip.errors import InputError
+from orip.files.height_raster import read_height_raster
 from orip.files.text.lines import read_bytes
+from orip.geometry.height_grid import other_system, surface_at
 from orip.geometry.other_crs import crs_from_geographic, geographic_from_crs
 from orip.planning.geometry import Terrain
 from orip.records.control import ControlPoint
@@ -116,50 +118,31 @@ def terrain_of_points(points: Sequence[ControlPoint], shown: str) -> Terrain:
     return heights
 
 
-def terrain_of_raster(path: Path, shown: str) -> Terrain:
-    """Return terrain of the first band of a GeoTIFF in the project's system, bilinear.
+def terrain_of_raster(path: Path, shown: str, crs: str | None) -> Terrain:
+    """Return terrain of the first band of a GeoTIFF in the project's system.
 
     Raises
     ------
     InputError
-        If it cannot be read; and when heights are asked for where it has none.
+        If it cannot be read or is in another system; and when heights are asked for where it has none.
     UsageError
         Without rasterio.
     """
-    try:
-        import rasterio
-    except ImportError:
-        message = "a GeoTIFF is read by rasterio: pip install 'orip[terrain]'"
-        raise UsageError(message) from None
-    from scipy.ndimage import map_coordinates
-
-    data, complaints = read_bytes(path, shown)
-    if data is None:
-        raise InputError(complaints)
-    try:
-        with rasterio.MemoryFile(data) as memory, memory.open() as source:
-            values = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-            inverse = ~source.transform
-    except rasterio.errors.RasterioError as error:
-        message = f"this is no raster that can be read ({error}); give a GeoTIFF of heights"
-        raise InputError.single(message, shown) from None
+    grid = read_height_raster(path, shown)
+    if (difference := other_system(grid, crs)) is not None:
+        message = f"{difference}; convert the raster into the project's system (gdalwarp), and give that"
+        raise InputError.single(message, shown)
 
     def heights(places: FloatArray) -> FloatArray:
-        column, row = _applied(inverse, places)
-        # pixels are areas: a height is that of the middle of its pixel
-        at = np.array([row - 0.5, column - 0.5])
-        size = np.array(values.shape)[:, None]
-        inside = ((at > -0.5 - 1e-9) & (at < size - 0.5 + 1e-9)).all(axis=0)
-        found = map_coordinates(values, np.clip(at, 0.0, size - 1.0), order=1, mode="nearest")
-        if not np.isfinite(found[inside]).all() or not inside.all():
-            missing = places[~inside | ~np.isfinite(found)][0]
+        found = surface_at(grid, places)
+        if not found.known.all():
+            x, y = places[~found.known][0].tolist()
             message = (
-                f"the terrain has no height at {missing[0]:.1f}, {missing[1]:.1f}, and at "
-                f"{int((~inside | ~np.isfinite(found)).sum())} of {len(places)} places asked for; fill its holes, or "
-                "give a raster that reaches beyond the border by a photo"
+                f"the terrain has no height at {x:.1f}, {y:.1f}, and at {int((~found.known).sum())} of {len(places)} "
+                "places asked for; fill its holes, or give a raster that reaches beyond the border by a photo"
             )
             raise InputError.single(message, shown)
-        return np.asarray(found)
+        return found.height
 
     return heights
 
@@ -272,9 +255,3 @@ def _crossing(corners: FloatArray) -> tuple[int, int] | None:
 def _side(a: FloatArray, b: FloatArray, p: FloatArray) -> FloatArray:
     one, other = b - a, p - a
     return np.asarray(np.sign(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]))
-
-
-def _applied(transform: Any, places: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the column and row of places, by the six numbers of an affine transformation."""
-    a, b, c, d, e, f = tuple(transform)[:6]
-    return a * places[:, 0] + b * places[:, 1] + c, d * places[:, 0] + e * places[:, 1] + f

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from orip.records.definition import BundleDefinition
 from orip.records.names import record_key
 from orip.records.plan import PlanSettings
 from orip.structs import replace
+from orip.workflow.project.folder import ProjectFolder
 from orip.workflow.project.state import ProjectState, read_checked_project
 from orip.workflow.project.texts import raise_complaints
 
@@ -91,7 +92,7 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
     if chosen is None:
         message = f"bundle {name} is not in it; write its [[bundle]] with measurement_precision"
         raise InputError.single(message, _TOML)
-    terrain = _terrain(settings, control.value.points, project.folder, project.shown)
+    terrain = _terrain(settings, control.value.points, project)
     return Given(settings, camera, chosen, terrain, control.value, state)
 
 
@@ -239,12 +240,10 @@ def forecast_of(given: Given, stations: Sequence[Station]) -> Forecast:
     return forecast(design_block(design_of(given, stations)))
 
 
-def _terrain(
-    settings: PlanSettings, points: Sequence[ControlPoint], folder: Path, shown: Callable[[Path], str]
-) -> Terrain:
+def _terrain(settings: PlanSettings, points: Sequence[ControlPoint], project: ProjectFolder) -> Terrain:
     if not settings.terrain:
         return level(settings.ground)
     if settings.terrain == "control":
         return terrain_of_points(points, "the .PNT file")
-    path = folder / settings.terrain
-    return terrain_of_raster(path, shown(path))
+    path = project.folder / settings.terrain
+    return terrain_of_raster(path, project.shown(path), project.definition.crs)

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 
 from orip.records.camera import Camera
 from orip.records.fields import GROUND_UNIT, Field
+from orip.records.ground import Terrain
 from orip.records.names import record_key
 from orip.records.photo import Photo, Stage, Template, Temtick
 from orip.records.plan import PlanSettings
@@ -312,6 +313,7 @@ class ProjectDefinition(Struct, frozen=True):
     gates: tuple[str, ...] = ()
     report: ReportDetails = field(default_factory=ReportDetails)
     antennas: tuple[Antenna, ...] = ()
+    terrains: tuple[Terrain, ...] = ()
     rigs: Rigs = field(default_factory=Rigs)
     output_folder: str | None = None
     test_level: float | None = None

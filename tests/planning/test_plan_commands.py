@@ -296,7 +296,7 @@ def test_a_raster_of_heights_is_read_and_its_holes_are_named(tmp_path):
         transform=rasterio.Affine(1.0, 0.0, 1000.0, 0.0, -1.0, 2050.0),
     ) as target:  # fmt: skip
         target.write(heights, 1)
-    terrain = terrain_of_raster(tmp_path / "dem.tif", "dem.tif")
+    terrain = terrain_of_raster(tmp_path / "dem.tif", "dem.tif", None)
     places = np.array([[1030.5, 2020.5], [1040.25, 2005.75]])
     assert np.allclose(terrain(places), 2.0 * (places[:, 0] - 1000.5) + places[:, 1] - 2000.5)
     for wrong in ([[1010.5, 2039.5]], [[900.0, 2020.0]]):

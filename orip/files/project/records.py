@@ -54,6 +54,7 @@ def project_definition(source: ProjectSource, project: ProjectTable) -> ProjectD
         gnss=source.gnss,
         imu=source.imu,
         antennas=tuple(antenna.record for antenna in source.antennas),
+        terrains=tuple(terrain.record for terrain in source.terrains),
         rigs=Rigs(tuple(rig.record for rig in source.rigs), tuple(found.record for found in source.exposures)),
         output_folder=project.output_folder,
     )
@@ -98,6 +99,7 @@ def project_document(definition: ProjectDefinition) -> TomlTable:
         "template": [toml_of(template) for template in definition.templates],
         "photo": [toml_of(photo) for photo in definition.photos],
         "antenna": [toml_of(antenna) for antenna in definition.antennas],
+        "terrain": [toml_of(terrain) for terrain in definition.terrains],
         "rig": [toml_of(rig) for rig in definition.rigs.rigs],
         "exposure": [toml_of(exposure) for exposure in definition.rigs.exposures],
         "bundle": [toml_of(bundle) for bundle in definition.bundles],

@@ -35,7 +35,7 @@ from orip.records.fields import Field, Part, RecordField, fields_by_key, without
 # `checks`.
 
 SINGLE_SECTIONS = ("project", "check", "report", "plan", "gnss", "imu")
-RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "rig", "exposure", "bundle")
+RECORD_SECTIONS = ("camera", "temtick", "template", "photo", "antenna", "terrain", "rig", "exposure", "bundle")
 SECTIONS = (*SINGLE_SECTIONS, *RECORD_SECTIONS)
 """Tables of orip.toml; all but the first six may come several times."""
 
