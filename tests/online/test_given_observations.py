@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli.command_line import orip
 from support.online_answers import last_answer
@@ -90,6 +91,26 @@ def test_what_is_not_observed_is_said(tmp_path: Path) -> None:
         in asked(do="exclude", observation="control point 99")["error"]
     )
     assert "does not have" in asked(do="exclude", observation="control point 2", photo="left")["error"]
+
+
+def test_out_and_in_again_leaves_the_triangle_of_all_equations() -> None:
+    """To 1e-8 standard deviations: each step loses digits by the redundancy of what it takes out alone."""
+    session = simulated_session(2, 4, 0)
+    measuring = Measuring(OnlineBlock(session.inputs))
+    for one in session.measurements:
+        last_answer(measuring, one)
+    equations = measuring.block.equations
+    built = equations.rebuilt
+    given = [key for key in equations.included if key.kind == "control"]
+    for key in given:
+        measuring.leave_out(key)
+        measuring.take_in(key)
+    assert set(given) <= equations.included.keys()
+    found = equations.triangle.solution()
+    if equations.rebuilt == built:
+        equations.rebuild()
+    sd = np.sqrt(np.diagonal(equations.triangle.cofactors()))
+    assert np.abs(found - equations.triangle.solution()).max() <= 1e-8 * sd.min()
 
 
 def test_what_is_left_out_stays_out_where_the_session_begins_again() -> None:

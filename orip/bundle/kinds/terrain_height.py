@@ -32,7 +32,7 @@ class TerrainHeightObservations(Observations, frozen=True):
         """
         found = self.ground.project_with_partials(state.points[self.point])
         residual, by_project = np.zeros(len(self.point)), np.tile([0.0, 0.0, 1.0], (len(self.point), 1))
-        known: BoolArray = np.isfinite(np.hstack([found.value, found.by_local.reshape(-1, 9)])).all(axis=1)
+        known: BoolArray = np.asarray(np.isfinite(np.hstack([found.value, found.by_local.reshape(-1, 9)])).all(axis=1))
         for number, model in enumerate(self.models):
             mine = np.flatnonzero((self.terrain == number) & known)
             surface = surface_at(model.grid, found.value[mine, :2])
