@@ -238,6 +238,9 @@ class StereoScreen:
         if self._processor.read().xyz is None:
             message = "the rays of the two plates do not meet; drive to the point first"
             raise RequestError(message)
+        for photo in self._processor.photo_names(self._processor.read().model):
+            if self._plates[photo].image is not None and not self._plates[photo].fault:
+                self._store.require_as_found(self._plates[photo].stored)
         feature = self._file.put(kind, _word(asked, "code"), _word(asked, "name"), self._processor.vertex())
         self._closed = kind == "POINT"
         return f"recorded {_counted(feature)}"
