@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from orip.errors import MOST_COMPLAINTS, Complaint
 from orip.exchange.colmap.binary import Bytes, guarded
@@ -46,7 +46,7 @@ def rigs_from_text(data: bytes, shown: str) -> Parsed[tuple[ColmapRig, ...]]:
     for number, line in records(lines.value):
         rig = _rig_of_line(line.split())
         if rig is None:
-            message = "write RIG COUNT REFERENCE_TYPE REFERENCE, then TYPE SENSOR 0, or TYPE SENSOR 1 and a pose, repeated"
+            message = "write RIG COUNT TYPE SENSOR, then TYPE SENSOR 0, or TYPE SENSOR 1 and a pose, repeated"
             complaints.append(Complaint(message, shown, number))
         else:
             found.append(rig)
@@ -189,28 +189,32 @@ def _frame_line(frame: ColmapFrame) -> str:
 
 def rig_contradictions(model: ColmapModel, path: str, form: str) -> Iterator[Complaint]:
     """Yield what is impossible in rigs and frames whose files are readable."""
-    rigs, frames = f"{path}/rigs.{form}", f"{path}/frames.{form}"
-    sensors = Counter(sensor for rig in model.rigs for sensor in rig.sensors)
-    for (_, number), count in sensors.items():
-        if count > 1:
-            yield Complaint(f"sensor {number} is on a rig twice, or on two", rigs)
-    for rig in model.rigs:
+    for message in _of_rigs(model.rigs):
+        yield Complaint(message, f"{path}/rigs.{form}")
+    for message in _of_frames(model.frames, {rig.id: set(rig.sensors) for rig in model.rigs}):
+        yield Complaint(message, f"{path}/frames.{form}")
+
+
+def _of_rigs(rigs: Sequence[ColmapRig]) -> Iterator[str]:
+    sensors = Counter(sensor for rig in rigs for sensor in rig.sensors)
+    yield from (f"sensor {number} is on a rig twice, or on two" for (_, number), count in sensors.items() if count > 1)
+    for rig in rigs:
         if not all(_is_pose(pose) for pose in rig.poses if pose is not None):
-            yield Complaint(f"rig {rig.id} has a sensor without a rotation, or a pose that is not finite", rigs)
+            yield f"rig {rig.id} has a sensor without a rotation, or a pose that is not finite"
         if any(kind not in range(len(_KINDS)) for kind, _ in rig.sensors):
-            yield Complaint(f"rig {rig.id} has a sensor of an unknown kind; known are 0 (camera) and 1 (IMU)", rigs)
-    of_rig = {rig.id: set(rig.sensors) for rig in model.rigs}
-    images = Counter(image for frame in model.frames for kind, _, image in frame.data if kind == CAMERA_SENSOR)
-    for image, count in images.items():
-        if count > 1:
-            yield Complaint(f"image {image} is of {count} frames", frames)
-    for frame in model.frames:
+            yield f"rig {rig.id} has a sensor of an unknown kind; known are 0 (camera) and 1 (IMU)"
+
+
+def _of_frames(frames: Sequence[ColmapFrame], of_rig: Mapping[int, set[tuple[int, int]]]) -> Iterator[str]:
+    images = Counter(image for frame in frames for kind, _, image in frame.data if kind == CAMERA_SENSOR)
+    yield from (f"image {image} is of {count} frames" for image, count in images.items() if count > 1)
+    for frame in frames:
         if frame.rig not in of_rig:
-            yield Complaint(f"frame {frame.id} is of rig {frame.rig}, which is not among the rigs", frames)
+            yield f"frame {frame.id} is of rig {frame.rig}, which is not among the rigs"
         elif any((kind, sensor) not in of_rig[frame.rig] for kind, sensor, _ in frame.data):
-            yield Complaint(f"frame {frame.id} has a datum of a sensor that is not on its rig {frame.rig}", frames)
+            yield f"frame {frame.id} has a datum of a sensor that is not on its rig {frame.rig}"
         if not _is_pose(frame.pose):
-            yield Complaint(f"frame {frame.id} has no rotation, or a pose that is not finite", frames)
+            yield f"frame {frame.id} has no rotation, or a pose that is not finite"
 
 
 def _is_pose(pose: Pose) -> bool:

@@ -96,7 +96,9 @@ def _rigs(
     taken: set[int] = set()
     for rig in project.rigs:
         poses = {
-            (CAMERA_SENSOR, camera_of[one.camera]): _sensor_pose(one) for one in rig.mountings if one.camera in camera_of
+            (CAMERA_SENSOR, camera_of[one.camera]): _sensor_pose(one)
+            for one in rig.mountings
+            if one.camera in camera_of
         }
         if not poses:
             continue
