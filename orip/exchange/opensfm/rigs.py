@@ -14,6 +14,7 @@ import numpy as np
 
 from orip.arrays import FloatArray
 from orip.exchange.conversion.poses import rotation_vectors
+from orip.exchange.sources.collected import together
 from orip.exchange.sources.json_tree import JsonValue
 from orip.files.text.shown import shown_token
 from orip.geometry.rotation import rotation_about_axes
@@ -56,7 +57,7 @@ class RigReader:
         self.rigs: tuple[ExchangedRig, ...] = ()
         self.exposures: tuple[ExchangedExposure, ...] = ()
         instances = self._instances(part)
-        bodies = _bodies(list(instances.values()))
+        bodies = together([list(members.values()) for members in instances.values()])
         if not bodies:
             return
         place = self._separate(bodies, instances)
@@ -111,19 +112,6 @@ class RigReader:
                 photos[photo] = replace(photos[photo], camera=place.get(key, key[1]))
         self.cameras, self.photos = tuple(cameras), tuple(photos)
         return place
-
-
-def _bodies(instances: Sequence[Mapping[int, _Key]]) -> list[list[_Key]]:
-    """Return the cameras of each rig, those that were ever together; cameras that were always alone are on none."""
-    bodies: list[list[_Key]] = []
-    for members in instances:
-        keys = list(dict.fromkeys(members.values()))
-        if len(keys) < 2:
-            continue
-        touched = [body for body in bodies if any(key in body for key in keys)]
-        merged = list(dict.fromkeys([key for body in touched for key in body] + keys))
-        bodies = [body for body in bodies if body not in touched] + [merged]
-    return bodies
 
 
 def matrix_of(owner: Mapping[str, Any]) -> FloatArray | None:

@@ -32,7 +32,12 @@ def imported_rigs(block: ImportedBlock) -> Rigs:
     given = tuple(rig for rig in project.rigs if len(rig.mountings) > 1)
     of_rigs = {one.camera for rig in given for one in rig.mountings}
     rig_names = unique_names([rig.name for rig in given], "RIG", ignoring_case=True)
-    exposures = [one for one in project.exposures if any(project.photos[n].camera in of_rigs for n in one.photos)]
+    exposures = [
+        one
+        for one in project.exposures
+        if (cameras := [camera for n in one.photos if (camera := project.photos[n].camera) in of_rigs])
+        and len(set(cameras)) == len(cameras)  # two photos of a camera are not of one instant
+    ]
     names = unique_names([one.name for one in exposures], "EXPOSURE", ignoring_case=True)
     return Rigs(
         tuple(

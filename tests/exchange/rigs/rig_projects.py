@@ -74,7 +74,9 @@ def with_mountings(project: ExchangedProject) -> ExchangedProject:
     rig = ExchangedRig(
         "HEAD",
         tuple(
-            ExchangedMounting(k, tuple((down @ mountings[k] @ down).ravel().tolist()), tuple((down @ OFFSETS[k]).tolist()))
+            ExchangedMounting(
+                k, tuple((down @ mountings[k] @ down).ravel().tolist()), tuple((down @ OFFSETS[k]).tolist())
+            )
             for k in range(3)
         ),
     )

@@ -42,7 +42,7 @@ def read(path: Path, name: str) -> ExchangedProject:
 
 
 def exposures(name: str) -> set[frozenset[str]]:
-    """Return those that a format has: in Metashape a slave has a master, so that one without the first camera is none."""
+    """Return those that a format has: in Metashape one without the first camera, the master, is none."""
     found = members(rig_project(READING))
     return {one for one in found if len(one) == 3} if name == "metashape" else found
 
@@ -91,7 +91,11 @@ def test_a_rig_is_adjusted_and_goes_back(tmp_path: Path, name: str) -> None:
     document = tomllib.loads((project / "orip.toml").read_text(encoding="utf-8"))
     (rig,) = document["rig"]
     assert [set(one) for one in rig["camera"]] == [{"name"}] * 3
-    assert sorted(len(one["photos"]) for one in document["exposure"]) == [3] * 4 if name == "metashape" else [2, 3, 3, 3, 3]
+    assert (
+        sorted(len(one["photos"]) for one in document["exposure"]) == [3] * 4
+        if name == "metashape"
+        else [2, 3, 3, 3, 3]
+    )
     assert orip(project, "run").code == 0
     result = json.loads((project / "result.json").read_text(encoding="utf-8"))
     (mounted,) = result["mountings"].values()
