@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -130,6 +131,10 @@ def rms_of_colmap(folder: Path) -> float:
     pycolmap = pytest.importorskip("pycolmap")
     model = pycolmap.Reconstruction(str(folder))
     assert (model.num_rigs(), model.num_reg_images()) == (1, 15)
+    return rms_of_model(model)
+
+
+def rms_of_model(model: Any) -> float:
     squares = [
         float(np.square(image.project_point(model.points3D[one.point3D_id].xyz) - one.xy).sum())
         for image in model.images.values()
@@ -158,3 +163,40 @@ def test_photos_that_are_no_rig_any_more_go_back_one_by_one(tmp_path: Path, name
     found = read(project / "back", name)
     assert found.rigs == ()
     assert reprojected(found)[0].rms == pytest.approx(adjusted_rms(project), abs=SAME_PX)
+
+
+def test_rigs_of_colmap_end_where_its_own_adjustment_does(tmp_path: Path) -> None:
+    """Two rigs of three cameras that COLMAP has simulated and written; both programs estimate mountings and lenses."""
+    pycolmap = pytest.importorskip("pycolmap")
+    pycolmap.set_random_seed(3)
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig = 2, 3, 5
+    options.num_points3D, options.camera_model_id = 150, pycolmap.CameraModelId.SIMPLE_RADIAL
+    model = pycolmap.synthesize_dataset(options)
+    noise = pycolmap.SyntheticNoiseOptions()
+    noise.point2D_stddev = 0.5
+    pycolmap.synthesize_noise(noise, model)
+    (tmp_path / "given").mkdir()
+    model.write_binary(str(tmp_path / "given"))
+    given = read(tmp_path / "given", "colmap")
+    assert (len(given.rigs), len(given.exposures)) == (2, 10)
+    assert reprojected(given)[0].rms == pytest.approx(rms_of_model(model), abs=SAME_PX)
+    assert orip(tmp_path, "import", "given", "project").code == 0
+    assert orip(tmp_path / "project", "run").code == 0
+    assert orip(tmp_path / "project", "export", "colmap", "back").code == 0
+    back = pycolmap.Reconstruction(str(tmp_path / "project" / "back"))
+    config = pycolmap.BundleAdjustmentConfig()
+    for number in model.images:
+        config.add_image(number)
+    config.fix_gauge(pycolmap.BundleAdjustmentGauge.TWO_CAMS_FROM_WORLD)
+    adjustment = pycolmap.BundleAdjustmentOptions()
+    adjustment.print_summary = False
+    solver = adjustment.ceres.solver_options
+    solver.function_tolerance, solver.gradient_tolerance, solver.max_num_iterations = 1e-14, 0.0, 50
+    adjustment.ceres.solver_options = solver
+    pycolmap.create_default_ceres_bundle_adjuster(adjustment, config, model).solve()
+    assert rms_of_model(back) == pytest.approx(rms_of_model(model), abs=1e-9)
+    for number, rig in model.rigs.items():
+        for sensor, pose in rig.non_ref_sensors.items():
+            found = back.rigs[number].non_ref_sensors[sensor]
+            assert np.abs(found.rotation.matrix() - pose.rotation.matrix()).max() < 1e-6
