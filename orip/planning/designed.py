@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +11,18 @@ from msgspec import Struct
 from orip.errors import InputError, UsageError
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.regular_file import is_there
-from orip.planning.areas import checked_outline, level, read_outline, terrain_of_points, terrain_of_raster
+from orip.planning.areas import checked_outline, read_outline
 from orip.planning.forecast import (
     Design,
     Forecast,
     design_block,
     forecast,
-    points_of_box,
     tie_points,
 )
 from orip.planning.geometry import Terrain
-from orip.planning.plan import PlannedFlight, frame_of, plan_flight, plan_rings
+from orip.planning.plan import PlannedFlight, frame_of, plan_flight
+from orip.planning.rings import Object, object_of, plan_rings
+from orip.planning.terrain import level, terrain_of_points, terrain_of_raster
 from orip.planning.wanted_precision import height_for
 from orip.records.camera import Camera
 from orip.records.control import Control, ControlPoint, Station
@@ -62,6 +63,11 @@ class Given(Struct, frozen=True):
     state: ProjectState
 
     @property
+    def object(self) -> Object:
+        """Return what rings are round."""
+        return object_of(self.settings, self.control.points)
+
+    @property
     def path(self) -> Path:
         """Return the text of the planned exposures."""
         definition = self.state.project.definition
@@ -91,7 +97,7 @@ def given_plan(state: ProjectState, bundle: str | None) -> Given:
     if chosen is None:
         message = f"bundle {name} is not in it; write its [[bundle]] with measurement_precision"
         raise InputError.single(message, _TOML)
-    terrain = _terrain(settings, control.value.points, project.folder, project.shown)
+    terrain = _terrain(settings, control.value.points, state)
     return Given(settings, camera, chosen, terrain, control.value, state)
 
 
@@ -150,7 +156,7 @@ def with_height(given: Given) -> Given:
 def _made(given: Given) -> PlannedFlight:
     settings, camera = given.settings, given.camera
     if settings.kind == "rings":
-        return plan_rings(settings, camera)
+        return plan_rings(settings, camera, given.object)
     if bool(settings.area) == (settings.corners is not None):
         message = "give one of area (a file) and corners in [plan]"
         raise InputError.single(message, _TOML)
@@ -224,7 +230,7 @@ def design_of(given: Given, stations: Sequence[Station]) -> Design:
     settings, definition = given.settings, given.state.project.definition
     frame = frame_of(given.camera, "height")  # along and across are x and y
     points = (
-        points_of_box(settings.centre, settings.size, settings.tie_points)
+        (np.zeros((0, 3)) if settings.object else given.object.points)
         if settings.kind == "rings"
         else tie_points(np.array([frame.along, frame.across]), frame.c, stations, given.terrain, settings.tie_points)
     )
@@ -239,12 +245,11 @@ def forecast_of(given: Given, stations: Sequence[Station]) -> Forecast:
     return forecast(design_block(design_of(given, stations)))
 
 
-def _terrain(
-    settings: PlanSettings, points: Sequence[ControlPoint], folder: Path, shown: Callable[[Path], str]
-) -> Terrain:
+def _terrain(settings: PlanSettings, points: Sequence[ControlPoint], state: ProjectState) -> Terrain:
     if not settings.terrain:
         return level(settings.ground)
     if settings.terrain == "control":
         return terrain_of_points(points, "the .PNT file")
-    path = folder / settings.terrain
-    return terrain_of_raster(path, shown(path))
+    project = state.project
+    path = project.folder / settings.terrain
+    return terrain_of_raster(path, project.shown(path), project.definition.crs)

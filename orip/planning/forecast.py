@@ -146,16 +146,6 @@ def tie_points(frame: FloatArray, c: float, stations: Sequence[Station], terrain
     return np.column_stack([plan, terrain(plan)])
 
 
-def points_of_box(centre: Sequence[float], size: Sequence[float], count: int) -> FloatArray:
-    """Return points (n, 3) spread over a box, about so many."""
-    side = max(2, round(count ** (1.0 / 3.0)))
-    parts = np.linspace(-0.45, 0.45, side)
-    grid = np.stack(np.meshgrid(parts, parts, parts, indexing="ij"), axis=-1).reshape(-1, 3)
-    # a grid in planes through the axes would leave distortion less determined than an object does
-    shift = 0.05 * np.sin(np.arange(3 * len(grid)).reshape(-1, 3) * 2.399963)
-    return np.asarray(centre + (grid + shift) * size)
-
-
 def design_block(design: Design) -> Block:
     """Return the block of a design: each point in all photos that show it, exactly where it will be.
 

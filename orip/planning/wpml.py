@@ -23,7 +23,7 @@ _FASTEST_TRANSITION = 15.0
 _LOWEST, _HIGHEST = 2.0, 1500.0
 """Metres a second, and metres above the start: what the format allows."""
 
-_STOP = {"waypointTurnMode": "toPointAndStopWithDiscontinuityCurvature", "waypointTurnDampingDist": 0}
+_STOP = "toPointAndStopWithDiscontinuityCurvature"
 
 
 class _Waypoint(Struct, frozen=True):
@@ -43,9 +43,14 @@ def wpml_bytes(given: Waypoints) -> bytes:
     columns = (given.longitude, given.latitude, given.ellipsoid, given.start, given.heading, given.pitch)
     rows = [_Waypoint(number, *row) for number, row in enumerate(zip(*(one.tolist() for one in columns), strict=True))]
     speed = round(given.speed, 2)
-    mission = {"missionConfig": _mission(rows, speed)}
+    mission: dict[str, Content] = {"missionConfig": _mission(rows, speed)}
     template = _document(mission, _template(rows, speed), [_of_template(row) for row in rows], rows)
-    executed = {"templateId": 0, "executeHeightMode": "WGS84", "waylineId": 0, "autoFlightSpeed": speed}
+    executed: dict[str, Content] = {
+        "templateId": 0,
+        "executeHeightMode": "WGS84",
+        "waylineId": 0,
+        "autoFlightSpeed": speed,
+    }
     waylines = _document(mission, executed, [_executed(row, speed) for row in rows], rows)
     return zipped({"wpmz/template.kml": template, "wpmz/waylines.wpml": waylines})
 
@@ -73,7 +78,7 @@ def _template(rows: Sequence[_Waypoint], speed: float) -> dict[str, Content]:
         "gimbalPitchMode": "usePointSetting",
         "globalHeight": _height(rows[0].start),
         "globalWaypointHeadingParam": _heading(rows[0]),
-        "globalWaypointTurnMode": _STOP["waypointTurnMode"],
+        "globalWaypointTurnMode": _STOP,
         "globalUseStraightLine": 1,
     }
 
@@ -99,7 +104,7 @@ def _executed(row: _Waypoint, speed: float) -> dict[str, Content]:
         "executeHeight": _height(row.ellipsoid),
         "waypointSpeed": speed,
         "waypointHeadingParam": _heading(row),
-        "waypointTurnParam": _STOP,
+        "waypointTurnParam": {"waypointTurnMode": _STOP, "waypointTurnDampingDist": 0},
         "useStraightLine": 1,
         "actionGroup": _photo(row),
     }

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -14,9 +13,6 @@ import numpy as np
 import pytest
 from cli.command_line import orip
 from planning.planned_projects import document, project, stations, text_of, written
-
-from orip.errors import InputError
-from orip.planning.areas import read_outline, terrain_of_raster
 
 
 @pytest.fixture(scope="module")
@@ -160,56 +156,6 @@ def test_without_a_crs_formats_of_longitudes_are_refused(tmp_path):
     assert "coordinates" in json.loads(written(made, "geojson", "f.geojson"))
 
 
-SQUARE = [[10.0, 53.0], [10.004, 53.0], [10.004, 53.003], [10.0, 53.003], [10.0, 53.0]]
-
-
-def geojson(path: Path, ring: list, kind: str = "Polygon") -> None:
-    shape = {"type": kind, "coordinates": [ring] if kind == "Polygon" else ring}
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": shape}]}))
-
-
-def test_areas_of_files_are_taken_to_the_project(tmp_path):
-    from pyproj import Transformer
-
-    to_project = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
-    expected = np.array(to_project.transform(*np.array(SQUARE).T)).T
-    geojson(tmp_path / "a.geojson", SQUARE)
-    assert np.allclose(read_outline(tmp_path / "a.geojson", "a", "EPSG:25832", is_line=False), expected, atol=1e-3)
-    places = " ".join(f"{x},{y},0" for x, y in SQUARE)
-    kml = f"<kml><Placemark><Polygon><coordinates>{places}</coordinates></Polygon></Placemark></kml>"
-    (tmp_path / "a.kml").write_text(kml)
-    assert np.allclose(read_outline(tmp_path / "a.kml", "a", "EPSG:25832", is_line=False), expected, atol=1e-3)
-
-
-def test_an_area_over_the_180th_meridian_is_one(tmp_path):
-    geojson(tmp_path / "a.geojson", [[179.999, 0.0], [-179.999, 0.0], [-179.999, 0.001], [179.999, 0.001]])
-    found = read_outline(tmp_path / "a.geojson", "a", "EPSG:3832", is_line=False)
-    assert np.ptp(found[:, 0]) == pytest.approx(math.radians(0.002) * 6378137.0, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("ring", "crs", "said"),
-    [
-        ([[0.0, 90.0], [120.0, 89.99], [-120.0, 89.99]], "EPSG:25832", "crs"),
-        ([[500.0, 53.0], [10.0, 53.0], [10.0, 54.0]], "EPSG:25832", "longitude"),
-        ([[10.0, 153.0], [10.0, 53.0], [11.0, 54.0]], "EPSG:25832", "longitude"),
-        (SQUARE, None, "no crs"),
-    ],
-)
-def test_places_that_a_project_has_not_are_refused(tmp_path, ring, crs, said):
-    geojson(tmp_path / "a.geojson", ring)
-    with pytest.raises(InputError, match=said):
-        read_outline(tmp_path / "a.geojson", "a.geojson", crs, is_line=False)
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"type": "Polygon", "coordinates": [["a"]]}', "<kml>"])
-def test_files_that_are_no_areas_are_refused(tmp_path, text):
-    for name in ("a.geojson", "a.kml"):
-        (tmp_path / name).write_text(text)
-        with pytest.raises(InputError):
-            read_outline(tmp_path / name, name, "EPSG:25832", is_line=False)
-
-
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
@@ -235,23 +181,6 @@ def test_settings_that_cannot_be_get_one_clear_message(tmp_path, changed, said):
 def test_no_overlap_at_all_is_a_plan(tmp_path):
     made = project(tmp_path / "p", forward="0.0", side="0.0")
     assert document(made, "plan", "make")["base"] == pytest.approx(0.02 * 3648, rel=1e-9)
-
-
-def test_a_raster_of_heights_is_read_and_its_holes_are_named(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    heights = np.add.outer(np.arange(50.0)[::-1], 2.0 * np.arange(60.0))
-    heights[10, 10] = -9999.0
-    with rasterio.open(
-        tmp_path / "dem.tif", "w", driver="GTiff", width=60, height=50, count=1, dtype="float64", nodata=-9999.0,
-        transform=rasterio.Affine(1.0, 0.0, 1000.0, 0.0, -1.0, 2050.0),
-    ) as target:  # fmt: skip
-        target.write(heights, 1)
-    terrain = terrain_of_raster(tmp_path / "dem.tif", "dem.tif")
-    places = np.array([[1030.5, 2020.5], [1040.25, 2005.75]])
-    assert np.allclose(terrain(places), 2.0 * (places[:, 0] - 1000.5) + places[:, 1] - 2000.5)
-    for wrong in ([[1010.5, 2039.5]], [[900.0, 2020.0]]):
-        with pytest.raises(InputError, match="no height"):
-            terrain(np.array(wrong))
 
 
 def test_rings_are_planned_and_forecast(tmp_path):

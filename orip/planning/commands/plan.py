@@ -177,6 +177,7 @@ def _tell_plan(terminal: Terminal, plan: PlannedFlight, shown: str, unit: str, d
                 },
                 "turns": plan.turns,
                 "batteries": plan.batteries,
+                "rays": plan.rays,
             },
         )
         return
@@ -188,6 +189,8 @@ def _tell_plan(terminal: Terminal, plan: PlannedFlight, shown: str, unit: str, d
             f"         base {plan.base:.4g}, spacing {plan.spacing:.4g} {unit}; {plan.speed:.3g} {unit}/s, "
             f"{plan.seconds / 60.0:.1f} minutes, {plan.turns} turns, {plan.batteries} batteries"
         )
+    if plan.rays:
+        terminal.say(f"         each point is shown by {plan.rays} convergent photos at least")
 
 
 def _tell_forecast(terminal: Terminal, given: Given, found: Forecast) -> None:
