@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import Struct
 
+from orip.arrays import FloatArray
 from orip.errors import InputError, UsageError
 from orip.files.control.stations_text import read_stations, stations_text
 from orip.files.text.regular_file import is_there
@@ -129,7 +130,7 @@ def with_height(given: Given) -> Given:
     Raises
     ------
     InputError
-        If `pixel` or `height` is given too, no height gives it, or it is no flight.
+        If `pixel` or `height` is given too, no height gives it, nothing determines the camera, or it is no flight.
     """
     settings = given.settings
     assert settings.sd is not None, "it is asked for where it is given"
@@ -145,9 +146,16 @@ def with_height(given: Given) -> Given:
 
     def sd_at(height: float) -> float:
         plan = _made(at(height))
-        found = forecast_of(at(height), plan.stations).point_sd[:, 2]
-        known = found[np.isfinite(found)]
-        return float(np.median(known)) if 2 * len(known) > len(found) else float("inf")
+        found = forecast_of(at(height), plan.stations)
+        if found.held:
+            message = (
+                f"sd cannot be forecast: nothing determines {', '.join(found.held)} of the camera, and heights hang on "
+                "it; give cross_strips with cross_tilt in [plan], control in the .PNT file, or take it out of unknown"
+            )
+            raise InputError.single(message, _TOML)
+        heights = found.point_sd[:, 2]
+        known = heights[np.isfinite(heights)]
+        return float(np.median(known)) if 2 * len(known) > len(heights) else float("inf")
 
     unit = given.state.project.definition.ground_unit
     return at(height_for(settings.sd, _HEIGHT_OVER_SIZE * settings.sd * frame.c / size, sd_at, unit))
@@ -157,10 +165,21 @@ def _made(given: Given) -> PlannedFlight:
     settings, camera = given.settings, given.camera
     if settings.kind == "rings":
         return plan_rings(settings, camera, given.object)
+    return plan_flight(settings, camera, outline_of(given), given.terrain)
+
+
+def outline_of(given: Given) -> FloatArray:
+    """Return the corners (n, 2) of the area, or the points of the line, that a flight is over.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it has faults.
+    """
+    settings, project = given.settings, given.state.project
     if bool(settings.area) == (settings.corners is not None):
         message = "give one of area (a file) and corners in [plan]"
         raise InputError.single(message, _TOML)
-    project = given.state.project
     is_line = settings.corridor > 0.0
     if settings.corners is not None:
         outline, shown = np.array(settings.corners, dtype=np.float64), f"{_TOML}: corners of [plan]"
@@ -168,7 +187,7 @@ def _made(given: Given) -> PlannedFlight:
         path = project.folder / settings.area
         shown = project.shown(path)
         outline = read_outline(path, shown, project.definition.crs, is_line=is_line)
-    return plan_flight(settings, camera, checked_outline(outline, shown, is_line=is_line), given.terrain)
+    return checked_outline(outline, shown, is_line=is_line)
 
 
 def plan_text(plan: PlannedFlight) -> str:

@@ -107,6 +107,11 @@ class Forecast(Struct, frozen=True):
         return float(self.solution.cameras.sd[0][CAMERA_PARAMETERS.index(parameter)])
 
     @property
+    def held(self) -> tuple[str, ...]:
+        """Return the parameters of the camera that nothing determines: all figures are as if they were known."""
+        return tuple(one.kind for one in self.solution.singular if one.group == "CAMERA")
+
+    @property
     def smallest_bias(self) -> float:
         """Return the median of the smallest blunder that is found in a photo coordinate, mm; NaN: none would be."""
         found = reliability_of(self.solution).minimal_detectable_bias[: 2 * len(self.solved.block.photo_points.photo)]

@@ -68,7 +68,9 @@ def test_the_page_shows_the_plan_and_loads_nothing(folder):
     assert len(drawings) == 4
     photos = [one for one in drawings[0].iter() if one.get("class") == "plan-photo"]
     assert len(photos) == len(stations(folder))
+    assert len([one for one in drawings[0].iter() if one.get("class") == "plan-border"]) == 1
     assert [one for one in drawings[1].iter() if one.get("class") == "overlap"]
+    assert len([one for one in page.iter() if one.get("class") == "swatch"]) == 9
     assert "default-src 'none'" in text
     assert "<script" not in text
     assert "http://" not in text.replace("http://www.w3.org", "")
