@@ -19,7 +19,7 @@ from orip.files.text.lines import field_lines, read_lines
 from orip.files.text.shown import Parsed
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
-from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.multimodel.state import Driven, Event, Guide, Position, Rotation, Side, Status
 from orip.records.drive_table import DriveCode
 from orip.records.measurement import FiducialsRecord, TicksRecord
 from orip.records.names import name_fault, record_key
@@ -72,6 +72,9 @@ class Instrument(Protocol):
 
     def lock(self, side: Side | None) -> Status:
         """Lock a plate, or none."""
+
+    def prism(self, side: Side | None, degrees: Rotation) -> Status:
+        """Turn what one eye, or both, see."""
 
     def next_event(self) -> Event | None:
         """Return the oldest event; None if there is none."""

@@ -12,7 +12,7 @@ from orip.files.log.writing import Log
 from orip.multimodel.digitising.operator import Instrument, Named, Operator, Tell, Visit
 from orip.multimodel.link.client import ProcessorFault
 from orip.multimodel.readout import ObjectReadout
-from orip.multimodel.state import Driven, Event, Guide, Position, Side, Status
+from orip.multimodel.state import Driven, Event, Guide, Position, Rotation, Side, Status
 from orip.records.drive_table import STAGES, DriveCode
 from orip.records.photo import Stage
 
@@ -222,6 +222,10 @@ class Rehearsal:
     def lock(self, _side: Side | None) -> Status:
         """Lock nothing."""
         return self.status()
+
+    def prism(self, _side: Side | None, degrees: Rotation) -> Status:
+        """Turn nothing."""
+        return self.status()._replace(prisms=(degrees, degrees))
 
     def next_event(self) -> Event | None:
         """Have no events."""
